@@ -6,14 +6,15 @@ use std::path::PathBuf;
 use anyhow::{Context, Result};
 
 use super::Verdict;
-use crate::accuracy::runs::{compare, shares, table, times};
+use crate::accuracy::runs::{compare, head_of_one_run, one_run, row_of_one_run, shares, table, times};
 use crate::accuracy::sequences::SEQUENCES;
 use crate::run::replay::{Fidelity, Options};
-use crate::trace::Packing;
+use crate::trace::{Packing, Trace};
 
 /// Sequences in runs of frames against one machine that simulates all frames
 #[derive(clap::Args)]
-#[command(after_help = "Example:\n  fillrate accuracy runs traces/flight.zip --times\n\n\
+#[command(after_help = "Example:\n  fillrate accuracy runs traces/flight.zip --times\n  \
+fillrate accuracy runs --one-run --frames 0 traces/*\n\n\
 Beside the traces, three kinds of sequences are generated: an interface, particles, and a shadow map that is drawn once.")]
 pub struct Arguments {
     /// Traces, beside the generated sequences
@@ -28,8 +29,11 @@ pub struct Arguments {
     /// Frames in a run
     #[arg(long, value_name = "N", default_value_t = super::replay::FRAMES_PER_RUN)]
     frames_per_run: NonZeroU32,
+    /// Take all frames as one run, which must make the same statistics and pictures of each; exit code 1 where it does not
+    #[arg(long, conflicts_with_all = ["frames_per_run", "times"])]
+    one_run: bool,
     /// Only write the generated sequences into this folder, as traces
-    #[arg(long, value_name = "DIR", conflicts_with_all = ["traces", "times"])]
+    #[arg(long, value_name = "DIR", conflicts_with_all = ["traces", "times", "one_run"])]
     record: Option<PathBuf>,
     /// Print host times too, as medians of so many pairs, and in which parts processors spent them
     #[arg(long, value_name = "PAIRS", num_args = 0..=1, default_missing_value = "3")]
@@ -47,6 +51,9 @@ pub fn run(arguments: &Arguments) -> Result<Verdict> {
         return Ok(Verdict::Done);
     }
     let options = Options::new(arguments.machine.load()?, Fidelity::Cycle);
+    if arguments.one_run {
+        return equal(arguments, &options);
+    }
     let pairs = arguments.times.map_or(1, NonZeroU32::get);
     let mut compared = Vec::new();
     for path in &arguments.traces {
@@ -62,4 +69,24 @@ pub fn run(arguments: &Arguments) -> Result<Verdict> {
         print!("\n{}\n{}", times(&compared), shares(&compared));
     }
     Ok(Verdict::Done)
+}
+
+/// Prints whether one run of all frames is one machine.
+fn equal(arguments: &Arguments, options: &Options) -> Result<Verdict> {
+    print!("{}", head_of_one_run());
+    let mut different = 0;
+    let mut one = |name: &str, trace: &Trace| -> Result<()> {
+        let compared = one_run(name, trace, options).with_context(|| name.to_owned())?;
+        print!("{}", row_of_one_run(&compared));
+        super::flush();
+        different += usize::from(!compared.equal());
+        Ok(())
+    };
+    for path in &arguments.traces {
+        one(&format!("`{}`", path.display()), &arguments.reading.open(path)?)?;
+    }
+    for sequence in SEQUENCES.iter().filter(|_| arguments.frames > 0) {
+        one(&format!("{}: {}", sequence.name, sequence.what), &(sequence.record)(arguments.frames).finish())?;
+    }
+    Ok(if different > 0 { Verdict::Failed } else { Verdict::Done })
 }

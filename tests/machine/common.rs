@@ -1,6 +1,6 @@
 //! Laws for the statistics of every run, on every machine and scene; and small work to run.
 
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use fillrate::machine::config::SortClass;
@@ -21,6 +21,14 @@ pub fn config(name: &str, changes: &[&str]) -> Config {
     }
     config.check().unwrap_or_else(|error| panic!("{error}"));
     config
+}
+
+/// What is in a folder, in order.
+pub fn entries(folder: &Path) -> Vec<PathBuf> {
+    let read = std::fs::read_dir(folder).unwrap_or_else(|error| panic!("{}: {error}", folder.display()));
+    let mut entries: Vec<PathBuf> = read.map(|entry| entry.expect("an entry").path()).collect();
+    entries.sort();
+    entries
 }
 
 /// The work of a scene kept in `traces/`.

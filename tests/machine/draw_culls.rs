@@ -3,6 +3,7 @@
 
 use std::path::{Path, PathBuf};
 
+use crate::common::entries;
 use fillrate::gfx::format::Format;
 use fillrate::gfx::state::VertexFormat;
 use fillrate::import;
@@ -69,13 +70,6 @@ fn compared(name: &str, trace: &Trace) -> (u64, [Culling; 2]) {
     });
     assert!(left[0].primitives <= left[1].primitives, "{name}: {left:?}");
     (plain.funnel.culled_frustum, left)
-}
-
-fn entries(folder: &Path) -> Vec<PathBuf> {
-    let read = std::fs::read_dir(folder).unwrap_or_else(|error| panic!("{}: {error}", folder.display()));
-    let mut entries: Vec<PathBuf> = read.map(|entry| entry.expect("an entry").path()).collect();
-    entries.sort();
-    entries
 }
 
 /// Compares traces, each under its name.

@@ -4,7 +4,7 @@
 
 use std::path::{Path, PathBuf};
 
-use crate::common::{config, run};
+use crate::common::{config, entries, run};
 use fillrate::import;
 use fillrate::machine::Config;
 use fillrate::render::{self, Options};
@@ -76,13 +76,6 @@ fn drawn(traces: &[PathBuf]) -> Vec<(String, u64, u64)> {
         found.into_iter().flatten().collect::<Vec<_>>()
     };
     traces.par_iter().flat_map_iter(each).collect()
-}
-
-fn entries(folder: &Path) -> Vec<PathBuf> {
-    let read = std::fs::read_dir(folder).unwrap_or_else(|error| panic!("{}: {error}", folder.display()));
-    let mut entries: Vec<PathBuf> = read.map(|entry| entry.expect("an entry").path()).collect();
-    entries.sort();
-    entries
 }
 
 #[test]

@@ -5,11 +5,15 @@ use std::fmt::Write;
 use std::num::NonZeroU32;
 use std::time::Duration;
 
-use anyhow::{Result, ensure};
+use anyhow::{Result, bail, ensure};
 
+use run::cycle::{Simulated, simulate};
+use run::frame_runs::simulate_in_runs;
+use run::frame_sink::FrameSink;
 use run::host::process_cpu_time;
 use run::replay::{Fidelity, Options, Outcome, replay_to};
 use run::sample::survey::{Count, MISSES};
+use stats::Tree;
 use trace::Trace;
 use work::Surface;
 
@@ -119,6 +123,86 @@ pub fn compare(name: &str, trace: &Trace, options: &Options, frames_per_run: Non
     let (name, frames, frame) = (name.to_owned(), frames.len(), [mean, greatest]);
     let spent = spent.zip(spent_in_runs).map(|(one, runs)| [one, runs]);
     Ok(Compared { name, frames, cycles, off, frame, other_pictures, times, spent })
+}
+
+/// A sequence on one machine, and as one run of frames: nothing may differ.
+#[derive(Clone, Debug)]
+pub struct OneRun {
+    /// The sequence.
+    pub name: String,
+    /// Its frames.
+    pub frames: usize,
+    /// Cycles on one machine.
+    pub cycles: u64,
+    /// Frames that have other statistics.
+    pub other_statistics: usize,
+    /// Frames that show other bytes.
+    pub other_pictures: usize,
+    /// Whether the sums over all frames are the same.
+    pub same_sums: bool,
+}
+
+impl OneRun {
+    /// Whether nothing differs.
+    pub fn equal(&self) -> bool {
+        self.same_sums && self.other_statistics == 0 && self.other_pictures == 0
+    }
+}
+
+/// Statistics and picture of each frame.
+type FramesInFull = Vec<(u32, Tree, Option<(Surface, blake3::Hash)>)>;
+
+/// On one machine, or in one run, even of few frames: a replay would not cut those.
+fn in_full(trace: &Trace, options: &Options, in_runs: bool) -> Result<(FramesInFull, Simulated)> {
+    let (mut frames, mut out) = (FramesInFull::new(), Simulated::default());
+    let (card, mut rendering) = ((&options.config, options.clock), options.rendering(trace));
+    let sink = FrameSink::new(|frame| {
+        let picture = frame.shown.map(|(surface, bytes)| (surface, blake3::hash(&bytes)));
+        frames.push((frame.number, frame.tree, picture));
+        Ok(())
+    });
+    if in_runs {
+        simulate_in_runs(&mut rendering, card, u32::MAX, sink, &mut out)?;
+    } else {
+        simulate(&mut rendering, card, sink, &mut out)?;
+    }
+    rendering.run()?;
+    Ok((frames, out))
+}
+
+/// Simulates a sequence on one machine and as one run of all its frames.
+///
+/// # Errors
+/// If the trace cannot be replayed, has no frame, or the card cannot be warmed functionally.
+pub fn one_run(name: &str, trace: &Trace, options: &Options) -> Result<OneRun> {
+    if let Some(why) = options.no_runs() {
+        bail!("frames cannot be simulated in runs: {why}");
+    }
+    let ((one, sum), (run, sum_of_run)) = (in_full(trace, options, false)?, in_full(trace, options, true)?);
+    ensure!(!one.is_empty(), "{name} has no frame");
+    ensure!(one.len() == run.len(), "{name} has {} frames on one machine, {} in a run", one.len(), run.len());
+    let differ = |differs: &dyn Fn(usize) -> bool| (0..one.len()).filter(|&at| differs(at)).count();
+    Ok(OneRun {
+        name: name.to_owned(),
+        frames: one.len(),
+        cycles: sum.cycles,
+        other_statistics: differ(&|at| (one[at].0, &one[at].1) != (run[at].0, &run[at].1)),
+        other_pictures: differ(&|at| one[at].2 != run[at].2),
+        same_sums: (sum.cycles, &sum.total) == (sum_of_run.cycles, &sum_of_run.total),
+    })
+}
+
+/// The head of the table of [`row_of_one_run`].
+pub fn head_of_one_run() -> &'static str {
+    "| sequence | frames | cycles on one machine | frames with other statistics | frames that look different | sums over all frames |\n\
+     |---|--:|--:|--:|--:|---|\n"
+}
+
+/// What differs, as a row of a table in Markdown.
+pub fn row_of_one_run(compared: &OneRun) -> String {
+    let OneRun { name, frames, cycles, other_statistics, other_pictures, same_sums } = compared;
+    let sums = if *same_sums { "equal" } else { "different" };
+    format!("| {name} | {frames} | {cycles} | {other_statistics} | {other_pictures} | {sums} |\n")
 }
 
 /// What differs, as a table in Markdown: the same on every host.

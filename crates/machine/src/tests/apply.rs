@@ -2,13 +2,18 @@
 
 use std::sync::Arc;
 
-use super::little::{config, rendered};
+use super::little::{config, rendered, rendered_trace};
 use crate::config::Config;
 use crate::{FrameReport, Machine, MachineError, Totals};
+use gfx::format::Format;
+use gfx::state::Topology;
 use sim::Clock;
 use stats::Tree;
+use trace::Trace;
+use trace::record::{self, Recorder};
 use unit::Fault;
 use unit::frame::{BlockState, Store};
+use unit::traverse::{DepthsKnown, Traverse};
 use work::{Event, SurfaceKey};
 
 /// Marks the segments that `chosen` names by their number for functional warming.
@@ -156,6 +161,135 @@ fn warming_with_frames_leaves_what_they_leave() {
             assert_eq!(tree.number(path).unwrap(), whole.total.number(path).unwrap(), "{changes:?}: {path}");
         }
         assert!((cycles / whole.cycles as f64 - 1.0).abs() < 2e-3, "{changes:?}: {cycles} cycles in runs, {}", whole.cycles);
+    }
+}
+
+/// Frames that load the depths of those before them: each draws strips nearer to the eye, and a wall that they hide in part.
+fn loaded_depths() -> Trace {
+    const SOURCE: &str = "
+        var<immediate> frame: u32;
+        @vertex fn vs(@builtin(vertex_index) v: u32, @builtin(instance_index) i: u32) -> @builtin(position) vec4f {
+            let corner = vec2f(f32(v & 1u), f32(v >> 1u));
+            let left = f32((i * 5u + frame * 3u) % 16u) / 8.0 - 1.0;
+            let strip = vec4f(left + corner.x * 0.3, corner.y * 1.7 - 0.9, 0.6 - f32(frame) * 0.1 - corner.y * 0.05, 1.0);
+            let wall = vec4f(corner * 2.0 - 1.0, 0.7 + corner.x * 0.1, 1.0);
+            return select(strip, wall, i == 3u);
+        }
+        @fragment fn fs(@builtin(position) at: vec4f) -> @location(0) vec4f { return vec4f(at.z, 0.5, 0.2, 1.0); }";
+    let mut card = Recorder::new("loaded depths");
+    let shader = card.create_shader("program", SOURCE);
+    let mut desc = record::render_pipeline(shader, Format::Rgba8Unorm);
+    desc.primitive.topology = Topology::TriangleStrip;
+    desc.depth_stencil = Some(record::depth_less(Format::Depth32Float));
+    let pipeline = card.create_render_pipeline("", desc);
+    let [window, depths] = [Format::Rgba8Unorm, Format::Depth32Float]
+        .map(|format| card.create_texture("attachment", record::texture_2d(128, 96, format)));
+    let [view, depth] = [window, depths].map(|texture| card.create_view(texture));
+    for frame in 0..4 {
+        let mut depth = record::clear_depth(depth, true);
+        let mut color = record::clear(view, [0.0; 4]);
+        if frame > 0 {
+            color = record::load(view);
+            depth.iter_mut().for_each(|attachment| attachment.depth_clear = None);
+        }
+        let mut pass = card.begin_render_pass([color], depth);
+        pass.set_pipeline(pipeline);
+        pass.set_immediates(0, &[frame]);
+        pass.draw(4, 4);
+        drop(pass);
+        card.present(window);
+    }
+    card.finish()
+}
+
+/// What a machine knows of depths: whose they are, and their bounds in each pipeline.
+fn depths_known(machine: &Machine) -> (Option<SurfaceKey>, Vec<DepthsKnown>) {
+    let circuit = &machine.circuit;
+    (circuit.command.depth_known(), circuit.traverse.iter().map(Traverse::depth_bounds).collect())
+}
+
+/// Machines before each frame: one that has simulated those before, and one that a run begins with.
+fn before_each_frame(config: &Config, mut compare: impl FnMut(usize, &Machine, &Machine)) {
+    let events = rendered_trace(&loaded_depths(), config.render_key());
+    let [mut simulated, mut warmed] = [(); 2].map(|()| Machine::new(config).unwrap());
+    for (number, frame) in events.split_inclusive(|event| matches!(event, Event::EndFrame(_))).enumerate() {
+        compare(number, &simulated, &warmed);
+        simulated.run(frame.iter().cloned(), Clock::SkipIdle).unwrap();
+        warmed.warm(frame.iter().cloned(), Clock::SkipIdle).unwrap();
+    }
+}
+
+#[test]
+fn a_run_begins_with_the_hierarchical_z_of_one_machine() {
+    let few = ["depth.cache_blocks=4", "depth.cache_ways=2"];
+    let accepts = ["traverse.hierarchical_accept=true"];
+    for changes in [&[][..], &few, &accepts, &["sort=sort-first"]] {
+        // Where each write is told, all is the same.
+        let mut told = Vec::new();
+        let every_write = config("baseline", &[changes, &["traverse.hierarchical_update=write"]].concat());
+        before_each_frame(&every_write, |number, simulated, warmed| {
+            let at = format!("{changes:?}, told each write: before frame {number}");
+            let (begin, own) = (depths_known(warmed), depths_known(simulated));
+            assert!(begin == own, "{at}: what is known of depths");
+            assert!(held(warmed) == held(simulated), "{at}: blocks");
+            let differ = begin.1.iter().any(|known| known.bounds.iter().any(|bounds| *bounds != known.bounds[0]));
+            assert_eq!((begin.0.is_some(), differ), (number > 0, number > 0), "{at}: depths that are loaded are known");
+            told.push(begin);
+        });
+        assert_eq!(told.len(), 4);
+        // Where it is told of blocks that leave the cache, it is a matter of time which have left. What is known holds, in both.
+        before_each_frame(&config("baseline", changes), |number, simulated, warmed| {
+            let at = format!("{changes:?}: before frame {number}");
+            assert!(held(warmed) == held(simulated), "{at}: blocks");
+            for machine in [simulated, warmed] {
+                let (surface, known) = depths_known(machine);
+                assert_eq!(surface, told[number].0, "{at}");
+                for (known, told) in known.iter().zip(&told[number].1) {
+                    assert_eq!((known.valid, &known.outer), (told.valid, &told.outer), "{at}");
+                    assert_eq!(known.bounds.len(), told.bounds.len(), "{at}");
+                    let holds = known.bounds.iter().zip(&told.bounds).all(|(known, told)| known[1] >= told[1]);
+                    assert!(holds, "{at}: a depth is greater than is known");
+                }
+            }
+        });
+    }
+}
+
+#[test]
+fn a_pipeline_that_draws_nothing_after_a_clear_forgets_the_depths_before() {
+    const SOURCE: &str = "
+        var<immediate> quad: vec4f;
+        @vertex fn vs(@builtin(vertex_index) v: u32) -> @builtin(position) vec4f {
+            return vec4f(vec2f(f32(v & 1u), f32(v >> 1u)) * quad.x - 1.0, quad.y, 1.0);
+        }
+        @fragment fn fs(@builtin(position) at: vec4f) -> @location(0) vec4f { return vec4f(at.z, 0.5, 0.2, 1.0); }";
+    let mut card = Recorder::new("cleared farther");
+    let shader = card.create_shader("program", SOURCE);
+    let mut desc = record::render_pipeline(shader, Format::Rgba8Unorm);
+    desc.primitive.topology = Topology::TriangleStrip;
+    desc.depth_stencil = Some(record::depth_less(Format::Depth32Float));
+    let pipeline = card.create_render_pipeline("", desc);
+    let [window, depths] = [Format::Rgba8Unorm, Format::Depth32Float]
+        .map(|format| card.create_texture("attachment", record::texture_2d(128, 96, format)));
+    let [view, depth] = [window, depths].map(|texture| card.create_view(texture));
+    // All is near; a clear to the far plane, and something in one corner; a wall between.
+    for (clear, size, z) in [(Some(0.5), 2.0_f32, 0.4_f32), (Some(1.0), 0.05, 0.3), (None, 2.0, 0.7)] {
+        let mut depth = record::clear_depth(depth, true);
+        depth.iter_mut().for_each(|attachment| attachment.depth_clear = clear);
+        let mut pass = card.begin_render_pass([record::clear(view, [0.0; 4])], depth);
+        pass.set_pipeline(pipeline);
+        pass.set_immediates(0, &[size.to_bits(), z.to_bits(), 0, 0]);
+        pass.draw(4, 1);
+    }
+    card.present(window);
+    let trace = card.finish();
+    for changes in [&[][..], &["traverse.hierarchical_update=write"], &["sort=sort-first"], &["sort=sort-last-fragment"]] {
+        let config = config("baseline", changes);
+        let events = rendered_trace(&trace, config.render_key());
+        let Some(Event::EndFrame(end)) = events.last().cloned() else { panic!("a frame ends") };
+        let report = Machine::new(&config).unwrap().run(events.into_iter(), Clock::SkipIdle).unwrap();
+        let picture = report.frames[0].picture.as_ref().unwrap();
+        assert!(picture.bytes[..] == end.reference[..], "{changes:?}");
     }
 }
 

@@ -8,13 +8,17 @@ use trace::Trace;
 use work::{Event, RenderKey};
 
 pub(super) fn rendered(name: &str, key: RenderKey) -> Vec<Event> {
-    let trace = Trace::open(format!("{}/../../traces/{name}", env!("CARGO_MANIFEST_DIR"))).unwrap();
+    rendered_trace(&Trace::open(format!("{}/../../traces/{name}", env!("CARGO_MANIFEST_DIR"))).unwrap(), key)
+}
+
+/// The work of a trace.
+pub(super) fn rendered_trace(trace: &Trace, key: RenderKey) -> Vec<Event> {
     let mut events = Vec::new();
     let mut keep = |event| {
         events.push(event);
         Ok(())
     };
-    render::render(&trace, &render::Options { record: true, key, ..render::Options::default() }, &mut keep).unwrap();
+    render::render(trace, &render::Options { record: true, key, ..render::Options::default() }, &mut keep).unwrap();
     events
 }
 

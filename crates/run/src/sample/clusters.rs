@@ -3,7 +3,9 @@
 //! 1. Each frame's profile becomes a signature: what every unit has to do in it, by [`Bound`](crate::bound::Bound).
 //! 2. The first frame finds cold caches and often does what no other does (uploads, passes that are drawn once): it is simulated in any case and
 //!    stands for itself alone, a certainty stratum (Cochran, Sampling Techniques, 1977, section 5.5).
-//! 3. The others are put into clusters by signature, as many as are to be drawn (k-means, from centres that are farthest apart).
+//! 3. The others are put into clusters by signature, as many as are to be drawn (k-means, from centres that are farthest apart). Where fewer
+//!    frames differ, or more than [`MEANS`] are drawn, the largest clusters are halved: else one that stands for most frames sets the error, however
+//!    many rare frames are set apart.
 //! 4. Of each cluster one frame is drawn at random and simulated, behind some frames that warm the caches and are not counted.
 //! 5. What a cluster counts is what its frame counted, times the cluster's estimate by that frame's: a ratio estimator in each
 //!    stratum (Cochran, section 6.10). `Bound` has errors, but nearly the same for frames that are alike.
@@ -12,6 +14,7 @@
 //! number: what differs between clusters, too, is taken for chance, so that the interval is rather too wide.
 
 use num::Random;
+use rayon::prelude::*;
 
 /// Level of the intervals.
 pub const LEVEL: f64 = 0.997;
@@ -25,6 +28,9 @@ const STUDENT: [f64; 30] = [
 
 /// Most rounds of k-means; it settles in a few.
 const ROUNDS: usize = 50;
+
+/// Most clusters by signature.
+const MEANS: usize = 64;
 
 /// A value and half the width of its interval.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -66,7 +72,7 @@ pub struct Clusters {
 }
 
 impl Clusters {
-    /// Puts the first frame into a cluster of its own and the others into `count` clusters, or as many as there are different frames among them.
+    /// Puts the first frame into a cluster of its own and the others into `count` clusters, or as many as there are; into one if all are alike.
     pub fn new(signatures: &[Vec<f64>], count: usize) -> Clusters {
         let width = signatures.iter().map(Vec::len).max().unwrap_or(0);
         let at = |frame: usize, unit: usize| signatures[frame].get(unit).copied().unwrap_or(0.0);
@@ -75,8 +81,21 @@ impl Clusters {
         };
         let of = |frame: usize| -> Vec<f64> { (0..width).map(|unit| at(frame, unit)).collect() };
         let nearest = |centers: &[Vec<f64>], frame: usize| {
-            let distances = centers.iter().map(|center| distance(frame, center)).enumerate();
-            distances.fold((0, f64::INFINITY), |best, next| if next.1 < best.1 { next } else { best })
+            let mut best = (0, f64::INFINITY);
+            for (place, center) in centers.iter().enumerate() {
+                let mut sum = 0.0;
+                for (unit, c) in center.iter().enumerate() {
+                    sum += (at(frame, unit) - c) * (at(frame, unit) - c);
+                    // It only grows.
+                    if sum >= best.1 {
+                        break;
+                    }
+                }
+                if sum < best.1 {
+                    best = (place, sum);
+                }
+            }
+            best.0
         };
         let mean = |members: &[usize]| -> Vec<f64> {
             (0..width).map(|unit| members.iter().map(|&f| at(f, unit)).sum::<f64>() / members.len() as f64).collect()
@@ -85,22 +104,31 @@ impl Clusters {
         // 1. Centres: the frame farthest from the mean, then each that is farthest from those chosen.
         let all: Vec<usize> = (1..signatures.len()).collect();
         let mut centers: Vec<Vec<f64>> = Vec::new();
-        while centers.len() < count && !all.is_empty() {
-            let start = [mean(&all)];
-            let from = if centers.is_empty() { &start[..] } else { &centers[..] };
-            let far = |frame: usize| nearest(from, frame).1;
-            let farthest = all.iter().fold((all[0], -1.0), |best, &f| if far(f) > best.1 { (f, far(f)) } else { best });
-            if farthest.1 <= 0.0 && !centers.is_empty() {
+        let mut from = if all.is_empty() { Vec::new() } else { mean(&all) };
+        // Of each frame, the distance to the nearest.
+        let mut far = vec![f64::INFINITY; all.len()];
+        let mut alike = false;
+        while centers.len() < count.min(MEANS) && !all.is_empty() {
+            far.par_iter_mut().zip(&all).for_each(|(far, &frame)| *far = far.min(distance(frame, &from)));
+            let farthest =
+                all.iter().zip(&far).fold((all[0], -1.0), |best, (&f, &far)| if far > best.1 { (f, far) } else { best });
+            alike = farthest.1 <= 0.0 && !centers.is_empty();
+            if alike {
                 break;
             }
-            centers.push(of(farthest.0));
+            if centers.is_empty() {
+                far.fill(f64::INFINITY);
+            }
+            from = of(farthest.0);
+            centers.push(from.clone());
         }
 
         // 2. Frames go to the nearest centre, centres to the mean of their frames, until nothing moves.
         let mut members: Vec<Vec<usize>> = Vec::new();
         for _ in 0..ROUNDS {
             let mut next = vec![Vec::new(); centers.len()];
-            all.iter().for_each(|&frame| next[nearest(&centers, frame).0].push(frame));
+            let places: Vec<usize> = all.par_iter().map(|&frame| nearest(&centers, frame)).collect();
+            all.iter().zip(places).for_each(|(&frame, place)| next[place].push(frame));
             let settled = next == members;
             members = next;
             if settled {
@@ -111,6 +139,17 @@ impl Clusters {
             }
         }
         members.retain(|members| !members.is_empty());
+
+        // 3. Halves, in the order of frames; where all are alike, there is nothing to tell an error by.
+        while (alike || count > MEANS) && (2..count).contains(&members.len()) {
+            let largest = (0..members.len()).rev().max_by_key(|&place| members[place].len()).unwrap_or_default();
+            if members[largest].len() < 2 {
+                break;
+            }
+            let half = members[largest].len() / 2;
+            let others = members[largest].split_off(half);
+            members.push(others);
+        }
         if !signatures.is_empty() {
             members.insert(0, vec![0]);
         }
@@ -169,8 +208,11 @@ mod tests {
             let all = if members[0] % 3 == 0 { 9 } else { 10 };
             assert!(members.len() == all && members.iter().all(|frame| frame % 3 == members[0] % 3), "{members:?}");
         }
-        // No more clusters than different frames.
-        assert_eq!(Clusters::new(&[vec![9.0], vec![1.0], vec![1.0], vec![2.0]], 3).members.len(), 3);
+        // Fewer different frames than clusters, fewer frames, and all alike.
+        let of = |frames: &[f64], count| Clusters::new(&frames.iter().map(|&x| vec![x]).collect::<Vec<_>>(), count).members;
+        assert_eq!(of(&[9.0, 1.0, 1.0, 1.0, 1.0, 2.0], 3), [vec![0], vec![5], vec![1, 2], vec![3, 4]]);
+        assert_eq!(of(&[9.0, 1.0, 1.0, 2.0], 7).len(), 4);
+        assert_eq!(of(&[9.0, 1.0, 1.0, 1.0], 2), [vec![0], vec![1, 2, 3]]);
         assert!(Clusters::new(&[], 3).members.is_empty());
     }
 

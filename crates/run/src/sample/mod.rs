@@ -17,6 +17,7 @@ use super::bound::frames::{Estimated, estimate};
 use super::frame_runs::simulate_given_runs;
 use super::frame_sink::{Frame, FrameSink};
 use super::host::Stopwatch;
+use super::rendering::{Consumer, Work};
 use super::replay::{Fidelity, Options, Outcome};
 use clusters::{Clusters, Interval, LEVEL};
 use survey::{ACCESSES, Count, DRAM_READ, DRAM_WRITTEN, EVICTIONS, HITS, MISSES, Observers, READ, Survey};
@@ -24,7 +25,7 @@ use survey::{ACCESSES, Count, DRAM_READ, DRAM_WRITTEN, EVICTIONS, HITS, MISSES, 
 use machine::Machine;
 use mem::CacheCounts;
 use num::Random;
-use render::{Dependencies, FrameSet, Want};
+use render::{ConsumerMemory, Dependencies, FrameSet, Want};
 use stats::{Counter, Group, Node, Tree};
 use trace::Trace;
 use unit::scanout::ScanoutMode;
@@ -39,7 +40,7 @@ pub struct Sampling {
     /// Frames before each of these that warm the caches, and are not counted. Machines that can be warmed functionally
     /// ([`apply`](unit::apply)) are; the others simulate these frames.
     pub warm_up: u32,
-    /// Takes as many samples as the whole replay has time for on this host, by the time that the first two take; not
+    /// Takes as many samples as the whole replay has time for on this host, by the time that a few take; not
     /// `samples` then. The statistics say how many they were: with as many the result comes again.
     pub time_limit: Option<Duration>,
 }
@@ -159,17 +160,49 @@ impl<'t> Sampler<'t> {
         &self.survey
     }
 
-    /// As many samples as the rest of a time limit allows, by the time that the first two take.
+    /// As many samples as the rest of a time limit allows.
     fn samples_within(&self, limit: Duration, sampling: &Sampling, watch: &Stopwatch) -> Result<u32> {
         let all = self.survey.numbers.len() as u32;
         if all <= 3 {
             return Ok(sampling.samples);
         }
-        let (begun, two) = (Instant::now(), Sampling { samples: 2, time_limit: None, ..*sampling });
-        self.run(&two, FrameSink::new(|_| Ok(())))?;
+        let trial = self.trial(sampling)?;
         let left = limit.saturating_sub(watch.clock()).as_secs_f64();
-        let more = left / begun.elapsed().as_secs_f64().max(1e-6) * 2.0;
-        Ok((more as u32).clamp(2, all - 2))
+        Ok(trial.samples_in(left).clamp(2, MOST_SAMPLES.min(all - 2)))
+    }
+
+    /// Takes a few samples close together, early in the sequence: so what samples share takes a small part of its time there, and what each takes
+    /// is not the difference of two long times.
+    fn trial(&self, sampling: &Sampling) -> Result<Trial> {
+        let numbers = &self.survey.numbers;
+        let all = numbers.len();
+        let begin = all / TRIAL_PART;
+        // A frame lies between one sample and what warms up for the next, so that each has a machine of its own, as in the replay.
+        let apart = sampling.warm_up as usize + 2;
+        let drawn: Vec<usize> = (begin..all).skip(sampling.warm_up as usize).step_by(apart).take(TRIAL_SAMPLES).collect();
+        let drawn = if drawn.is_empty() { vec![all - 1] } else { drawn };
+        let chosen: Vec<u32> = drawn.iter().map(|&frame| numbers[frame]).collect();
+
+        let begun = Instant::now();
+        let mut arrived = None;
+        let sink = FrameSink::new(|_| Ok(()));
+        simulated(&self.dependencies, (self.trace, self.options), (&chosen, sampling.warm_up), sink, &mut arrived)?;
+        let time = begun.elapsed().as_secs_f64();
+        let before = arrived.map_or(time, |at| (at - begun).as_secs_f64());
+        // Frames that have more to do take longer.
+        let cycles = self.survey.estimates(&Count::Cycles);
+        let mean = |frames: &mut dyn Iterator<Item = f64>, n: usize| frames.sum::<f64>() / n as f64;
+        let of_drawn = mean(&mut drawn.iter().map(|&frame| cycles[frame]), drawn.len());
+        let of_all = mean(&mut cycles.iter().copied(), all);
+        let heavier = if of_drawn > 0.0 { (of_all / of_drawn).clamp(0.25, 4.0) } else { 1.0 };
+
+        let begun = Instant::now();
+        let clusters = Clusters::new(&self.survey.signatures, TRIAL_SAMPLES);
+        let clustering = begun.elapsed().as_secs_f64() / clusters.members.len().max(1) as f64;
+        Ok(Trial {
+            shared: before * all as f64 / (begin as f64).max(1.0),
+            each: (time - before) / drawn.len() as f64 * heavier + clustering,
+        })
     }
 
     /// Simulates some frames for all. The times of what comes out include the survey.
@@ -184,6 +217,76 @@ impl<'t> Sampler<'t> {
             ..outcome
         })
     }
+}
+
+/// What samples take, in seconds.
+struct Trial {
+    /// What all share: commands are read, and what later frames read is drawn.
+    shared: f64,
+    /// What each takes: it is rendered with its work recorded, simulated, and put into a cluster.
+    each: f64,
+}
+
+impl Trial {
+    /// How many there is so much time for; where what they share takes it all, as many as add a tenth of that.
+    fn samples_in(&self, left: f64) -> u32 {
+        ((left - self.shared).max(self.shared / 10.0) / self.each.max(1e-6)) as u32
+    }
+}
+
+/// Samples of a trial.
+const TRIAL_SAMPLES: usize = 16;
+
+/// The part of a sequence that a trial has in front of it.
+const TRIAL_PART: usize = 8;
+
+/// Most samples within a time limit. Statistics of each are kept, about 200 KB in all: so memory is bounded, at some 260 MB.
+const MOST_SAMPLES: u32 = 1000;
+
+/// Simulates and counts some frames, each behind those that warm up; gives the statistics of each, how many were simulated, and host time in
+/// machines. `arrived`: when their first work came out of the renderer.
+fn simulated(
+    dependencies: &Dependencies,
+    (trace, options): (&Trace, &Options),
+    (numbers, warm_up): (&[u32], u32),
+    sink: FrameSink<'_>,
+    arrived: &mut Option<Instant>,
+) -> Result<(Vec<Tree>, u64, Duration)> {
+    let chosen = ranges(numbers, options.frames.start, warm_up);
+    let simulated_frames = chosen.count();
+    // On other machines, frames that warm up are simulated.
+    let functional = Machine::warms(&options.config);
+    let warms_up = |number: u32| functional && !numbers.contains(&number);
+
+    // What was counted of the frames drawn; those that warm up are not reported.
+    let mut counted: Vec<Option<Tree>> = vec![None; numbers.len()];
+    let FrameSink { mut taker, keeps, progress, per_draw, .. } = sink;
+    let count = |frame: Frame| {
+        let Some(at) = numbers.iter().position(|&number| number == frame.number) else { return Ok(()) };
+        counted[at] = Some(frame.tree.clone());
+        taker(frame)
+    };
+    let (mut machine_time, mut by_estimate) = (Duration::ZERO, Estimated::default());
+    let runs = chosen.ranges().to_vec();
+    let needs = dependencies.needs(|frame| if chosen.contains(frame) { Want::All } else { Want::Nothing });
+    let mut rendering = options.rendering_of(trace, chosen);
+    rendering.needs(needs, None);
+    let sink = FrameSink { keeps, progress, per_draw, of: Some(simulated_frames), ..FrameSink::new(count) };
+    match options.fidelity {
+        Fidelity::BoundSampled(_) => estimate(&mut rendering, &options.config, sink, &mut by_estimate)?,
+        _ => simulate_given_runs(&mut rendering, (&options.config, options.clock), runs, &warms_up, sink, &mut machine_time),
+    }
+    let first = |mut work: Work| {
+        *arrived = work.next().map(|_| Instant::now());
+        Ok(())
+    };
+    let key = options.config.render_key();
+    rendering.consume(key, Consumer { memory: ConsumerMemory::default(), recorded: false, run: Box::new(first) });
+    rendering.run()?;
+    machine_time += by_estimate.time;
+    let found = counted.into_iter().zip(numbers);
+    let found = found.map(|(tree, number)| tree.ok_or_else(|| anyhow!("frame {number} was not simulated")));
+    Ok((found.collect::<Result<Vec<Tree>>>()?, simulated_frames, machine_time))
 }
 
 /// Simulates some frames for all, by a survey of them.
@@ -212,35 +315,8 @@ fn of_survey(
     }
     let drawn = clusters.draw(&mut Random::new(sampling.seed));
     let numbers: Vec<u32> = drawn.iter().map(|&frame| survey.numbers[frame]).collect();
-    let chosen = ranges(&numbers, options.frames.start, sampling.warm_up);
-    let simulated_frames = chosen.count();
-    // On other machines, frames that warm up are simulated.
-    let functional = Machine::warms(&options.config);
-    let warms_up = |number: u32| functional && !numbers.contains(&number);
-
-    // What was counted of the frames drawn; those that warm up are not reported.
-    let mut counted: Vec<Option<Tree>> = vec![None; numbers.len()];
-    let FrameSink { mut taker, keeps, progress, per_draw, .. } = sink;
-    let count = |frame: Frame| {
-        let Some(at) = numbers.iter().position(|&number| number == frame.number) else { return Ok(()) };
-        counted[at] = Some(frame.tree.clone());
-        taker(frame)
-    };
-    let (mut machine_time, mut by_estimate) = (Duration::ZERO, Estimated::default());
-    let runs = chosen.ranges().to_vec();
-    let needs = dependencies.needs(|frame| if chosen.contains(frame) { Want::All } else { Want::Nothing });
-    let mut rendering = options.rendering_of(trace, chosen);
-    rendering.needs(needs, None);
-    let sink = FrameSink { keeps, progress, per_draw, of: Some(simulated_frames), ..FrameSink::new(count) };
-    match options.fidelity {
-        Fidelity::BoundSampled(_) => estimate(&mut rendering, &options.config, sink, &mut by_estimate)?,
-        _ => simulate_given_runs(&mut rendering, (&options.config, options.clock), runs, &warms_up, sink, &mut machine_time),
-    }
-    rendering.run()?;
-    machine_time += by_estimate.time;
-    let found = counted.into_iter().zip(&numbers);
-    let found = found.map(|(tree, number)| tree.ok_or_else(|| anyhow!("frame {number} was not simulated")));
-    let counted = found.collect::<Result<Vec<Tree>>>()?;
+    let (counted, simulated_frames, machine_time) =
+        simulated(dependencies, (trace, options), (&numbers, sampling.warm_up), sink, &mut None)?;
 
     let weights = clusters.weights(&drawn, &survey.estimates(&Count::Cycles));
     let trees: Vec<(f64, &Tree)> = weights.iter().copied().zip(&counted).collect();
@@ -356,6 +432,13 @@ fn intervals(survey: &Survey, clusters: &Clusters, drawn: &[usize], frames: &[&T
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn time_that_samples_share_is_not_taken_for_theirs() {
+        let samples = |shared, each, left| Trial { shared, each }.samples_in(left);
+        assert_eq!((samples(0.0, 0.5, 10.0), samples(4.0, 0.5, 10.0)), (20, 12));
+        assert_eq!((samples(8.0, 0.1, 4.0), samples(1.0, 1.0, 0.0)), (8, 0));
+    }
 
     #[test]
     fn frames_warm_up_for_each_other() {

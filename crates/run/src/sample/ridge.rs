@@ -6,50 +6,60 @@ const PENALTY: f64 = 1e-3;
 /// A known value is not extrapolated below this share of the smallest.
 const LEAST: f64 = 0.25;
 
-/// Counts of all frames, made ready for any number of quantities.
-pub(super) struct Ridge {
-    /// The counts of each frame by their mean over all, less one; those that never change are left out.
-    rows: Vec<Vec<f64>>,
+/// Counts of all frames, made ready for any number of quantities. Nothing is kept of a frame but its counts: sequences are long.
+pub(super) struct Ridge<'c, const N: usize> {
+    counts: &'c [[f64; N]],
+    /// Their means over all frames.
+    means: [f64; N],
+    /// Those that change.
+    kept: Vec<usize>,
     /// The frames of which values are known.
     known: Vec<usize>,
     /// The lower triangle of the normal equations' Cholesky factor.
     factor: Vec<Vec<f64>>,
 }
 
-impl Ridge {
+/// A quantity as a linear function of counts.
+pub(super) struct Law {
+    coefficients: Vec<f64>,
+    /// The least value.
+    least: f64,
+}
+
+impl<const N: usize> Ridge<'_, N> {
     /// Makes ready: counts by frame, and the frames of which values will be known.
-    pub fn new<const N: usize>(counts: Vec<[f64; N]>, known: &[usize]) -> Ridge {
+    pub fn new<'c>(counts: &'c [[f64; N]], known: &[usize]) -> Ridge<'c, N> {
         let frames = counts.len().max(1) as f64;
         let means: [f64; N] = std::array::from_fn(|at| counts.iter().map(|row| row[at]).sum::<f64>() / frames);
         let changes = |at: &usize| counts.iter().any(|row| row[*at] != counts[0][*at]);
         let kept: Vec<usize> = (0..N).filter(changes).collect();
-        let row = |counts: &[f64; N]| kept.iter().map(|&at| counts[at] / means[at] - 1.0).collect();
-        let rows: Vec<Vec<f64>> = counts.iter().map(row).collect();
         let n = kept.len() + 1;
-        let with_constant = |frame: usize, at: usize| if at == 0 { 1.0 } else { rows[frame][at - 1] };
-        let mut factor = vec![vec![0.0; n]; n];
+        let mut ridge = Ridge { counts, means, kept, known: known.to_vec(), factor: vec![vec![0.0; n]; n] };
         for i in 0..n {
             for j in 0..=i {
-                let mut sum: f64 = known.iter().map(|&frame| with_constant(frame, i) * with_constant(frame, j)).sum();
+                let mut sum: f64 = known.iter().map(|&frame| ridge.input(frame, i) * ridge.input(frame, j)).sum();
                 // The constant is free.
                 sum += if i == j && i > 0 { PENALTY * known.len() as f64 } else { 0.0 };
+                let factor = &mut ridge.factor;
                 let before: f64 = (0..j).map(|k| factor[i][k] * factor[j][k]).sum();
                 let left = sum - before;
                 factor[i][j] = if i == j { left.max(f64::MIN_POSITIVE).sqrt() } else { left / factor[j][j] };
             }
         }
-        Ridge { rows, known: known.to_vec(), factor }
+        ridge
     }
 
-    /// The values of all frames, by those of the known ones.
-    pub fn fit(&self, values: &[f64]) -> Vec<f64> {
+    /// An input of the law in a frame: the constant, or a count by its mean, less one.
+    fn input(&self, frame: usize, at: usize) -> f64 {
+        let Some(&count) = at.checked_sub(1).and_then(|at| self.kept.get(at)) else { return 1.0 };
+        self.counts[frame][count] / self.means[count] - 1.0
+    }
+
+    /// The law by the values of the known frames.
+    pub fn fit(&self, values: &[f64]) -> Law {
         let n = self.factor.len();
-        let mut solved: Vec<f64> = (0..n)
-            .map(|at| {
-                let of = |frame: usize| if at == 0 { 1.0 } else { self.rows[frame][at - 1] };
-                self.known.iter().zip(values).map(|(&frame, value)| of(frame) * value).sum()
-            })
-            .collect();
+        let mut solved: Vec<f64> =
+            (0..n).map(|at| self.known.iter().zip(values).map(|(&frame, value)| self.input(frame, at) * value).sum()).collect();
         for i in 0..n {
             let before: f64 = (0..i).map(|k| self.factor[i][k] * solved[k]).sum();
             solved[i] = (solved[i] - before) / self.factor[i][i];
@@ -59,14 +69,26 @@ impl Ridge {
             solved[i] = (solved[i] - after) / self.factor[i][i];
         }
         let least = LEAST * values.iter().copied().fold(f64::INFINITY, f64::min).min(f64::MAX);
-        let of = |row: &Vec<f64>| solved[0] + row.iter().zip(&solved[1..]).map(|(count, by)| count * by).sum::<f64>();
-        self.rows.iter().map(|row| of(row).max(least)).collect()
+        Law { coefficients: solved, least }
+    }
+
+    /// What a law says of a frame.
+    pub fn value(&self, law: &Law, frame: usize) -> f64 {
+        let counted = law.coefficients[1..].iter().enumerate().map(|(at, by)| self.input(frame, at + 1) * by);
+        (law.coefficients[0] + counted.sum::<f64>()).max(law.least)
     }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    /// The values of all frames.
+    fn fitted<const N: usize>(counts: &[[f64; N]], known: &[usize], values: &[f64]) -> Vec<f64> {
+        let ridge = Ridge::new(counts, known);
+        let law = ridge.fit(values);
+        (0..counts.len()).map(|frame| ridge.value(&law, frame)).collect()
+    }
 
     #[test]
     fn a_linear_law_is_found_from_a_few_frames() {
@@ -75,7 +97,7 @@ mod tests {
         let law = |row: &[f64; 3]| 400.0 + 3.0 * row[0] + 0.5 * row[2];
         let known: Vec<usize> = (0..60).step_by(5).collect();
         let values: Vec<f64> = known.iter().map(|&frame| law(&counts[frame])).collect();
-        let found = Ridge::new(counts.clone(), &known).fit(&values);
+        let found = fitted(&counts, &known, &values);
         for (row, found) in counts.iter().zip(found) {
             assert!((found / law(row) - 1.0).abs() < 0.01, "{found} for {}", law(row));
         }
@@ -83,9 +105,9 @@ mod tests {
 
     #[test]
     fn equal_frames_are_equal_and_nothing_falls_below_zero() {
-        let found = Ridge::new(vec![[1.0, 0.0]; 8], &[1, 5]).fit(&[10.0, 20.0]);
+        let found = fitted(&[[1.0, 0.0]; 8], &[1, 5], &[10.0, 20.0]);
         assert!(found.iter().all(|value| *value == found[0] && (value - 15.0).abs() < 1e-9), "{found:?}");
         let counts: Vec<[f64; 1]> = [10.0, 11.0, 0.0, 12.0].into_iter().map(|count| [count]).collect();
-        assert!(Ridge::new(counts, &[0, 1, 3]).fit(&[1.0, 10.0, 19.0]).iter().all(|&value| value >= 0.25));
+        assert!(fitted(&counts, &[0, 1, 3], &[1.0, 10.0, 19.0]).iter().all(|&value| value >= 0.25));
     }
 }

@@ -12,7 +12,7 @@ use anyhow::{Context, Result, anyhow};
 use rayon::ThreadPool;
 
 use super::clusters::{Clusters, Interval, signature};
-use super::ridge::Ridge;
+use super::ridge::{Law, Ridge};
 use crate::bound::{Bound, PhaseEstimate};
 use crate::frame_sink::{Ended, Pictures, Progress, pictured};
 use crate::host::Stopwatch;
@@ -268,7 +268,7 @@ pub fn survey_in_parts(
                 known.push((counts.len(), signature, ESTIMATES.map(|of| estimate.phases.iter().map(of).sum())));
             }
             survey.numbers.push(number);
-            counts.push(of_frame);
+            counts.push(of_frame.0.map(|count| count as f64));
         }
         survey.time += watch.elapsed();
     }
@@ -280,8 +280,8 @@ pub fn survey_in_parts(
 struct Counted {
     number: u32,
     counts: Counts,
-    /// The profile, if the frame is recorded.
-    profile: Option<FrameProfile>,
+    /// The profile, if the frame is recorded; few are.
+    profile: Option<Box<FrameProfile>>,
 }
 
 /// A part that was read.
@@ -324,7 +324,11 @@ fn read_part(
             if let Event::EndFrame(end) = &event {
                 (observers.progress)(Ended { frame: end.number, surveyed: true, of: Some(of) });
                 observers.pictures.map_or(Ok(()), |pictures| pictures(pictured(end)))?;
-                read.frames.push(Counted { number: end.number, counts: std::mem::take(&mut counts), profile });
+                read.frames.push(Counted {
+                    number: end.number,
+                    counts: std::mem::take(&mut counts),
+                    profile: profile.map(Box::new),
+                });
                 if records {
                     // A profile knows nothing of the frames before, which may be in another part.
                     profiler = Profiler::new(key.shade);
@@ -343,15 +347,17 @@ fn read_part(
 type Known = (usize, Vec<f64>, [f64; ESTIMATES.len()]);
 
 /// Estimates all frames: those that are known by what is known, the others by their counts.
-fn predict(survey: &mut Survey, counts: &[Counts], known: Vec<Known>, units: usize) {
+fn predict(survey: &mut Survey, counts: &[[f64; COUNTS]], known: Vec<Known>, units: usize) {
     let places: Vec<usize> = known.iter().map(|(place, ..)| *place).collect();
-    let model = Ridge::new(counts.iter().map(|counts| counts.0.map(|count| count as f64)).collect(), &places);
-    let fit = |of: &dyn Fn(&Known) -> f64| model.fit(&known.iter().map(of).collect::<Vec<f64>>());
-    let signatures: Vec<Vec<f64>> =
+    let ridge = Ridge::new(counts, &places);
+    let fit = |of: &dyn Fn(&Known) -> f64| ridge.fit(&known.iter().map(of).collect::<Vec<f64>>());
+    let signatures: Vec<Law> =
         (0..units).map(|unit| fit(&|(_, signature, _)| signature.get(unit).copied().unwrap_or(0.0))).collect();
-    let estimates: Vec<Vec<f64>> = (0..ESTIMATES.len()).map(|at| fit(&|(_, _, estimates)| estimates[at])).collect();
-    survey.signatures = (0..counts.len()).map(|frame| signatures.iter().map(|unit| unit[frame]).collect()).collect();
-    survey.estimates = (0..counts.len()).map(|frame| std::array::from_fn(|at| estimates[at][frame])).collect();
+    let estimates: [Law; ESTIMATES.len()] = std::array::from_fn(|at| fit(&|(_, _, estimates)| estimates[at]));
+    // By frame, with no other copy of all of them: sequences are long.
+    let frames = 0..counts.len();
+    survey.signatures = frames.clone().map(|frame| signatures.iter().map(|law| ridge.value(law, frame)).collect()).collect();
+    survey.estimates = frames.map(|frame| std::array::from_fn(|at| ridge.value(&estimates[at], frame))).collect();
     for (place, signature, estimates) in known {
         (survey.signatures[place], survey.estimates[place]) = (signature, estimates);
     }
@@ -361,7 +367,10 @@ fn predict(survey: &mut Survey, counts: &[Counts], known: Vec<Known>, units: usi
 /// primitives, triangles; blocks of 8 x 8 pixels, quads, fragments and visible quads as [`Areas`] have them; invocations of dispatches, bytes
 /// moved, bytes shown.
 #[derive(Clone, Copy, Debug, Default)]
-struct Counts([u64; 15]);
+struct Counts([u64; COUNTS]);
+
+/// How many that are.
+const COUNTS: usize = 15;
 
 impl Counts {
     /// Adds an event of a frame that is recorded or not; whether recorded fragments are tested early where they may be.

@@ -12,6 +12,8 @@ use work::{Pass, Signature};
 pub struct DepthStart {
     /// New bounds for all blocks, as ordered keys; none: those of the pass before still hold.
     pub bounds: Option<(u32, u32)>,
+    /// The last pass that had new ones, and which: a pipeline of which nothing was drawn in that pass begins with these.
+    pub began: (u32, (u32, u32)),
 }
 
 /// The pass that is being drawn, as pipelines need it.

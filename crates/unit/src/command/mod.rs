@@ -168,6 +168,8 @@ pub struct Command {
     stream: Stream,
     /// The depth surface whose hierarchical Z is still true.
     depth_known: Option<SurfaceKey>,
+    /// The last pass that told all pipelines what the depths are, and what it told, as ordered keys.
+    depth_began: (u32, (u32, u32)),
     /// The depth surface that a pass without draws has cleared since, and its depths as ordered keys.
     depth_cleared: Option<(SurfaceKey, (u32, u32))>,
     /// The frame that ended.
@@ -178,6 +180,11 @@ pub struct Command {
 }
 
 impl Command {
+    /// The depth surface whose hierarchical Z holds when the next pass begins, if that loads it.
+    pub fn depth_known(&self) -> Option<SurfaceKey> {
+        self.depth_known
+    }
+
     /// One at the beginning of the stream. `clearing` is whether clears are by flag, and how many blocks a cycle all pipelines clear.
     pub fn new(
         config: CommandConfig,
@@ -210,6 +217,7 @@ impl Command {
             resolves: VecDeque::new(),
             stream: Stream::new(config.copy_misses),
             depth_known: None,
+            depth_began: (0, (0, u32::MAX)),
             depth_cleared: None,
             ended: None,
             counts: CommandCounts::default(),

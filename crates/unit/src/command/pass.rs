@@ -86,7 +86,10 @@ impl Command {
             };
             self.depth_known = Some(key);
             self.depth_cleared = self.depth_cleared.filter(|(cleared, _)| *cleared != key);
-            DepthStart { bounds }
+            if let Some(bounds) = bounds {
+                self.depth_began = (self.passes, bounds);
+            }
+            DepthStart { bounds, began: self.depth_began }
         });
         let (across, down) = (pass.width.div_ceil(BLOCK), pass.height.div_ceil(BLOCK));
         let number = self.passes;

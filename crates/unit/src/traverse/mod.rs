@@ -143,8 +143,21 @@ pub struct Traverse {
     hierarchical: HierarchicalZ,
     /// The pass that `hierarchical` belongs to.
     pass: u32,
+    /// The pass by which `hierarchical` was told the depths ([`DepthStart::began`](super::card::DepthStart)).
+    began: Option<u32>,
     counts: TraverseCounts,
     items: u64,
+}
+
+/// What a hierarchical Z buffer knows: [`Traverse::depth_bounds`].
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct DepthsKnown {
+    /// Bounds of what is stored in each block.
+    pub bounds: Vec<[u32; 2]>,
+    /// Of what will be.
+    pub outer: Vec<[u32; 2]>,
+    /// Whether the lower and the upper ones of `bounds` hold.
+    pub valid: [bool; 2],
 }
 
 impl Traverse {
@@ -169,6 +182,7 @@ impl Traverse {
             place: Place::default(),
             together: Vec::new(),
             pass: u32::MAX,
+            began: None,
             counts: TraverseCounts::default(),
             items: 0,
         }
@@ -182,6 +196,14 @@ impl Traverse {
     /// What it has counted.
     pub fn counts(&self) -> TraverseCounts {
         self.counts
+    }
+
+    /// What its hierarchical Z buffer knows, as ordered keys: of each block its least and its greatest depth, and those that it will have when all
+    /// that went through here is tested; whether the first two hold, which a pass may break.
+    pub fn depth_bounds(&self) -> DepthsKnown {
+        let HierarchicalZ { bounds, outer, min_valid, max_valid, .. } = &self.hierarchical;
+        let keys = |bounds: &[Bounds]| bounds.iter().map(|of| [of.min, of.max]).collect();
+        DepthsKnown { bounds: keys(bounds), outer: keys(outer), valid: [*min_valid, *max_valid] }
     }
 
     /// Makes the hierarchical Z buffer that of the current pass.
@@ -200,7 +222,9 @@ impl Traverse {
             hierarchical.outer.clear();
             hierarchical.outer.resize(pass.blocks, Bounds { min, max });
         }
-        if let Some((min, max)) = start.bounds {
+        // Nothing has been drawn here since the depths were told to all, where nothing came here in that pass: what is known is older.
+        let missed = self.began.replace(start.began.0) != Some(start.began.0);
+        if let Some((min, max)) = start.bounds.or(missed.then_some(start.began.1)) {
             hierarchical.bounds.clear();
             hierarchical.bounds.resize(pass.blocks, Bounds { min, max });
             (hierarchical.max_valid, hierarchical.min_valid) = (true, true);
