@@ -359,18 +359,19 @@ pub(super) fn blend_group(work: &Work, group: &Group, output: &Output, frame: &m
     let tile = &work.segment.tiles[group.tile as usize];
     let quads = &tile.quads[group.first as usize..][..usize::from(group.count)];
     if state.groups() && !output.packed {
-        let mut at = [0; 4];
+        // Behind the group's last quad there may be anything in `live`.
+        let (mut at, mut coverage) = ([0; 4], [0; 4]);
         let (mut src, mut src1) = ([[0.0; 16]; 4], [[0.0; 16]; 4]);
         for (q, (&live, quad)) in group.live.iter().zip(quads).enumerate() {
             if live != 0 {
-                at[q] = quad.position;
+                (at[q], coverage[q]) = (quad.position, live);
                 put_colors(payload(&tile.payload, quad, output.payload), output, q, &mut src);
                 if let Some(second) = output.second {
                     put_colors(payload(&tile.payload, quad, second), output, q, &mut src1);
                 }
             }
         }
-        state.blend_group(samples, (&at, &group.live), &src, &src1, store.block_mut(group.block));
+        state.blend_group(samples, (&at, &coverage), &src, &src1, store.block_mut(group.block));
         return;
     }
     for (&live, quad) in group.live.iter().zip(quads) {
