@@ -123,8 +123,8 @@ fn times(done: &Outcome, cycles: f64, seen: &Seen, options: &Options) -> String 
             let [cycles, shaded] = [cycles, shaded].map(|count| count / host.max(1e-9) / 1e6);
             let runs = done.frames_per_run.map_or(String::new(), |frames| {
                 format!(
-                    "\nruns of {frames} frames, each on a machine behind functional warming: cycles of long sequences are within \
-                     0.1 % of those of one machine, of 120 frames within 0.2 % (docs/data/fidelity.md); --frames-per-run all is exact"
+                    "\nruns of {frames} frames, each on a machine behind functional warming: cycles of 120 frames and more are within \
+                     0.1 % of those of one machine (docs/data/fidelity.md); --frames-per-run all is exact"
                 )
             });
             format!(
