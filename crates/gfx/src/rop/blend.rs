@@ -42,11 +42,11 @@ pub struct ColorState {
     /// Whether a factor names the second source.
     dual: bool,
     words: usize,
-    /// The same in codes, where it is one for the pixels of a group.
-    equation: Option<Equation>,
     constant: [f32; 4],
     /// The constant in 8-bit codes.
     constant_codes: [u16; 4],
+    /// The blend equation in codes over the pixels of a group, where it can be computed so.
+    equation: Option<Equation>,
     /// Range that source colours and constants are clamped to before blending (fixed-point formats).
     clamp: [f32; 2],
 }
@@ -73,8 +73,9 @@ impl ColorState {
         let blend = blend.unwrap_or_default();
         let clamp = range(format);
         let constant_codes = constant.map(|c| unorm(c, 255.0) as u16);
+        let dual = [blend.color.src, blend.color.dst, blend.alpha.src, blend.alpha.dst].into_iter().any(names_second);
         let equation = match path {
-            Path::Blend8(Rgba8 { srgb: false, bgra }) => Equation::of(blend.color, blend.alpha, bgra, constant_codes),
+            Path::Blend8(Rgba8 { srgb: false, bgra }) => Equation::of([blend.color, blend.alpha], bgra, constant_codes, dual),
             _ => None,
         };
         ColorState {
@@ -84,7 +85,7 @@ impl ColorState {
             alpha: blend.alpha,
             bits,
             whole: bits == write_bits(format, 15),
-            dual: [blend.color.src, blend.color.dst, blend.alpha.src, blend.alpha.dst].into_iter().any(names_second),
+            dual,
             words: code_words(format),
             constant: constant.map(|c| limit(c, clamp)),
             constant_codes,

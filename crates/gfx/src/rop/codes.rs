@@ -1,7 +1,6 @@
 //! The blend equation in 8-bit codes ([`super::number`]) over the pixels of a group, factors as data and not as branches.
 
 use super::Colors;
-use super::channels::names_second;
 use super::number::Number;
 use crate::state::{BlendComponent, BlendFactor, BlendOp};
 use crate::texel::unorm;
@@ -18,7 +17,7 @@ const CONSTANT: usize = 12;
 /// A factor: the number of a row, as far as it is kept, or what it lacks to 1.
 #[derive(Clone, Copy, Debug, PartialEq)]
 struct Factor {
-    row: usize,
+    row: u8,
     keep: u16,
     flip: u16,
 }
@@ -26,7 +25,7 @@ struct Factor {
 impl Factor {
     /// The factor of a channel; none where it is the lesser of two numbers.
     fn of(factor: BlendFactor, channel: usize) -> Option<Factor> {
-        let row = |row, flip| Some(Factor { row, keep: !0, flip });
+        let row = |row: usize, flip| Some(Factor { row: row as u8, keep: !0, flip });
         match factor {
             // Times 255 is exact: the nearest integer to `255 x / 255`.
             BlendFactor::Zero => Some(Factor { row: 0, keep: 0, flip: 0 }),
@@ -63,8 +62,9 @@ pub(super) struct Equation {
 }
 
 impl Equation {
-    /// None where the equation is another: two operations, minimum and maximum, or a factor that is the lesser of two numbers.
-    pub(super) fn of(color: BlendComponent, alpha: BlendComponent, bgra: bool, constant: [u16; 4]) -> Option<Equation> {
+    /// None where the equation is another: two operations, minimum and maximum, or a factor that is the lesser of two numbers. `dual`: whether a
+    /// factor names the second source.
+    pub(super) fn of([color, alpha]: [BlendComponent; 2], bgra: bool, constant: [u16; 4], dual: bool) -> Option<Equation> {
         let one = color.op == alpha.op && !matches!(color.op, BlendOp::Min | BlendOp::Max);
         let mut factors = [[Factor { row: 0, keep: 0, flip: 0 }; 4]; 2];
         for channel in 0..4 {
@@ -72,7 +72,6 @@ impl Equation {
             factors[0][channel] = Factor::of(of.src, channel)?;
             factors[1][channel] = Factor::of(of.dst, channel)?;
         }
-        let dual = [color.src, color.dst, alpha.src, alpha.dst].into_iter().any(names_second);
         one.then_some(Equation { factors, op: color.op, bgra, constant, dual })
     }
 
@@ -107,7 +106,7 @@ impl Equation {
         let mut out = [0; PIXELS];
         for c in 0..4 {
             let [src, dst] = self.factors.map(|of| of[c]);
-            let (by, stored_by) = (&rows[src.row & 15], &rows[dst.row & 15]);
+            let (by, stored_by) = (&rows[usize::from(src.row & 15)], &rows[usize::from(dst.row & 15)]);
             for i in 0..count {
                 let weighed = rows[c][i].times(by[i] & src.keep ^ src.flip);
                 let stored = rows[STORED + c][i].times(stored_by[i] & dst.keep ^ dst.flip);

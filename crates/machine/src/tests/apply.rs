@@ -7,6 +7,7 @@ use crate::config::Config;
 use crate::{FrameReport, Machine, MachineError, Totals};
 use gfx::format::Format;
 use gfx::state::Topology;
+use num::{RenderPipelineId, TextureId, ViewId};
 use sim::Clock;
 use stats::Tree;
 use trace::Trace;
@@ -164,6 +165,30 @@ fn warming_with_frames_leaves_what_they_leave() {
     }
 }
 
+/// A recorder with a pipeline of strips that tests depths, and attachments of 128x96 pixels.
+struct DepthDraws {
+    card: Recorder,
+    pipeline: RenderPipelineId,
+    window: TextureId,
+    view: ViewId,
+    depth: ViewId,
+}
+
+impl DepthDraws {
+    fn new(name: &str, source: &str) -> DepthDraws {
+        let mut card = Recorder::new(name);
+        let shader = card.create_shader("program", source);
+        let mut desc = record::render_pipeline(shader, Format::Rgba8Unorm);
+        desc.primitive.topology = Topology::TriangleStrip;
+        desc.depth_stencil = Some(record::depth_less(Format::Depth32Float));
+        let pipeline = card.create_render_pipeline("", desc);
+        let [window, depths] = [Format::Rgba8Unorm, Format::Depth32Float]
+            .map(|format| card.create_texture("attachment", record::texture_2d(128, 96, format)));
+        let [view, depth] = [window, depths].map(|texture| card.create_view(texture));
+        DepthDraws { card, pipeline, window, view, depth }
+    }
+}
+
 /// Frames that load the depths of those before them: each draws strips nearer to the eye, and a wall that they hide in part.
 fn loaded_depths() -> Trace {
     const SOURCE: &str = "
@@ -176,15 +201,7 @@ fn loaded_depths() -> Trace {
             return select(strip, wall, i == 3u);
         }
         @fragment fn fs(@builtin(position) at: vec4f) -> @location(0) vec4f { return vec4f(at.z, 0.5, 0.2, 1.0); }";
-    let mut card = Recorder::new("loaded depths");
-    let shader = card.create_shader("program", SOURCE);
-    let mut desc = record::render_pipeline(shader, Format::Rgba8Unorm);
-    desc.primitive.topology = Topology::TriangleStrip;
-    desc.depth_stencil = Some(record::depth_less(Format::Depth32Float));
-    let pipeline = card.create_render_pipeline("", desc);
-    let [window, depths] = [Format::Rgba8Unorm, Format::Depth32Float]
-        .map(|format| card.create_texture("attachment", record::texture_2d(128, 96, format)));
-    let [view, depth] = [window, depths].map(|texture| card.create_view(texture));
+    let DepthDraws { mut card, pipeline, window, view, depth } = DepthDraws::new("loaded depths", SOURCE);
     for frame in 0..4 {
         let mut depth = record::clear_depth(depth, true);
         let mut color = record::clear(view, [0.0; 4]);
@@ -263,15 +280,7 @@ fn a_pipeline_that_draws_nothing_after_a_clear_forgets_the_depths_before() {
             return vec4f(vec2f(f32(v & 1u), f32(v >> 1u)) * quad.x - 1.0, quad.y, 1.0);
         }
         @fragment fn fs(@builtin(position) at: vec4f) -> @location(0) vec4f { return vec4f(at.z, 0.5, 0.2, 1.0); }";
-    let mut card = Recorder::new("cleared farther");
-    let shader = card.create_shader("program", SOURCE);
-    let mut desc = record::render_pipeline(shader, Format::Rgba8Unorm);
-    desc.primitive.topology = Topology::TriangleStrip;
-    desc.depth_stencil = Some(record::depth_less(Format::Depth32Float));
-    let pipeline = card.create_render_pipeline("", desc);
-    let [window, depths] = [Format::Rgba8Unorm, Format::Depth32Float]
-        .map(|format| card.create_texture("attachment", record::texture_2d(128, 96, format)));
-    let [view, depth] = [window, depths].map(|texture| card.create_view(texture));
+    let DepthDraws { mut card, pipeline, window, view, depth } = DepthDraws::new("cleared farther", SOURCE);
     // All is near; a clear to the far plane, and something in one corner; a wall between.
     for (clear, size, z) in [(Some(0.5), 2.0_f32, 0.4_f32), (Some(1.0), 0.05, 0.3), (None, 2.0, 0.7)] {
         let mut depth = record::clear_depth(depth, true);

@@ -186,7 +186,7 @@ impl<'t> Sampler<'t> {
         let begun = Instant::now();
         let mut arrived = None;
         let sink = FrameSink::new(|_| Ok(()));
-        simulated(&self.dependencies, (self.trace, self.options), (&chosen, sampling.warm_up), sink, &mut arrived)?;
+        simulated(&self.dependencies, (self.trace, self.options), (&chosen, sampling.warm_up), sink, Some(&mut arrived))?;
         let time = begun.elapsed().as_secs_f64();
         let before = arrived.map_or(time, |at| (at - begun).as_secs_f64());
         // Frames that have more to do take longer.
@@ -244,13 +244,13 @@ const TRIAL_PART: usize = 8;
 const MOST_SAMPLES: u32 = 1000;
 
 /// Simulates and counts some frames, each behind those that warm up; gives the statistics of each, how many were simulated, and host time in
-/// machines. `arrived`: when their first work came out of the renderer.
+/// machines. `arrived` gets the time at which their first work came out of the renderer.
 fn simulated(
     dependencies: &Dependencies,
     (trace, options): (&Trace, &Options),
     (numbers, warm_up): (&[u32], u32),
     sink: FrameSink<'_>,
-    arrived: &mut Option<Instant>,
+    arrived: Option<&mut Option<Instant>>,
 ) -> Result<(Vec<Tree>, u64, Duration)> {
     let chosen = ranges(numbers, options.frames.start, warm_up);
     let simulated_frames = chosen.count();
@@ -276,12 +276,14 @@ fn simulated(
         Fidelity::BoundSampled(_) => estimate(&mut rendering, &options.config, sink, &mut by_estimate)?,
         _ => simulate_given_runs(&mut rendering, (&options.config, options.clock), runs, &warms_up, sink, &mut machine_time),
     }
-    let first = |mut work: Work| {
-        *arrived = work.next().map(|_| Instant::now());
-        Ok(())
-    };
-    let key = options.config.render_key();
-    rendering.consume(key, Consumer { memory: ConsumerMemory::default(), recorded: false, run: Box::new(first) });
+    if let Some(arrived) = arrived {
+        let first = |mut work: Work| {
+            *arrived = work.next().map(|_| Instant::now());
+            Ok(())
+        };
+        let key = options.config.render_key();
+        rendering.consume(key, Consumer { memory: ConsumerMemory::default(), recorded: false, run: Box::new(first) });
+    }
     rendering.run()?;
     machine_time += by_estimate.time;
     let found = counted.into_iter().zip(numbers);
@@ -316,7 +318,7 @@ fn of_survey(
     let drawn = clusters.draw(&mut Random::new(sampling.seed));
     let numbers: Vec<u32> = drawn.iter().map(|&frame| survey.numbers[frame]).collect();
     let (counted, simulated_frames, machine_time) =
-        simulated(dependencies, (trace, options), (&numbers, sampling.warm_up), sink, &mut None)?;
+        simulated(dependencies, (trace, options), (&numbers, sampling.warm_up), sink, None)?;
 
     let weights = clusters.weights(&drawn, &survey.estimates(&Count::Cycles));
     let trees: Vec<(f64, &Tree)> = weights.iter().copied().zip(&counted).collect();
