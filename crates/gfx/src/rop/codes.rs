@@ -89,7 +89,7 @@ impl Equation {
             }
         }
         if self.dual {
-            quantize(count, src1, &mut rows[SECOND..CONSTANT]);
+            second(count, src1, &mut rows[SECOND..CONSTANT]);
         }
         for c in 0..4 {
             rows[CONSTANT + c] = [self.constant[c]; PIXELS];
@@ -115,6 +115,13 @@ impl Equation {
         }
         out
     }
+}
+
+/// [`quantize`] of the second source, which few states name: inlined, the compiler computes it for all.
+#[cold]
+#[inline(never)]
+fn second(count: usize, colors: &Colors<PIXELS>, rows: &mut [[u16; PIXELS]]) {
+    quantize(count, colors, rows);
 }
 
 /// Colours as codes: clamped, to the nearest, ties to even; NaN is 0.
