@@ -98,7 +98,7 @@ impl Totals {
 
     /// The statistics, of a machine of that configuration.
     pub fn tree(&self, machine: &Machine) -> Tree {
-        statistics(machine, &self.span, &self.sums)
+        statistics(machine, self.span.clone(), &self.sums)
     }
 }
 
@@ -316,12 +316,12 @@ impl SortOutcome {
 }
 
 /// The statistics of what was counted.
-fn statistics(machine: &Machine, span: &Span, sums: &Sums) -> Tree {
+fn statistics(machine: &Machine, span: Span, sums: &Sums) -> Tree {
     let Span { tree: counted, cycles, quads, sort, order, disordered } = span;
-    let (cycles, mut tree) = (*cycles, Tree::new());
+    let mut tree = Tree::new();
     tree.extend(FrameCounts { cycles }.tree());
     tree.real("seconds", machine.config.seconds(cycles as f64));
-    tree.extend(counted.clone());
+    tree.extend(counted);
 
     let (most, sum) = (quads.iter().copied().max().unwrap_or(0), quads.iter().sum::<u64>());
     let quotient = |a: f64, b: f64| if b == 0.0 { 0.0 } else { a / b };
@@ -334,7 +334,7 @@ fn statistics(machine: &Machine, span: &Span, sums: &Sums) -> Tree {
         load_imbalance: quotient((most * quads.len() as u64) as f64, sum as f64),
         wrong_pixels: sums.wrong_pixels,
         stage: stage.map_or("", |(stage, _)| stage).to_owned(),
-        passes_out_of_order: names(disordered),
+        passes_out_of_order: names(&disordered),
     };
     leaves.real(SortOutcome::LOAD_IMBALANCE, outcome.load_imbalance);
     leaves.extend(order.tree());
@@ -401,7 +401,7 @@ impl Readings {
         self.sums.stage(loss);
         let mut sums = Sums { wrong_pixels, ..Sums::default() };
         sums.stage(loss);
-        let tree = statistics(machine, &Span::between(machine, &self.last, &now), &sums);
+        let tree = statistics(machine, Span::between(machine, &self.last, &now), &sums);
         let cycles = now.cycles - self.last.cycles;
         let phases = self.tallies.frame(machine, self.last.cycles, now.cycles);
         self.last = now;

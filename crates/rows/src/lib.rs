@@ -5,7 +5,6 @@
 mod phases;
 
 use serde::ser::{Serialize, SerializeMap, Serializer};
-use serde_json::Value;
 
 use run::replay::Frame;
 
@@ -19,9 +18,7 @@ impl Serialize for Whole<'_> {
         let Frame { number, tree, phases, .. } = self.0;
         let mut map = serializer.serialize_map(None)?;
         map.serialize_entry("frame", number)?;
-        if let Value::Object(tree) = tree.json() {
-            tree.iter().try_for_each(|(name, value)| map.serialize_entry(name, value))?;
-        }
+        tree.entries().try_for_each(|(name, node)| map.serialize_entry(name, node))?;
         if !phases.is_empty() {
             map.serialize_entry("phases", &phases.iter().map(phases::Json).collect::<Vec<_>>())?;
         }

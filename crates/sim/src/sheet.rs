@@ -125,7 +125,7 @@ impl Bank<'_> {
 
 /// Counters with their values as leaves.
 fn tree(declarations: &[Declaration], values: &[u64]) -> Tree {
-    let mut tree = Tree::new();
+    let mut tree = Tree::with_capacity(declarations.len());
     declarations.iter().zip(values).for_each(|(declaration, &value)| tree.count(declaration.name, value));
     tree
 }

@@ -31,7 +31,7 @@ pub trait Group: Copy + Default + std::ops::AddAssign + std::iter::Sum + 'static
 
     /// The values as leaves.
     fn tree(&self) -> Tree {
-        let mut tree = Tree::new();
+        let mut tree = Tree::with_capacity(Self::DECLARATIONS.len());
         self.named().for_each(|(name, value)| tree.count(name, value));
         tree
     }

@@ -40,10 +40,13 @@ impl Heading {
     /// The subtree under it of the unit of a number; what is missing on the way there is made.
     pub fn at<'t>(&self, tree: &'t mut Tree, number: usize) -> &'t mut Tree {
         let (steps, many) = self.steps();
-        let steps: Vec<_> = steps.collect();
-        let (last, above) = steps.split_last().expect("a path has a step");
-        let above = above.iter().fold(tree, |tree, step| tree.child(step));
-        if many { above.element(last, number) } else { above.child(last) }
+        let mut steps = steps.peekable();
+        let mut below = tree;
+        while let Some(step) = steps.next() {
+            let last = steps.peek().is_none();
+            below = if last && many { below.element(step, number) } else { below.child(step) };
+        }
+        below
     }
 
     /// What stands under it in statistics: a subtree for each unit, in order. Empty where there is none.

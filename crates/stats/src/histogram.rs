@@ -1,6 +1,6 @@
 //! Counting values by size.
 
-use super::Tree;
+use super::{Leaf, Node, Tree};
 
 /// A histogram in power-of-two classes: class 0 holds the value 0, class k the values from 2^(k-1) to 2^k - 1.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -69,7 +69,7 @@ impl Histogram {
         let mut tree = Tree::new();
         tree.count("sum", self.sum);
         for (lowest, _, count) in self.classes() {
-            tree.count(&lowest.to_string(), count);
+            tree.set(lowest.to_string(), Node::Leaf(Leaf::Count(count)));
         }
         tree
     }

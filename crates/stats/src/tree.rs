@@ -1,7 +1,9 @@
 //! The ordered tree of statistics.
 
 use std::borrow::Cow;
+use std::fmt::Write;
 
+use serde::ser::{Serialize, SerializeMap, Serializer};
 use serde_json::{Map, Number, Value};
 
 use super::Group;
@@ -81,11 +83,27 @@ impl Leaf {
         }
     }
 
-    /// As one field of a CSV row, quoted where it must be.
-    fn csv(&self) -> String {
+    /// Puts it at the end of a CSV row, quoted where it must be.
+    fn put_csv(&self, row: &mut String) {
         match self {
-            Leaf::Text(text) => csv_field(text).into_owned(),
-            other => other.json().to_string(),
+            Leaf::Text(text) => row.push_str(&csv_field(text)),
+            Leaf::Count(value) | Leaf::Level(value) => {
+                let _ = write!(row, "{value}");
+            }
+            other => {
+                let _ = write!(row, "{}", other.json());
+            }
+        }
+    }
+}
+
+/// As [`Tree::json`] has it.
+impl Serialize for Leaf {
+    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        match self {
+            Leaf::Count(value) | Leaf::Level(value) => serializer.serialize_u64(*value),
+            Leaf::Text(text) => serializer.serialize_str(text),
+            other => other.json().serialize(serializer),
         }
     }
 }
@@ -115,10 +133,33 @@ pub enum Node {
     List(Vec<Tree>),
 }
 
+/// As [`Tree::json`] has it.
+impl Serialize for Node {
+    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        match self {
+            Node::Leaf(leaf) => leaf.serialize(serializer),
+            Node::Tree(tree) => tree.serialize(serializer),
+            Node::List(list) => list.serialize(serializer),
+        }
+    }
+}
+
+/// The name of an entry. Nearly all are declared in the code: trees of them are made for each frame, without a copy of any name.
+type Name = Cow<'static, str>;
+
 /// Named statistics in the order in which they were added. Two readings of the same machine have the same shape.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Tree {
-    entries: Vec<(String, Node)>,
+    entries: Vec<(Name, Node)>,
+}
+
+/// As [`Tree::json`] has it.
+impl Serialize for Tree {
+    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        let mut map = serializer.serialize_map(Some(self.entries.len()))?;
+        self.entries.iter().try_for_each(|(name, node)| map.serialize_entry(name, node))?;
+        map.end()
+    }
 }
 
 impl Tree {
@@ -127,84 +168,95 @@ impl Tree {
         Tree::default()
     }
 
+    /// An empty tree with room for so many entries.
+    pub fn with_capacity(entries: usize) -> Tree {
+        Tree { entries: Vec::with_capacity(entries) }
+    }
+
     /// Sets an entry; one of the same name is replaced in its place.
-    pub fn set(&mut self, name: &str, node: Node) {
-        match self.entries.iter_mut().find(|(known, _)| known == name) {
+    pub fn set(&mut self, name: impl Into<Cow<'static, str>>, node: Node) {
+        self.put(name.into(), node);
+    }
+
+    fn put(&mut self, name: Name, node: Node) {
+        match self.entries.iter_mut().find(|(known, _)| *known == name) {
             Some((_, place)) => *place = node,
-            None => self.entries.push((name.to_owned(), node)),
+            None => self.entries.push((name, node)),
         }
     }
 
     /// Adds a counter.
-    pub fn count(&mut self, name: &str, value: u64) {
-        self.set(name, Node::Leaf(Leaf::Count(value)));
+    pub fn count(&mut self, name: &'static str, value: u64) {
+        self.put(name.into(), Node::Leaf(Leaf::Count(value)));
     }
 
     /// Adds a quotient of two counters.
-    pub fn ratio(&mut self, name: &str, numerator: u64, denominator: u64) {
-        self.set(name, Node::Leaf(Leaf::Ratio { numerator, denominator }));
+    pub fn ratio(&mut self, name: &'static str, numerator: u64, denominator: u64) {
+        self.put(name.into(), Node::Leaf(Leaf::Ratio { numerator, denominator }));
     }
 
     /// Adds a whole-numbered property.
-    pub fn level(&mut self, name: &str, value: u64) {
-        self.set(name, Node::Leaf(Leaf::Level(value)));
+    pub fn level(&mut self, name: &'static str, value: u64) {
+        self.put(name.into(), Node::Leaf(Leaf::Level(value)));
     }
 
     /// Adds a real property.
-    pub fn real(&mut self, name: &str, value: f64) {
-        self.set(name, Node::Leaf(Leaf::Real(value)));
+    pub fn real(&mut self, name: &'static str, value: f64) {
+        self.put(name.into(), Node::Leaf(Leaf::Real(value)));
     }
 
     /// Adds a name.
-    pub fn text(&mut self, name: &str, value: &str) {
-        self.set(name, Node::Leaf(Leaf::Text(value.to_owned())));
+    pub fn text(&mut self, name: &'static str, value: &str) {
+        self.put(name.into(), Node::Leaf(Leaf::Text(value.to_owned())));
     }
 
     /// The subtree of that name, made when there is none.
-    pub fn child(&mut self, name: &str) -> &mut Tree {
-        let at = match self.entries.iter().position(|(known, node)| known == name && matches!(node, Node::Tree(_))) {
-            Some(at) => at,
-            None => {
-                self.set(name, Node::Tree(Tree::new()));
-                self.entries.iter().position(|(known, _)| known == name).expect("just set")
-            }
-        };
-        match &mut self.entries[at].1 {
+    pub fn child(&mut self, name: impl Into<Cow<'static, str>>) -> &mut Tree {
+        let name = name.into();
+        let found = self.entries.iter().position(|(known, node)| *known == name && matches!(node, Node::Tree(_)));
+        match &mut self.place(found, name, Node::Tree(Tree::new())).1 {
             Node::Tree(tree) => tree,
-            _ => unreachable!("{name} is a subtree"),
+            _ => unreachable!("it is a subtree"),
         }
     }
 
+    /// The entry at a place, or if there is none, a new one, which replaces one of its name.
+    fn place(&mut self, found: Option<usize>, name: Name, new: Node) -> &mut (Name, Node) {
+        let at = found.unwrap_or_else(|| {
+            let at = self.entries.iter().position(|(known, _)| *known == name).unwrap_or(self.entries.len());
+            self.put(name, new);
+            at
+        });
+        &mut self.entries[at]
+    }
+
     /// Element `index` of the list of that name; list and elements are made when they are missing.
-    pub fn element(&mut self, name: &str, index: usize) -> &mut Tree {
-        let at = match self.entries.iter().position(|(known, node)| known == name && matches!(node, Node::List(_))) {
-            Some(at) => at,
-            None => {
-                self.set(name, Node::List(Vec::new()));
-                self.entries.iter().position(|(known, _)| known == name).expect("just set")
-            }
-        };
-        match &mut self.entries[at].1 {
+    pub fn element(&mut self, name: &'static str, index: usize) -> &mut Tree {
+        let found = self.entries.iter().position(|(known, node)| known == name && matches!(node, Node::List(_)));
+        match &mut self.place(found, name.into(), Node::List(Vec::new())).1 {
             Node::List(list) => {
                 if list.len() <= index {
                     list.resize_with(index + 1, Tree::new);
                 }
                 &mut list[index]
             }
-            _ => unreachable!("{name} is a list"),
+            _ => unreachable!("it is a list"),
         }
     }
 
     /// Adds all entries of another tree.
     pub fn extend(&mut self, other: Tree) {
-        for (name, node) in other.entries {
-            self.set(&name, node);
+        if self.entries.is_empty() {
+            self.entries = other.entries;
+            return;
         }
+        self.entries.reserve(other.entries.len());
+        other.entries.into_iter().for_each(|(name, node)| self.put(name, node));
     }
 
     /// The entries in order.
     pub fn entries(&self) -> impl Iterator<Item = (&str, &Node)> {
-        self.entries.iter().map(|(name, node)| (name.as_str(), node))
+        self.entries.iter().map(|(name, node)| (name.as_ref(), node))
     }
 
     /// The entry at a path such as `units.setup[2].busy`.
@@ -261,11 +313,7 @@ impl Tree {
     pub fn since(&self, earlier: &Tree) -> Tree {
         let mut difference = Tree { entries: Vec::with_capacity(self.entries.len()) };
         for (at, (name, node)) in self.entries.iter().enumerate() {
-            let then = match earlier.entries.get(at) {
-                Some((known, node)) if known == name => Some(node),
-                _ => earlier.entries.iter().find(|(known, _)| known == name).map(|(_, node)| node),
-            };
-            let node = match (node, then) {
+            let node = match (node, earlier.entry(at, name)) {
                 (Node::Leaf(now), Some(Node::Leaf(then))) => Node::Leaf(now.since(then)),
                 (Node::Tree(now), Some(Node::Tree(then))) => Node::Tree(now.since(then)),
                 (Node::List(now), Some(Node::List(then))) => {
@@ -283,34 +331,42 @@ impl Tree {
     /// the weighted mean. What does not accumulate is the first's.
     pub fn weighted(parts: &[(f64, &Tree)]) -> Tree {
         let Some((_, first)) = parts.first() else { return Tree::new() };
-        let node = |name: &str, node: &Node| match node {
-            Node::Leaf(leaf) => Node::Leaf(leaf.weighted(parts.iter().filter_map(|(weight, tree)| match tree.get(name)? {
-                Node::Leaf(leaf) => Some((*weight, leaf)),
-                _ => None,
-            }))),
-            Node::Tree(_) => {
-                let child = |(weight, tree): &(f64, &'_ Tree)| match tree.entries.iter().find(|(known, _)| known == name) {
-                    Some((_, Node::Tree(tree))) => Some((*weight, tree.clone())),
+        let node = |at: usize, name: &str, node: &Node| {
+            let others = || parts.iter().filter_map(|(weight, tree)| Some((*weight, tree.entry(at, name)?)));
+            match node {
+                Node::Leaf(leaf) => Node::Leaf(leaf.weighted(others().filter_map(|(weight, node)| match node {
+                    Node::Leaf(leaf) => Some((weight, leaf)),
                     _ => None,
-                };
-                let children: Vec<(f64, Tree)> = parts.iter().filter_map(child).collect();
-                Node::Tree(Tree::weighted(&children.iter().map(|(weight, tree)| (*weight, tree)).collect::<Vec<_>>()))
+                }))),
+                Node::Tree(_) => {
+                    let child = |(weight, node)| match node {
+                        &Node::Tree(ref tree) => Some((weight, tree)),
+                        _ => None,
+                    };
+                    Node::Tree(Tree::weighted(&others().filter_map(child).collect::<Vec<_>>()))
+                }
+                Node::List(list) => {
+                    let element = |index| {
+                        others().filter_map(move |(weight, node)| match node {
+                            Node::List(list) => list.get(index).map(|tree| (weight, tree)),
+                            _ => None,
+                        })
+                    };
+                    let elements = (0..list.len()).map(|index| Tree::weighted(&element(index).collect::<Vec<_>>()));
+                    Node::List(elements.collect())
+                }
             }
-            Node::List(list) => Node::List(
-                (0..list.len())
-                    .map(|index| {
-                        let element =
-                            |(weight, tree): &(f64, &'_ Tree)| match tree.entries.iter().find(|(known, _)| known == name) {
-                                Some((_, Node::List(list))) => list.get(index).map(|tree| (*weight, tree.clone())),
-                                _ => None,
-                            };
-                        let elements: Vec<(f64, Tree)> = parts.iter().filter_map(element).collect();
-                        Tree::weighted(&elements.iter().map(|(weight, tree)| (*weight, tree)).collect::<Vec<_>>())
-                    })
-                    .collect(),
-            ),
         };
-        Tree { entries: first.entries.iter().map(|(name, of)| (name.clone(), node(name, of))).collect() }
+        let entries = first.entries.iter().enumerate();
+        Tree { entries: entries.map(|(at, (name, of))| (name.clone(), node(at, name, of))).collect() }
+    }
+
+    /// The entry of a name, which stands at a place in trees of the same shape.
+    fn entry(&self, at: usize, name: &str) -> Option<&Node> {
+        match self.entries.get(at) {
+            Some((known, node)) if known == name => Some(node),
+            _ => self.entries.iter().find(|(known, _)| known == name).map(|(_, node)| node),
+        }
     }
 
     /// The tree with one subtree for each list: counters are summed over the units of a bank, quotients are those of the sums, real
@@ -335,7 +391,7 @@ impl Tree {
                 Node::Tree(tree) => tree.json(),
                 Node::List(list) => Value::Array(list.iter().map(Tree::json).collect()),
             };
-            map.insert(name.clone(), value);
+            map.insert(name.clone().into_owned(), value);
         }
         Value::Object(map)
     }
@@ -377,9 +433,34 @@ impl Tree {
 
     /// The row of a CSV table that belongs to [`Tree::csv_header`] of a tree of the same shape.
     pub fn csv_row(&self) -> String {
-        let mut fields = Vec::new();
-        self.leaves(&mut |_, leaf| fields.push(leaf.csv()));
-        fields.join(",")
+        let mut row = Row::default();
+        self.put_csv(&mut row);
+        row.text
+    }
+
+    fn put_csv(&self, row: &mut Row) {
+        self.entries.iter().for_each(|(_, node)| match node {
+            Node::Leaf(leaf) => row.put(leaf),
+            Node::Tree(tree) => tree.put_csv(row),
+            Node::List(list) => list.iter().for_each(|tree| tree.put_csv(row)),
+        });
+    }
+}
+
+/// A row of a CSV table.
+#[derive(Default)]
+struct Row {
+    text: String,
+    fields: usize,
+}
+
+impl Row {
+    fn put(&mut self, leaf: &Leaf) {
+        if self.fields > 0 {
+            self.text.push(',');
+        }
+        self.fields += 1;
+        leaf.put_csv(&mut self.text);
     }
 }
 

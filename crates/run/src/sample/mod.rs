@@ -26,7 +26,7 @@ use machine::Machine;
 use mem::CacheCounts;
 use num::Random;
 use render::{ConsumerMemory, Dependencies, FrameSet, Want};
-use stats::{Counter, Group, Node, Tree};
+use stats::{Counter, Group, Leaf, Node, Tree};
 use trace::Trace;
 use unit::scanout::ScanoutMode;
 
@@ -359,7 +359,7 @@ impl Sampled {
         node.count("simulated_frames", self.simulated);
         node.real("level", LEVEL);
         for Margin { of, margin, .. } in &self.margins {
-            node.child("margins").real(&of.to_string(), *margin);
+            node.child("margins").set(of.to_string(), Node::Leaf(Leaf::Real(*margin)));
         }
     }
 }

@@ -131,7 +131,7 @@ impl Count {
     pub(super) fn put(&self, tree: &mut Tree, value: u64) {
         let memory = tree.child("memory");
         match self {
-            Count::Client(name, bytes) => bytes.put(memory.child("clients").child(name), value),
+            Count::Client(name, bytes) => bytes.put(memory.child("clients").child(name.clone()), value),
             Count::Dram(bytes) => bytes.put(memory.child("dram"), value),
             Count::Cycles | Count::DramBytes | Count::Cache(..) => {}
         }
