@@ -1,5 +1,7 @@
 //! What a run leaves behind: statistics by frame, and pictures.
 
+use std::rc::Rc;
+
 use super::Machine;
 use super::loss::{Accounts, LossCounts, Waits};
 use super::tally::{PhaseReport, Tallies};
@@ -154,8 +156,8 @@ struct Reading {
 
 /// Readings so far.
 pub(super) struct Readings {
-    start: Reading,
-    last: Reading,
+    start: Rc<Reading>,
+    last: Rc<Reading>,
     sums: Sums,
     tallies: Tallies,
 }
@@ -370,7 +372,7 @@ fn names(passes: &[(u32, String)]) -> String {
 impl Readings {
     /// The first reading.
     pub fn new(machine: &mut Machine) -> Readings {
-        let start = read(machine);
+        let start = Rc::new(read(machine));
         Readings { last: start.clone(), start, sums: Sums::default(), tallies: Tallies::new(machine) }
     }
 
@@ -404,14 +406,16 @@ impl Readings {
         let tree = statistics(machine, Span::between(machine, &self.last, &now), &sums);
         let cycles = now.cycles - self.last.cycles;
         let phases = self.tallies.frame(machine, self.last.cycles, now.cycles);
-        self.last = now;
+        self.last = Rc::new(now);
         let shown = machine.circuit.scanout.take_shown();
         FrameReport { number, cycles, seconds: machine.config.seconds(cycles as f64), tree, phases, picture, shown }
     }
 
     /// The run has ended.
     pub fn total(mut self, machine: &mut Machine) -> MachineReport {
-        let now = read(machine);
+        // Where no cycle has gone by since the last frame, nothing was counted.
+        let same = machine.circuit.wires().now() == self.last.cycles;
+        let now = if same { self.last.clone() } else { Rc::new(read(machine)) };
         self.sums.stage(loss(machine, &self.last, &now));
         let totals = Totals { span: Span::between(machine, &self.start, &now), sums: self.sums };
         let shown = machine.circuit.scanout.take_shown();

@@ -150,15 +150,25 @@ pub struct Sheet {
 impl Sheet {
     /// Moves to a tree what stands below one of these paths, in their order, and below those in data-flow order.
     pub fn move_to(&mut self, tree: &mut Tree, paths: &[&str]) {
-        for path in paths {
-            let below = |(heading, ..): &(Heading, usize, Tree)| {
-                let (mut steps, _) = heading.steps();
-                path.split('.').all(|step| steps.next() == Some(step))
-            };
-            for (heading, number, counts) in self.entries.extract_if(.., |entry| below(entry)) {
-                heading.at(tree, number).extend(counts);
+        // Units of one kind stand one after the other: where they go is found once.
+        let mut last: Option<(Heading, Option<usize>)> = None;
+        let place = |(heading, ..): &(Heading, usize, Tree)| match last {
+            Some((known, place)) if known == *heading => place,
+            _ => {
+                let below = |path: &&str| {
+                    let (mut steps, _) = heading.steps();
+                    path.split('.').all(|step| steps.next() == Some(step))
+                };
+                let place = paths.iter().position(below);
+                last = Some((*heading, place));
+                place
             }
-        }
+        };
+        let places: Vec<_> = self.entries.iter().map(place).collect();
+        let mut moved: Vec<_> = std::mem::take(&mut self.entries).into_iter().zip(places).collect();
+        self.entries.extend(moved.extract_if(.., |(_, place)| place.is_none()).map(|(entry, _)| entry));
+        moved.sort_by_key(|(_, place)| *place);
+        moved.into_iter().for_each(|((heading, number, counts), _)| heading.at(tree, number).extend(counts));
     }
 
     /// Moves all that is left.

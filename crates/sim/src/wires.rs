@@ -457,8 +457,10 @@ impl Wires {
 
     /// Puts what the channels have counted under [`CHANNELS`].
     pub(super) fn channels_to(&self, tree: &mut Tree) {
+        let (channels, ..) = CHANNELS.above(tree);
         for ((counts, channel), label) in self.channel_counts().zip(self.channels.iter()).zip(&self.labels) {
-            let leaves = CHANNELS.named(label.name).at(tree, label.index);
+            let leaves = channels.element(label.name, label.index);
+            leaves.reserve(5);
             leaves.count("items", counts.items);
             leaves.count("bytes", counts.bytes);
             leaves.count("full_cycles", counts.full_cycles);
@@ -469,8 +471,10 @@ impl Wires {
 
     /// Puts what the units have counted under [`UNITS`]; `items` gives each unit's own count, in the order of declaration.
     pub(super) fn units_to(&self, tree: &mut Tree, items: &[u64]) {
+        let (units, ..) = UNITS.above(tree);
         for ((account, label), items) in self.accounts().zip(&self.units).zip(items) {
-            let leaves = UNITS.named(label.name).at(tree, label.index);
+            let leaves = units.element(label.name, label.index);
+            leaves.reserve(1 + Cycles::DECLARATIONS.len());
             leaves.extend(UnitCounts { items: *items }.tree());
             leaves.extend(account.tree());
         }

@@ -5,7 +5,7 @@ use std::fmt;
 use super::{Group, Node, Tree};
 
 /// A heading of the statistics: where the groups of counters of a kind of unit stand.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Heading {
     /// Its path, such as `rop.NAME[i]`: `NAME` stands for names of which several kinds of units bring one each, `[i]` for their
     /// numbers.
@@ -39,14 +39,17 @@ impl Heading {
 
     /// The subtree under it of the unit of a number; what is missing on the way there is made.
     pub fn at<'t>(&self, tree: &'t mut Tree, number: usize) -> &'t mut Tree {
-        let (steps, many) = self.steps();
-        let mut steps = steps.peekable();
-        let mut below = tree;
-        while let Some(step) = steps.next() {
-            let last = steps.peek().is_none();
-            below = if last && many { below.element(step, number) } else { below.child(step) };
-        }
-        below
+        let (above, last, many) = self.above(tree);
+        if many { above.element(last, number) } else { above.child(last) }
+    }
+
+    /// The subtree in which its last step stands, which is made where it is missing; that step, and whether units are numbered there. Many
+    /// units of several names are found faster from here.
+    pub fn above<'t>(&self, tree: &'t mut Tree) -> (&'t mut Tree, &'static str, bool) {
+        let (mut steps, many) = self.steps();
+        let mut last = steps.next().expect("a path has a step");
+        let above = steps.fold(tree, |tree, step| tree.child(std::mem::replace(&mut last, step)));
+        (above, last, many)
     }
 
     /// What stands under it in statistics: a subtree for each unit, in order. Empty where there is none.

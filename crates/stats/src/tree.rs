@@ -173,6 +173,11 @@ impl Tree {
         Tree { entries: Vec::with_capacity(entries) }
     }
 
+    /// Makes room for so many more entries.
+    pub fn reserve(&mut self, entries: usize) {
+        self.entries.reserve_exact(entries);
+    }
+
     /// Sets an entry; one of the same name is replaced in its place.
     pub fn set(&mut self, name: impl Into<Cow<'static, str>>, node: Node) {
         self.put(name.into(), node);
@@ -246,7 +251,7 @@ impl Tree {
 
     /// Adds all entries of another tree.
     pub fn extend(&mut self, other: Tree) {
-        if self.entries.is_empty() {
+        if self.entries.capacity() == 0 {
             self.entries = other.entries;
             return;
         }
