@@ -5,8 +5,12 @@ use super::channels::{
 };
 use super::codes::Equation;
 use super::number::Number;
+#[cfg(target_arch = "x86_64")]
+use super::pairs::Pairs;
 use super::{ColorRefs, Colors, code_words, four, select_mask};
 use crate::format::{Format, TexelKind};
+#[cfg(target_arch = "x86_64")]
+use crate::simd::host_has;
 use crate::simd::wide;
 use crate::state::{BlendComponent, BlendFactor, BlendOp, ColorTarget};
 use crate::texel::{Rgba8, decode_code, encode_code, unorm};
@@ -47,6 +51,9 @@ pub struct ColorState {
     constant_codes: [u16; 4],
     /// The blend equation in codes over the pixels of a group, where it can be computed so.
     equation: Option<Equation>,
+    /// The state for two quads at a time, where they can be so on this host.
+    #[cfg(target_arch = "x86_64")]
+    pairs: Option<Pairs>,
     /// Range that source colours and constants are clamped to before blending (fixed-point formats).
     clamp: [f32; 2],
 }
@@ -78,6 +85,15 @@ impl ColorState {
             Path::Blend8(Rgba8 { srgb: false, bgra }) => Equation::of([blend.color, blend.alpha], bgra, constant_codes, dual),
             _ => None,
         };
+        #[cfg(target_arch = "x86_64")]
+        let pairs = match path {
+            _ if !host_has!("avx2") => None,
+            Path::Replace8(Rgba8 { srgb: false, bgra }) => Some(Pairs::replace(bgra, bits[0])),
+            Path::Blend8(Rgba8 { srgb: false, bgra }) => {
+                Pairs::blend([blend.color, blend.alpha], bgra, constant_codes, bits[0])
+            }
+            _ => None,
+        };
         ColorState {
             format,
             path,
@@ -90,6 +106,8 @@ impl ColorState {
             constant: constant.map(|c| limit(c, clamp)),
             constant_codes,
             equation,
+            #[cfg(target_arch = "x86_64")]
+            pairs,
             clamp,
         }
     }
@@ -251,6 +269,16 @@ impl ColorState {
         src1: [&Lanes; 4],
         tile: &mut [u32],
     ) {
+        #[cfg(target_arch = "x86_64")]
+        if let Some(pairs) = &self.pairs {
+            match samples {
+                // SAFETY: the host has AVX2, which is all that the function requires: else the state has no pairs.
+                1 => return unsafe { pairs.batch::<1>(quads, at, coverage, src, tile) },
+                // SAFETY: as above.
+                4 => return unsafe { pairs.batch::<4>(quads, at, coverage, src, tile) },
+                _ => {}
+            }
+        }
         blend_batch(self, samples, quads, at, coverage, src, src1, tile);
     }
 
