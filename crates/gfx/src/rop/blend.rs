@@ -13,7 +13,7 @@ use crate::format::{Format, TexelKind};
 use crate::simd::host_has;
 use crate::simd::wide;
 use crate::state::{BlendComponent, BlendFactor, BlendOp, ColorTarget};
-use crate::texel::{Rgba8, decode_code, encode_code, unorm};
+use crate::texel::{Rgba8, decode_code, encode_code, f32_to_f16, unorm};
 use num::{LANES, Lanes, QUADS};
 
 /// What to do with a source colour; chosen once a draw.
@@ -220,6 +220,13 @@ impl ColorState {
         *out = [Lanes::ZERO; 4];
         if let Some(layout) = Rgba8::of(self.format) {
             pack(layout, lanes(src), &mut out[0].0);
+        } else if self.format == Format::Rgba16Float {
+            let src = lanes(src);
+            for w in 0..2 {
+                for i in 0..LANES {
+                    out[w].0[i] = u32::from(f32_to_f16(src[2 * w][i])) | u32::from(f32_to_f16(src[2 * w + 1][i])) << 16;
+                }
+            }
         } else {
             for i in 0..LANES {
                 let code = encode_code(self.format, std::array::from_fn(|c| src[c].0[i]));
@@ -315,6 +322,16 @@ impl ColorState {
                         self.blend_run(s, samples, first..end, at, coverage, src, src1, tile);
                     }
                     first = end;
+                }
+            }
+            // What accumulation and light are kept in: the codes of all pixels at once.
+            Path::Replace if self.format == Format::Rgba16Float => {
+                let mut codes = [Lanes::ZERO; 4];
+                self.pack_batch_body(src, &mut codes);
+                for q in (0..quads).filter(|q| coverage[*q] != 0) {
+                    let packed = [four(&codes[0].0, 4 * q), four(&codes[1].0, 4 * q)];
+                    let run = &mut tile[at[q] as usize * samples * size..][..samples * size];
+                    self.put_quad(samples, coverage[q], packed.as_flattened(), run);
                 }
             }
             Path::Replace | Path::BlendCodes | Path::Blend => {
