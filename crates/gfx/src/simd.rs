@@ -3,6 +3,9 @@
 //! The bodies are the same Rust without fused or reordered arithmetic, so both give the same bits; only the width of the
 //! vectors differs. `RUSTFLAGS="--cfg portable"` builds without the choice: what such a program writes must be the same bytes.
 
+#[cfg(target_arch = "x86_64")]
+use std::sync::atomic::{AtomicU8, Ordering::Relaxed};
+
 /// Whether the host has all of these instruction sets, and the build has not left them out.
 #[macro_export]
 macro_rules! host_has {
@@ -13,7 +16,16 @@ macro_rules! host_has {
 #[cfg(target_arch = "x86_64")]
 #[inline]
 pub fn has_avx2() -> bool {
-    host_has!("avx2", "bmi1", "bmi2", "lzcnt", "popcnt")
+    // Asked once for each batch: the five questions are put together.
+    static KNOWN: AtomicU8 = AtomicU8::new(0);
+    match KNOWN.load(Relaxed) {
+        0 => {
+            let has = host_has!("avx2", "bmi1", "bmi2", "lzcnt", "popcnt");
+            KNOWN.store(if has { 2 } else { 1 }, Relaxed);
+            has
+        }
+        known => known == 2,
+    }
 }
 
 /// Defines a function whose body is compiled twice. `wide!` takes the function as it would be written, without `self`:

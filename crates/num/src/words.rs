@@ -141,6 +141,15 @@ impl Words {
         assert!(offset + data.len() as u64 <= self.bytes, "write of {} bytes at {offset} of {}", data.len(), self.bytes);
         let start = offset as usize;
         let mut at = 0;
+        if start.is_multiple_of(4) {
+            // Textures and rows of them are written so.
+            let (whole, _) = data.as_chunks::<4>();
+            at = 4 * whole.len();
+            whole
+                .iter()
+                .zip(&self.words[start / 4..])
+                .for_each(|(bytes, word)| word.store(u32::from_le_bytes(*bytes), Relaxed));
+        }
         while at < data.len() {
             let byte = start + at;
             if byte.is_multiple_of(4) && data.len() - at >= 4 {

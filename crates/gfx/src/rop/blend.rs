@@ -5,11 +5,15 @@ use super::channels::{
 };
 use super::codes::Equation;
 use super::number::Number;
+#[cfg(target_arch = "x86_64")]
+use super::pairs::Pairs;
 use super::{ColorRefs, Colors, code_words, four, select_mask};
 use crate::format::{Format, TexelKind};
+#[cfg(target_arch = "x86_64")]
+use crate::simd::host_has;
 use crate::simd::wide;
 use crate::state::{BlendComponent, BlendFactor, BlendOp, ColorTarget};
-use crate::texel::{Rgba8, decode_code, encode_code, unorm};
+use crate::texel::{Rgba8, decode_code, encode_code, f32_to_f16, unorm};
 use num::{LANES, Lanes, QUADS};
 
 /// What to do with a source colour; chosen once a draw.
@@ -47,6 +51,9 @@ pub struct ColorState {
     constant_codes: [u16; 4],
     /// The blend equation in codes over the pixels of a group, where it can be computed so.
     equation: Option<Equation>,
+    /// The state for two quads at a time, where they can be so on this host.
+    #[cfg(target_arch = "x86_64")]
+    pairs: Option<Pairs>,
     /// Range that source colours and constants are clamped to before blending (fixed-point formats).
     clamp: [f32; 2],
 }
@@ -78,6 +85,15 @@ impl ColorState {
             Path::Blend8(Rgba8 { srgb: false, bgra }) => Equation::of([blend.color, blend.alpha], bgra, constant_codes, dual),
             _ => None,
         };
+        #[cfg(target_arch = "x86_64")]
+        let pairs = match path {
+            _ if !host_has!("avx2") => None,
+            Path::Replace8(Rgba8 { srgb: false, bgra }) => Some(Pairs::replace(bgra, bits[0])),
+            Path::Blend8(Rgba8 { srgb: false, bgra }) => {
+                Pairs::blend([blend.color, blend.alpha], bgra, constant_codes, bits[0])
+            }
+            _ => None,
+        };
         ColorState {
             format,
             path,
@@ -90,6 +106,8 @@ impl ColorState {
             constant: constant.map(|c| limit(c, clamp)),
             constant_codes,
             equation,
+            #[cfg(target_arch = "x86_64")]
+            pairs,
             clamp,
         }
     }
@@ -202,6 +220,13 @@ impl ColorState {
         *out = [Lanes::ZERO; 4];
         if let Some(layout) = Rgba8::of(self.format) {
             pack(layout, lanes(src), &mut out[0].0);
+        } else if self.format == Format::Rgba16Float {
+            let src = lanes(src);
+            for w in 0..2 {
+                for i in 0..LANES {
+                    out[w].0[i] = u32::from(f32_to_f16(src[2 * w][i])) | u32::from(f32_to_f16(src[2 * w + 1][i])) << 16;
+                }
+            }
         } else {
             for i in 0..LANES {
                 let code = encode_code(self.format, std::array::from_fn(|c| src[c].0[i]));
@@ -251,6 +276,16 @@ impl ColorState {
         src1: [&Lanes; 4],
         tile: &mut [u32],
     ) {
+        #[cfg(target_arch = "x86_64")]
+        if let Some(pairs) = &self.pairs {
+            match samples {
+                // SAFETY: the host has AVX2, which is all that the function requires: else the state has no pairs.
+                1 => return unsafe { pairs.batch::<1>(quads, at, coverage, src, tile) },
+                // SAFETY: as above.
+                4 => return unsafe { pairs.batch::<4>(quads, at, coverage, src, tile) },
+                _ => {}
+            }
+        }
         blend_batch(self, samples, quads, at, coverage, src, src1, tile);
     }
 
@@ -287,6 +322,16 @@ impl ColorState {
                         self.blend_run(s, samples, first..end, at, coverage, src, src1, tile);
                     }
                     first = end;
+                }
+            }
+            // What accumulation and light are kept in: the codes of all pixels at once.
+            Path::Replace if self.format == Format::Rgba16Float => {
+                let mut codes = [Lanes::ZERO; 4];
+                self.pack_batch_body(src, &mut codes);
+                for q in (0..quads).filter(|q| coverage[*q] != 0) {
+                    let packed = [four(&codes[0].0, 4 * q), four(&codes[1].0, 4 * q)];
+                    let run = &mut tile[at[q] as usize * samples * size..][..samples * size];
+                    self.put_quad(samples, coverage[q], packed.as_flattened(), run);
                 }
             }
             Path::Replace | Path::BlendCodes | Path::Blend => {

@@ -13,6 +13,8 @@ mod codes;
 mod compose;
 mod depth;
 mod number;
+#[cfg(target_arch = "x86_64")]
+mod pairs;
 mod resolve;
 
 #[cfg(test)]

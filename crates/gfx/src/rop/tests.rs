@@ -433,6 +433,41 @@ proptest! {
     }
 
     #[test]
+    fn pairs_of_quads_blend_as_single_ones(
+        factors in proptest::collection::vec(proptest::sample::select(BlendFactor::ALL.to_vec()), 4),
+        op in proptest::option::of(proptest::sample::select(vec![BlendOp::Add, BlendOp::Subtract, BlendOp::ReverseSubtract])),
+        write_mask in 1_u8..16,
+        bgra in any::<bool>(),
+        four in any::<bool>(),
+        quads in 1..=QUADS,
+        seed in any::<u32>(),
+        wild in any::<bool>(),
+    ) {
+        let format = if bgra { Format::Bgra8Unorm } else { Format::Rgba8Unorm };
+        let samples = if four { 4 } else { 1 };
+        let mut random = Random::new(seed.into());
+        let component = |at: usize, op| BlendComponent { src: factors[at], dst: factors[at + 1], op };
+        let blend = op.map(|op| Blend { color: component(0, op), alpha: component(2, op) });
+        let state = ColorState::new(&ColorTarget { format, blend, write_mask }, [0.1, 0.4, 2.0, -1.0]);
+        let mut lanes = || -> [Lanes; 4] {
+            std::array::from_fn(|_| Lanes(std::array::from_fn(|_| if wild { random.bits() } else { colour(&mut random).to_bits() })))
+        };
+        let (src, src1) = (lanes(), lanes());
+        // Few places, so that some quads meet; what lies behind the last is of no quad.
+        let at: [u32; QUADS] = std::array::from_fn(|q| if q < quads { random.bits() % 5 } else { u32::MAX });
+        let coverage: [u16; QUADS] = std::array::from_fn(|_| random.bits() as u16 & if four { !0 } else { 15 } & if random.below(4) == 0 { 0 } else { !0 });
+        let tile: Vec<u32> = (0..5 * 4 * samples).map(|_| random.bits()).collect();
+        let (mut batch, mut single) = (tile.clone(), tile);
+        state.blend_batch(samples, quads, &at, &coverage, src.each_ref(), src1.each_ref(), &mut batch);
+        for q in 0..quads {
+            let quad = |c: &[Lanes; 4]| c.each_ref().map(|c| [c.0[4 * q], c.0[4 * q + 1], c.0[4 * q + 2], c.0[4 * q + 3]]);
+            let run = &mut single[at[q] as usize * 4 * samples..][..4 * samples];
+            state.blend_quad(samples, coverage[q], &quad(&src), &quad(&src1), run);
+        }
+        prop_assert_eq!(&batch, &single);
+    }
+
+    #[test]
     fn groups_blend_as_single_quads(
         factors in proptest::collection::vec(proptest::sample::select(BlendFactor::ALL.to_vec()), 4),
         op in proptest::sample::select(BlendOp::ALL.to_vec()),

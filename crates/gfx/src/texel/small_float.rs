@@ -16,17 +16,14 @@ pub fn f16_to_f32(half: u16) -> f32 {
 pub fn f32_to_f16(x: f32) -> u16 {
     let bits = x.to_bits();
     let (sign, magnitude) = (bits >> 16 & 0x8000, bits & 0x7fff_ffff);
-    let code = if magnitude > 0x7f80_0000 {
-        0x7e00
-    } else if magnitude >= 0x4780_0000 {
-        0x7c00
-    } else if magnitude < 0x3880_0000 {
-        // Subnormal: adding 0.5 aligns the number's units with the last place of 0.5, which is 2^-24.
-        (f32::from_bits(magnitude) + 0.5).to_bits() - 0x3f00_0000
-    } else {
-        // Rebias, and round by adding half of what is dropped, less one where the last kept bit is even.
-        (magnitude - 0x3800_0000 + 0x0fff + (magnitude >> 13 & 1)) >> 13
-    };
+    // All cases are computed and one is chosen, so that loops over lanes become vectors.
+    // Subnormal: adding 0.5 aligns the number's units with the last place of 0.5, which is 2^-24.
+    let small = (f32::from_bits(magnitude) + 0.5).to_bits().wrapping_sub(0x3f00_0000);
+    // Rebias, and round by adding half of what is dropped, less one where the last kept bit is even.
+    let usual = magnitude.wrapping_sub(0x3800_0000).wrapping_add(0x0fff + (magnitude >> 13 & 1)) >> 13;
+    let code = if magnitude < 0x3880_0000 { small } else { usual };
+    let code = if magnitude >= 0x4780_0000 { 0x7c00 } else { code };
+    let code = if magnitude > 0x7f80_0000 { 0x7e00 } else { code };
     (sign | code) as u16
 }
 

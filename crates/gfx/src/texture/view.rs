@@ -88,6 +88,9 @@ pub(super) struct Level {
     pub slice: u32,
     /// In columns of [`Texels::Unorm8`]: the first of the level, and from a slice or layer to the next.
     pub columns: [u32; 2],
+    /// What a filter needs of the level, as vectors load it: the bits of width and height as `f32`, stride, and where the level begins
+    /// ([`Texels::geometry`]).
+    pub flat: [u32; 4],
 }
 
 /// The texels of a view.
@@ -167,11 +170,16 @@ impl View {
             let slice_columns = stride * h.div_ceil(ROWS);
             columns += slice_columns * slices;
             let columns = [first_column, slice_columns];
-            levels.push(Level { size: [w, h, slices], offset, stride, slice: stride * h, columns });
+            levels.push(Level { size: [w, h, slices], offset, stride, slice: stride * h, columns, flat: [0; 4] });
         }
         let places = places as usize;
         let stencil = range.aspect == Aspect::StencilOnly || range.format == Format::Stencil8;
         let texels = Reader { words, image, range, levels: &levels, places, stencil }.read();
+        for level in &mut levels {
+            let [base, _] = texels.geometry(level);
+            let [w, h] = [level.size[0], level.size[1]].map(|n| (n as f32).to_bits());
+            level.flat = [w, h, level.stride, base];
+        }
         let kind = if stencil { TexelKind::Uint } else { range.format.kind() };
         Ok(View {
             dimension: range.dimension,
@@ -444,7 +452,8 @@ impl Reader<'_> {
             return Texels::Srgb8 { linear: linear_light(&codes), codes };
         }
         let count = self.levels.last().map_or(0, |l| l.columns[0] + l.columns[1] * l.size[2]);
-        let mut columns = vec![[0_u32; 4]; count as usize];
+        // One more than there are: who reads a place of the last reads eight words.
+        let mut columns = vec![[0_u32; 4]; count as usize + 1];
         for level in self.levels {
             let (height, stride) = (level.size[1] as usize, level.stride as usize);
             for slice in 0..level.size[2] as usize {

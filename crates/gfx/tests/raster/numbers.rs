@@ -51,6 +51,27 @@ fn each_lane(t: &Triangle, mut check: impl FnMut(f32, f32, f32, bool, [i64; 2], 
     }
 }
 
+/// Attributes of a run of quads are those of all quads there, and what is before and behind them stays.
+fn runs_of_quads(weights: &Weights, values: [f32; 3], random: &mut Random) {
+    let (a, b) = (random.between(0, QUADS as i32 + 1) as usize, random.between(0, QUADS as i32 + 1) as usize);
+    let quads = a.min(b)..a.max(b);
+    let mut all = Lanes::ZERO;
+    interpolate::attribute_uniform(weights, values, &mut all);
+    let before = Lanes(std::array::from_fn(|_| random.bits()));
+    let inside = |lane: usize| quads.contains(&(lane / 4));
+    let expected = Lanes(std::array::from_fn(|lane| if inside(lane) { all.0[lane] } else { before.0[lane] }));
+    let mut out = before;
+    interpolate::attribute_run(weights, quads.clone(), values, &mut out);
+    assert_eq!(out, expected, "{quads:?}");
+    #[cfg(target_arch = "x86_64")]
+    if gfx::simd::has_avx2() {
+        let mut out = before;
+        // SAFETY: the host has AVX2, which is all that the function requires.
+        unsafe { interpolate::attribute_run_avx2(weights, quads.clone(), values, &mut out) };
+        assert_eq!(out, expected, "{quads:?}");
+    }
+}
+
 #[test]
 fn mixed_batches_and_uniform_ones_give_the_same_bits() {
     let mut random = Random::new(3);
@@ -78,6 +99,7 @@ fn mixed_batches_and_uniform_ones_give_the_same_bits() {
             let values: [[f32; QUADS]; 3] = std::array::from_fn(|_| std::array::from_fn(|_| random.range(-2.0, 2.0)));
             let mut out = Lanes::ZERO;
             interpolate::attribute(&all, &values, &mut out);
+            runs_of_quads(&all, values.map(|values| values[0]), &mut random);
             for (q, site) in batch.iter().enumerate() {
                 let own: [u8; LANES] = std::array::from_fn(|i| if i < 4 { codes[4 * q + i] } else { 0 });
                 let place = if let Place::PerLane(_) = place { Place::PerLane(&own) } else { place };

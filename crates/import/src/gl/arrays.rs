@@ -102,6 +102,14 @@ fn components(scalar: Scalar, bytes: usize, element: &[u8]) -> ([f32; 4], [f32; 
         return (plain, plain);
     }
     let mut normalized = plain;
+    if scalar == Scalar::Ubyte {
+        // Colours.
+        for ((plain, normalized), &byte) in plain.iter_mut().zip(&mut normalized).zip(element) {
+            let value = f64::from(byte);
+            (*plain, *normalized) = (value as f32, scalar.normalized(value));
+        }
+        return (plain, normalized);
+    }
     for ((plain, normalized), bytes) in plain.iter_mut().zip(&mut normalized).zip(element.chunks_exact(bytes)) {
         let value = read(scalar, bytes);
         (*plain, *normalized) = (value as f32, scalar.normalized(value));
@@ -414,9 +422,21 @@ impl Gl {
             return Ok(());
         }
         let indices = &selection.numbers[..self.vertices_read(selection.numbers.len())];
-        let mut vertices = Vec::with_capacity(indices.len());
+        let mut vertices: Vec<Vertex> = Vec::with_capacity(indices.len());
+        // Most vertices are named several times: of each, the place of the first.
+        let most = indices.iter().max().map_or(0, |&most| most as usize);
+        let mut places = vec![u32::MAX; if most < 4 * indices.len() { most + 1 } else { 0 }];
         for &index in indices {
-            vertices.push(self.fetch(&ready, index)?);
+            let vertex = match places.get_mut(index as usize) {
+                Some(&mut place) if place != u32::MAX => vertices[place as usize].clone(),
+                first => {
+                    if let Some(place) = first {
+                        *place = vertices.len() as u32;
+                    }
+                    self.fetch(&ready, index)?
+                }
+            };
+            vertices.push(vertex);
         }
         if self.keep_draws && self.compiling.is_none() {
             let mut named = indices.to_vec();

@@ -116,6 +116,11 @@ pub trait Component: Copy {
     const ENDS: [Self; 2];
     /// Converts a value.
     fn of(value: f64) -> Self;
+
+    /// Appends texels of four bytes; `table` has the value of each byte.
+    fn extend(out: &mut Vec<[Self; 4]>, texels: &[[u8; 4]], table: &[Self; 256]) {
+        out.extend(texels.iter().map(|texel| texel.map(|code| table[usize::from(code)])));
+    }
 }
 
 impl Component for u8 {
@@ -123,6 +128,11 @@ impl Component for u8 {
 
     fn of(value: f64) -> u8 {
         byte(value)
+    }
+
+    /// A byte is its own value.
+    fn extend(out: &mut Vec<[u8; 4]>, texels: &[[u8; 4]], _: &[u8; 256]) {
+        out.extend_from_slice(texels);
     }
 }
 
@@ -187,7 +197,8 @@ pub fn unpack<T: Component>(store: &PixelStore, size: [u32; 3], format: u32, kin
     let row = if part >= align { row_pixels * pixel } else { (row_pixels * pixel).div_ceil(align) * align };
     let rows = if store.image_height > 0 { store.image_height as usize } else { height };
     let start = store.skip[0] as usize * pixel + store.skip[1] as usize * row + store.skip[2] as usize * row * rows;
-    let mut out = Vec::new();
+    // Memory is taken for no more texels than there are bytes.
+    let mut out = Vec::with_capacity((count as usize).min(bytes.len()));
     for z in 0..depth {
         for y in 0..height {
             let at = start + (z * rows + y) * row;
@@ -199,7 +210,7 @@ pub fn unpack<T: Component>(store: &PixelStore, size: [u32; 3], format: u32, kin
                 )));
             };
             if format == e::RGBA && kind == e::UNSIGNED_BYTE {
-                out.extend(line.chunks_exact(4).map(|p| [p[0], p[1], p[2], p[3]].map(|code| of_byte[usize::from(code)])));
+                T::extend(&mut out, line.as_chunks().0, &of_byte);
                 continue;
             }
             for texel in line.chunks_exact(pixel) {

@@ -147,6 +147,11 @@ pub fn open(
     let recording =
         Recording { path: path.to_path_buf(), apitrace, links, reading: *reading, frames, left_out: Mutex::default() };
     let most = recording.in_memory();
+    // What a long file has for its commands is longer as well: none of them would stay, and all would be read twice.
+    let long = || host::open(path, links).and_then(|file| file.metadata()).is_ok_and(|file| file.len() > most);
+    if survey == Survey::Start && long() {
+        return Ok((Trace::from_stream(path, Box::new(recording), reading.limits), None));
+    }
     let (trace, report) = recording.import(Keep::All { most, survey })?;
     Ok((trace.unwrap_or_else(|| Trace::from_stream(path, Box::new(recording), reading.limits)), report))
 }

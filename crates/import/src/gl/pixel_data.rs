@@ -184,7 +184,10 @@ impl Gl {
     pub fn kept(&self, base: Base, size: [u32; 3], [format, kind]: [u32; 2], bytes: &[u8]) -> Outcome<Vec<u8>> {
         let bounded = format == e::COLOR_INDEX;
         if !base.is_float() || bounded {
-            return Ok(base.keep(&self.texels(size, format, kind, bytes)?));
+            let texels = self.texels(size, format, kind, bytes)?;
+            // These are stored as they are.
+            let whole = matches!(base, Base::Rgba | Base::SrgbAlpha);
+            return Ok(if whole { texels.into_flattened() } else { base.keep(&texels) });
         }
         if !self.state.transfer.keeps_colors() {
             return Err(Fault::Unsupported("pixel transfer into floating-point textures".into()));

@@ -30,6 +30,11 @@ fn components([_, _, z, w]: [f32; 4]) -> usize {
     }
 }
 
+/// Whether two attributes differ. All components are compared: that takes less time than to stop at the first.
+fn differ<const N: usize>(a: [f32; N], b: [f32; N]) -> bool {
+    (0..N).fold(false, |differ, k| differ | (a[k] != b[k]))
+}
+
 impl Summary {
     /// The summary of these vertices, at least one.
     pub fn of(vertices: &[Vertex]) -> Summary {
@@ -45,14 +50,15 @@ impl Summary {
         for vertex in vertices {
             summary.position = summary.position.max(components(vertex.position));
             summary.opaque &= vertex.color[3] == 1.0;
-            varying.color |= vertex.color != first.color;
-            varying.normal |= vertex.normal != first.normal;
-            varying.secondary |= vertex.secondary != first.secondary;
-            varying.fog |= vertex.fog != first.fog;
+            // What has been found to differ is not compared again.
+            varying.color = varying.color || differ(vertex.color, first.color);
+            varying.normal = varying.normal || differ(vertex.normal, first.normal);
+            varying.secondary = varying.secondary || differ(vertex.secondary, first.secondary);
+            varying.fog = varying.fog || vertex.fog != first.fog;
             let shared = vertex.shares(first);
             for unit in 0..if shared { Vertex::UNSHARED } else { UNITS } {
                 let coordinates = vertex.texture(unit);
-                varying.texture[unit] |= coordinates != first.texture(unit);
+                varying.texture[unit] = varying.texture[unit] || differ(coordinates, first.texture(unit));
                 summary.texture[unit] = summary.texture[unit].max(components(coordinates));
             }
             if shared {

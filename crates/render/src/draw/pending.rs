@@ -4,18 +4,21 @@ use gfx::interpolate::Site;
 use gfx::setup::Triangle;
 use num::QUADS;
 
+/// Room for the quads of a batch, and for as many behind them: sixteen are stored at once ([`Pending::push_block_wide`]).
+const ROOM: usize = 2 * QUADS;
+
 /// Quads that wait to be shaded, in API order.
 #[derive(Default)]
 pub struct Pending {
     /// Number of quads.
     pub(super) n: usize,
-    pub(super) sites: [Site; QUADS],
+    pub(super) sites: [Site; ROOM],
     /// Place of each in the tile.
-    pub(super) at: [u32; QUADS],
+    pub(super) at: [u32; ROOM],
     /// Samples covered by geometry, scissor and sample mask.
-    pub(super) coverage: [u16; QUADS],
+    pub(super) coverage: [u16; ROOM],
     /// Samples that passed early tests.
-    pub(super) alive: [u16; QUADS],
+    pub(super) alive: [u16; ROOM],
     /// Pixels with such a sample, a lane each.
     pub(super) active: u64,
     /// Sample of each, where the program runs once a sample.
@@ -121,6 +124,84 @@ impl Pending {
         left
     }
 
+    /// [`Pending::push_block`] of what is not recorded, all quads at once.
+    ///
+    /// # Safety
+    /// The host has the instruction sets.
+    #[cfg(target_arch = "x86_64")]
+    #[target_feature(enable = "avx2,bmi1,bmi2,lzcnt,popcnt")]
+    #[inline]
+    pub fn push_block_wide(
+        &mut self,
+        slot: u32,
+        [x, y]: [u16; 2],
+        at: u32,
+        [coverage, alive]: [u64; 2],
+        left: u64,
+        front: bool,
+    ) -> u64 {
+        use std::arch::x86_64::*;
+        let n = self.n & (QUADS - 1);
+        let room = (QUADS - n) as u32;
+        // The first of the quads, their pixels, and what belongs to these side by side, four bits a quad.
+        let taken = if left.count_ones() <= room { left } else { _pdep_u64((1 << room) - 1, left) };
+        let pixels = taken * 15;
+        let numbers = _pext_u64(0xfedc_ba98_7654_3210, pixels);
+        let (coverage, alive) = (_pext_u64(coverage, pixels), _pext_u64(alive, pixels));
+        // A byte a quad.
+        let bytes = |of: u64| {
+            const LOW: u64 = 0x0f0f_0f0f_0f0f_0f0f;
+            _mm_set_epi64x(_pdep_u64(of >> 32, LOW) as i64, _pdep_u64(of, LOW) as i64)
+        };
+        let quads = bytes(numbers);
+        let wide = _mm256_cvtepu8_epi16(quads);
+        let six = _mm256_set1_epi16(6);
+        let xs = _mm256_add_epi16(_mm256_set1_epi16(x as i16), _mm256_and_si256(_mm256_slli_epi16::<1>(wide), six));
+        let ys = _mm256_add_epi16(_mm256_set1_epi16(y as i16), _mm256_and_si256(_mm256_srli_epi16::<1>(wide), six));
+        // Places of quads 0 to 3 and 8 to 11, then of 4 to 7 and 12 to 15, each behind its triangle.
+        let slots = _mm256_set1_epi32(slot as i32);
+        let (first, second) = (_mm256_unpacklo_epi16(xs, ys), _mm256_unpackhi_epi16(xs, ys));
+        let (a, b) = (_mm256_unpacklo_epi32(slots, first), _mm256_unpackhi_epi32(slots, first));
+        let (c, d) = (_mm256_unpacklo_epi32(slots, second), _mm256_unpackhi_epi32(slots, second));
+        let sites: [Site; QUADS] = bytemuck::cast([
+            _mm256_permute2x128_si256::<0x20>(a, b),
+            _mm256_permute2x128_si256::<0x20>(c, d),
+            _mm256_permute2x128_si256::<0x31>(a, b),
+            _mm256_permute2x128_si256::<0x31>(c, d),
+        ]);
+        let first = _mm256_set1_epi32(at as i32);
+        let places: [u32; QUADS] = bytemuck::cast([
+            _mm256_add_epi32(first, _mm256_cvtepu8_epi32(quads)),
+            _mm256_add_epi32(first, _mm256_cvtepu8_epi32(_mm_srli_si128::<8>(quads))),
+        ]);
+        let samples = |of: u64| -> [u16; QUADS] { bytemuck::cast(_mm256_cvtepu8_epi16(bytes(of))) };
+        // What is written beyond the ends does not count.
+        self.sites[n..n + QUADS].copy_from_slice(&sites);
+        self.at[n..n + QUADS].copy_from_slice(&places);
+        self.coverage[n..n + QUADS].copy_from_slice(&samples(coverage));
+        self.alive[n..n + QUADS].copy_from_slice(&samples(alive));
+        self.active |= alive << (4 * n);
+        let end = n + taken.count_ones() as usize;
+        if !front {
+            self.back |= ((1_u32 << end) - (1_u32 << n)) as u16;
+        }
+        self.ends[slot as usize & (QUADS - 1)] = end as u8;
+        self.n = end;
+        left & !taken
+    }
+
+    /// Places of the quads in the tile.
+    #[inline(always)]
+    pub fn places(&self) -> &[u32; QUADS] {
+        self.at.first_chunk().expect("room for a batch")
+    }
+
+    /// Samples of the quads that passed early tests.
+    #[inline(always)]
+    pub fn passed(&self) -> &[u16; QUADS] {
+        self.alive.first_chunk().expect("room for a batch")
+    }
+
     /// Adds a quad if any of it is `alive`, without a branch. There is room. `same`: it is of the last triangle that was added;
     /// else the one named is added. Returns whether it was.
     #[cfg(target_arch = "x86_64")]
@@ -180,4 +261,46 @@ pub(super) fn pixels(coverage: u16) -> u64 {
 #[inline(always)]
 pub(super) fn lanes(coverage: &[u16]) -> u64 {
     coverage.iter().enumerate().fold(0, |all, (q, &c)| all | pixels(c) << (4 * q))
+}
+
+#[cfg(all(test, target_arch = "x86_64"))]
+mod tests {
+    use super::*;
+    use num::Random;
+
+    #[test]
+    fn blocks_are_added_at_once_as_quad_by_quad() {
+        if !gfx::simd::has_avx2() {
+            return;
+        }
+        let mut random = Random::new(7);
+        for _ in 0..20_000 {
+            let (mut one, mut all) = (Pending::default(), Pending::default());
+            while !one.is_full() {
+                let mut bits = || u64::from(random.bits()) << 32 | u64::from(random.bits());
+                let coverage = match bits() % 4 {
+                    0 => u64::MAX,
+                    1 => bits() & bits() & bits(),
+                    _ => bits(),
+                };
+                let alive = coverage & if bits() % 2 == 0 { u64::MAX } else { bits() };
+                let quads = (alive | alive >> 1 | alive >> 2 | alive >> 3) & 0x1111_1111_1111_1111;
+                let (place, at) = ([8 * (bits() % 2048) as u16, 8 * (bits() % 2048) as u16], 16 * (bits() % 64) as u32);
+                let front = bits() % 2 == 0;
+                if quads == 0 {
+                    continue;
+                }
+                let slot = one.add_triangle(0, 0);
+                assert_eq!(all.add_triangle(0, 0), slot);
+                let left = one.push_block::<false>(slot, place, at, (0, 0), [coverage, alive], quads, front);
+                // SAFETY: the host has the instruction sets.
+                let also = unsafe { all.push_block_wide(slot, place, at, [coverage, alive], quads, front) };
+                assert_eq!((left, one.n, one.active, one.back, one.ends), (also, all.n, all.active, all.back, all.ends));
+                assert_eq!(one.sites[..one.n], all.sites[..one.n]);
+                assert_eq!(one.at[..one.n], all.at[..one.n]);
+                assert_eq!(one.coverage[..one.n], all.coverage[..one.n]);
+                assert_eq!(one.alive[..one.n], all.alive[..one.n]);
+            }
+        }
+    }
 }

@@ -18,18 +18,19 @@ impl TileRun<'_, '_, '_> {
         {
             #[target_feature(enable = "avx2,bmi1,bmi2,lzcnt,popcnt")]
             fn wide<const S: usize, const RECORD: bool>(run: &mut TileRun<'_, '_, '_>) {
-                run.flush_here::<S, RECORD>();
+                run.flush_here::<S, RECORD, true>();
             }
             if gfx::simd::has_avx2() {
                 // SAFETY: the host has every instruction set that the function is compiled for.
                 return unsafe { wide::<S, RECORD>(self) };
             }
         }
-        self.flush_here::<S, RECORD>();
+        self.flush_here::<S, RECORD, false>();
     }
 
+    /// `WIDE`: the caller is compiled for AVX2 and its companions.
     #[inline(always)]
-    fn flush_here<const S: usize, const RECORD: bool>(&mut self) {
+    fn flush_here<const S: usize, const RECORD: bool, const WIDE: bool>(&mut self) {
         let n = self.pending.n;
         if n == 0 || self.fault.is_some() {
             self.pending.clear();
@@ -41,7 +42,7 @@ impl TileRun<'_, '_, '_> {
         self.counts.quads_shaded += n as u64;
         self.counts.fragments_shaded += u64::from(active.count_ones());
         self.counts.helper_fragments += u64::from((present & !active).count_ones());
-        self.interpolate::<S>();
+        self.interpolate::<S, WIDE>();
         let helpers = if frame.helpers { present & !active } else { 0 };
         let Some(bound) = &mut self.bound else { return };
         let outcome = if RECORD { bound.run_recorded(active, helpers, self.recorder) } else { bound.run(active, helpers) };
@@ -53,7 +54,7 @@ impl TileRun<'_, '_, '_> {
                 return;
             }
         };
-        let mut kept = self.pending.alive;
+        let mut kept = *self.pending.passed();
         kept[n..].fill(0);
         if frame.shrinks {
             self.shrink::<S>(survivors, &mut kept);
@@ -69,7 +70,7 @@ impl TileRun<'_, '_, '_> {
             self.late_depths::<S>(&mut codes);
             if let Some(tile) = &mut self.job.depth {
                 tile.materialise(frame.depth_words);
-                state.test_batch(S, n, self.pending.back, &self.pending.at, &codes, tile.codes, &mut kept);
+                state.test_batch(S, n, self.pending.back, self.pending.places(), &codes, tile.codes, &mut kept);
             }
             self.counts.fragments_late_failed += u64::from((lanes(&before) & !lanes(&kept)).count_ones());
         }
@@ -101,7 +102,7 @@ impl TileRun<'_, '_, '_> {
                 continue;
             }
             let color = colors(bound, target.output);
-            let at = &self.pending.at;
+            let at = pending.places();
             match target.second {
                 None => target.state.blend_batch(S, n, at, kept, color, color, tile.codes),
                 Some(second) => {
@@ -161,7 +162,7 @@ impl TileRun<'_, '_, '_> {
 
     /// Writes the inputs of the fragment program.
     #[inline(always)]
-    fn interpolate<const S: usize>(&mut self) {
+    fn interpolate<const S: usize, const WIDE: bool>(&mut self) {
         let frame = self.frame;
         let pending = &*self.pending;
         let n = pending.n;
@@ -220,7 +221,7 @@ impl TileRun<'_, '_, '_> {
                     let [a, b, c] = corners.vertices.map(words);
                     for &(register, word) in &class.inputs {
                         let values = [a[word], b[word], c[word]].map(f32::from_bits);
-                        interpolate::attribute_run(weights, start..end, values, bound.register_mut(register));
+                        attribute::<WIDE>(weights, start..end, values, bound.register_mut(register));
                     }
                 }
                 start = end;
@@ -333,6 +334,17 @@ impl TileRun<'_, '_, '_> {
         record.work.payload.resize(first + 4 * frame.payload_words * pending.n, 0);
         payload::<S>(frame, bound, &mut record.work.payload[first..]);
     }
+}
+
+/// One attribute component of the quads of one triangle. `WIDE`: the caller is compiled for AVX2 and its companions.
+#[inline(always)]
+fn attribute<const WIDE: bool>(weights: &Weights, quads: std::ops::Range<usize>, values: [f32; 3], out: &mut Lanes) {
+    #[cfg(target_arch = "x86_64")]
+    if WIDE {
+        // SAFETY: `flush` has found the instruction sets on this host.
+        return unsafe { interpolate::attribute_run_avx2(weights, quads, values, out) };
+    }
+    interpolate::attribute_run(weights, quads, values, out);
 }
 
 /// Depths and colours of the batch's quads, as `work::Draw` describes them.

@@ -396,16 +396,16 @@ impl TileRun<'_, '_, '_> {
             let first = block_in_tile(block.x, block.y) as u32 * 16;
             while left != 0 {
                 let slot = self.slot(triangle);
+                let (place, pixels, front) = ([block.x, block.y], [covered, alive], triangle.front);
+                #[cfg(target_arch = "x86_64")]
+                if WIDE && !RECORD {
+                    // SAFETY: `dispatch` has found the instruction sets on this host.
+                    left = unsafe { self.pending.push_block_wide(slot, place, first, pixels, left, front) };
+                    self.flush_if_full::<S, RECORD>();
+                    continue;
+                }
                 let record = (quads, first_record);
-                left = self.pending.push_block::<RECORD>(
-                    slot,
-                    [block.x, block.y],
-                    first,
-                    record,
-                    [covered, alive],
-                    left,
-                    triangle.front,
-                );
+                left = self.pending.push_block::<RECORD>(slot, place, first, record, pixels, left, front);
                 self.flush_if_full::<S, RECORD>();
             }
             return true;

@@ -2,7 +2,7 @@
 
 use std::arch::x86_64::*;
 
-use super::{FIXED_ONE, Geometry, Places, Plan, QuadLevels, needs_rho, plan};
+use super::{FIXED_ONE, Geometry, Places, Plan, QuadLevels, following, needs_rho, plan};
 use crate::state::AddressMode;
 use crate::texture::view::{Level, Texels};
 use crate::texture::{Sample, Sampler, View};
@@ -31,27 +31,41 @@ pub(super) fn sample(view: &View, sampler: &Sampler, args: &Sample<'_>, found: &
     if needs_rho(view, args) {
         quad_rho(view, args, &mut rho);
     }
-    let plan = plan(view, sampler, args, &rho, found);
+    let mut each = None;
+    let plan = plan(view, sampler, args, &rho, found, &mut each);
     let address = [sampler.address[0], sampler.address[1]];
     let coords = [args.coords[0].f32(), args.coords[1].f32()];
     match (&view.texels, &plan.places) {
         (Texels::Unorm8(columns), places) => {
             let words = columns.as_flattened();
-            match places {
-                Places::Same(_) => filter::<false, true>(view, words, address, coords, &plan, out),
-                Places::Each(_) => filter::<false, false>(view, words, address, coords, &plan, out),
+            match (places, address) {
+                // Most textures repeat: no choice is left in the loop.
+                (Places::Same(_), REPEATS) => filter::<false, SAME>(view, words, REPEATS, coords, &plan, out),
+                (Places::Quads(_), REPEATS) => filter::<false, QUAD>(view, words, REPEATS, coords, &plan, out),
+                (Places::Same(_), _) => filter::<false, SAME>(view, words, address, coords, &plan, out),
+                (Places::Quads(_), _) => filter::<false, QUAD>(view, words, address, coords, &plan, out),
+                (Places::Each(_), _) => filter::<false, LANE>(view, words, address, coords, &plan, out),
             }
         }
         (Texels::Srgb8 { linear, .. }, places) => {
             let words = bytemuck::cast_slice(linear);
             match places {
-                Places::Same(_) => filter::<true, true>(view, words, address, coords, &plan, out),
-                Places::Each(_) => filter::<true, false>(view, words, address, coords, &plan, out),
+                Places::Same(_) => filter::<true, SAME>(view, words, address, coords, &plan, out),
+                Places::Quads(_) => filter::<true, QUAD>(view, words, address, coords, &plan, out),
+                Places::Each(_) => filter::<true, LANE>(view, words, address, coords, &plan, out),
             }
         }
         _ => {}
     }
 }
+
+/// The address mode of most textures.
+const REPEATS: [AddressMode; 2] = [AddressMode::Repeat; 2];
+
+/// Whose levels a filter looks for: those of all lanes, of each quad, of each lane ([`Places`]).
+const SAME: u8 = 0;
+const QUAD: u8 = 1;
+const LANE: u8 = 2;
 
 /// [`crate::texture::lod::quad_rho`].
 #[target_feature(enable = "avx2")]
@@ -84,7 +98,8 @@ fn quad_rho(view: &View, args: &Sample<'_>, out: &mut [f32; QUADS]) {
 }
 
 #[target_feature(enable = "avx2")]
-fn filter<const SRGB: bool, const SAME: bool>(
+#[inline]
+fn filter<const SRGB: bool, const OF: u8>(
     view: &View,
     words: &[u32],
     address: [AddressMode; 2],
@@ -95,21 +110,26 @@ fn filter<const SRGB: bool, const SAME: bool>(
     let scale = _mm256_set1_ps(1.0 / FIXED_ONE);
     let low = _mm256_set1_epi32(0xffff);
     let same = match &plan.places {
-        Places::Same([first, second]) => [splat(&view.texels, first), splat(&view.texels, second)],
-        Places::Each(levels) => [load(&levels[0], 0), load(&levels[1], 0)],
+        Places::Same([first, second]) if OF == SAME => [two(first, first), two(second, second)],
+        _ => [two(&view.levels[0], &view.levels[0]); 2],
     };
     let flat = |level: usize, chunk: usize| match &plan.places {
-        Places::Each(levels) if !SAME => load(&levels[level], chunk),
+        Places::Quads(first) if OF == QUAD => {
+            let of_quad = |q: usize| &view.levels[if level == 0 { first[q] } else { following(view, first[q]) } as usize];
+            two(of_quad(2 * chunk), of_quad(2 * chunk + 1))
+        }
+        Places::Each(levels) if OF == LANE => load(&levels[level], chunk),
         _ => same[level],
     };
     for chunk in 0..LANES / 8 {
         let at = [fold(address[0], floats(coords[0], chunk)), fold(address[1], floats(coords[1], chunk))];
         let mut value = bilinear::<SRGB>(words, address, at, &flat(0, chunk));
-        if plan.blend {
+        // Two quads that are enlarged, or in the last level, read no second one.
+        let weights = [plan.weight[2 * chunk], plan.weight[2 * chunk + 1]];
+        if plan.blend && (!plan.by_quad || weights != [0.0; 2]) {
             let second = bilinear::<SRGB>(words, address, at, &flat(1, chunk));
             let weight = if plan.by_quad {
-                let of_quad = |q: usize| _mm_set1_ps(plan.weight[q]);
-                _mm256_set_m128(of_quad(2 * chunk + 1), of_quad(2 * chunk))
+                _mm256_set_m128(_mm_set1_ps(weights[1]), _mm_set1_ps(weights[0]))
             } else {
                 floats(&plan.weight, chunk)
             };
@@ -128,14 +148,16 @@ fn filter<const SRGB: bool, const SAME: bool>(
     }
 }
 
+/// The geometry of two quads' levels.
 #[target_feature(enable = "avx2")]
 #[inline]
-fn splat(texels: &Texels, level: &Level) -> Flat {
+fn two(first: &Level, second: &Level) -> Flat {
+    let flat: __m256 = bytemuck::cast([first.flat, second.flat]);
     Flat {
-        width: _mm256_set1_ps(level.size[0] as f32),
-        height: _mm256_set1_ps(level.size[1] as f32),
-        stride: _mm256_set1_epi32(level.stride as i32),
-        base: _mm256_set1_epi32(texels.geometry(level)[0] as i32),
+        width: _mm256_permute_ps::<0b00_00_00_00>(flat),
+        height: _mm256_permute_ps::<0b01_01_01_01>(flat),
+        stride: _mm256_castps_si256(_mm256_permute_ps::<0b10_10_10_10>(flat)),
+        base: _mm256_castps_si256(_mm256_permute_ps::<0b11_11_11_11>(flat)),
     }
 }
 
@@ -220,7 +242,7 @@ fn bilinear<const SRGB: bool>(words: &[u32], address: [AddressMode; 2], at: [__m
         let below = _mm256_blendv_epi8(beyond, next, inside);
         // Texels of two words.
         let word = |row: __m256i| _mm256_slli_epi32::<1>(_mm256_add_epi32(left, _mm256_mullo_epi32(row, level.stride)));
-        let (c, d) = (gather::<2>(words, word(y)), gather::<2>(words, word(below)));
+        let (c, d) = (pairs(words, word(y)), pairs(words, word(below)));
         (
             mix(Values { rb: c[0], ga: c[1] }, Values { rb: c[2], ga: c[3] }, x_weight),
             mix(Values { rb: d[0], ga: d[1] }, Values { rb: d[2], ga: d[3] }, x_weight),
@@ -230,7 +252,7 @@ fn bilinear<const SRGB: bool>(words: &[u32], address: [AddressMode; 2], at: [__m
         let group = _mm256_srli_epi32::<1>(_mm256_mulhi_epu16(y, _mm256_set1_epi32(43_691)));
         let row = _mm256_sub_epi32(y, _mm256_add_epi32(group, _mm256_add_epi32(group, group)));
         let column = _mm256_add_epi32(left, _mm256_mullo_epi32(group, level.stride));
-        let c = gather::<4>(words, _mm256_add_epi32(_mm256_slli_epi32::<2>(column), row));
+        let c = corners(words, _mm256_add_epi32(_mm256_slli_epi32::<2>(column), row));
         (mix(spread(c[0]), spread(c[2]), x_weight), mix(spread(c[1]), spread(c[3]), x_weight))
     };
     mix(upper, lower, y_weight)
@@ -260,33 +282,49 @@ fn mix_half(a: __m256i, b: __m256i, weight: __m256i) -> __m256i {
     _mm256_add_epi16(a, _mm256_mulhrs_epi16(_mm256_sub_epi16(b, a), weight))
 }
 
-/// Two words at each lane's place and two `STEP` words further on, transposed: the first word of all lanes, the second, and so
-/// on. Zeros where a place is outside, as none of a level is.
+/// The places of lanes if `count` words from each of them on lie in the slice, as those of a level do.
 #[target_feature(enable = "avx2")]
 #[inline]
-fn gather<const STEP: usize>(words: &[u32], places: __m256i) -> [__m256i; 4] {
+fn inside(words: &[u32], places: __m256i, count: i32) -> Option<[u32; 8]> {
     // One comparison for all lanes: a check of each took a third of the filter's instructions. Places are compared as signed
     // numbers, so that one beyond 2^31 is outside as well.
-    let end = i32::try_from(words.len()).unwrap_or(i32::MAX).saturating_sub(STEP as i32 + 1);
+    let end = i32::try_from(words.len()).unwrap_or(i32::MAX).saturating_sub(count - 1);
     let inside =
         _mm256_and_si256(_mm256_cmpgt_epi32(_mm256_set1_epi32(end), places), _mm256_cmpgt_epi32(places, _mm256_set1_epi32(-1)));
-    if _mm256_movemask_epi8(inside) != -1 {
-        return [_mm256_setzero_si256(); 4];
-    }
-    let places: [u32; 8] = bytemuck::cast(places);
-    let lane = |lane: usize| {
-        // SAFETY: every place is at least 0 and less than `words.len() - (STEP + 1)`: so the comparison above says. Two words
-        // there, and two from `STEP` words further on, lie in the slice. The loads need no alignment.
-        unsafe {
-            let at = words.as_ptr().add(places[lane] as usize);
-            if STEP == 2 {
-                _mm_loadu_si128(at.cast())
-            } else {
-                let low = _mm_castsi128_pd(_mm_loadl_epi64(at.cast()));
-                _mm_castpd_si128(_mm_loadh_pd(low, at.add(STEP).cast()))
-            }
-        }
-    };
+    (_mm256_movemask_epi8(inside) == -1).then(|| bytemuck::cast(places))
+}
+
+/// The four texels of a filter in columns, of all lanes: the upper left, lower left, upper right, lower right. Zeros where a place is outside.
+#[target_feature(enable = "avx2")]
+#[inline]
+fn corners(words: &[u32], places: __m256i) -> [__m256i; 4] {
+    let Some(places) = inside(words, places, 8) else { return [_mm256_setzero_si256(); 4] };
+    // By way of memory: what takes lanes out of a register is what transposes words, of which there is one a cycle.
+    let places = std::hint::black_box(places);
+    // SAFETY: every place is at least 0 and at most `words.len() - 8`: so `inside` says. Eight words from there on lie in the slice. The load
+    // needs no alignment.
+    let lane = |lane: usize| unsafe { _mm256_loadu_si256(words.as_ptr().add(places[lane] as usize).cast()) };
+    // A column in each half, of which the first two words are wanted.
+    let two = |i: usize| _mm256_unpacklo_epi32(lane(i), lane(i + 1));
+    let (a, b, c, d) = (two(0), two(2), two(4), two(6));
+    let (upper, lower) = (_mm256_unpacklo_epi64(a, b), _mm256_unpackhi_epi64(a, b));
+    let (upper_behind, lower_behind) = (_mm256_unpacklo_epi64(c, d), _mm256_unpackhi_epi64(c, d));
+    [
+        _mm256_permute2x128_si256::<0x20>(upper, upper_behind),
+        _mm256_permute2x128_si256::<0x20>(lower, lower_behind),
+        _mm256_permute2x128_si256::<0x31>(upper, upper_behind),
+        _mm256_permute2x128_si256::<0x31>(lower, lower_behind),
+    ]
+}
+
+/// Four words at each lane's place, transposed: the first word of all lanes, the second, and so on. Zeros where a place is outside.
+#[target_feature(enable = "avx2")]
+#[inline]
+fn pairs(words: &[u32], places: __m256i) -> [__m256i; 4] {
+    let Some(places) = inside(words, places, 4) else { return [_mm256_setzero_si256(); 4] };
+    // SAFETY: every place is at least 0 and at most `words.len() - 4`: so `inside` says. Four words from there on lie in the slice. The load
+    // needs no alignment.
+    let lane = |lane: usize| unsafe { _mm_loadu_si128(words.as_ptr().add(places[lane] as usize).cast()) };
     let row = |i: usize| _mm256_set_m128i(lane(i + 4), lane(i));
     let (r0, r1, r2, r3) = (row(0), row(1), row(2), row(3));
     let (a, b) = (_mm256_unpacklo_epi32(r0, r1), _mm256_unpackhi_epi32(r0, r1));

@@ -19,12 +19,13 @@ use crate::state::AddressMode;
 use num::{LANES, Lanes, QUADS};
 
 /// Where the lanes read, in the first and in the second level.
-#[expect(clippy::large_enum_variant, reason = "made once a batch, which must not allocate; never moved")]
 enum Places<'a> {
     /// All in the same levels, of which there is one layer.
     Same([&'a Level; 2]),
+    /// Each quad in levels of its own, of which there is one layer: the first of each.
+    Quads([u32; QUADS]),
     /// Each lane for itself.
-    Each([Geometry; 2]),
+    Each(&'a [Geometry; 2]),
 }
 
 /// What is read, and how levels are weighted.
@@ -54,7 +55,8 @@ fn needs_rho(view: &View, args: &Sample<'_>) -> bool {
     view.levels.len() > 1 && matches!(args.lod, Lod::Auto)
 }
 
-/// Finds levels and weights; `rho` is [`quad_rho`] where [`needs_rho`] says so. `found` receives those of quads.
+/// Finds levels and weights; `rho` is [`quad_rho`] where [`needs_rho`] says so. `found` receives those of quads, `each` the geometry of lanes:
+/// it would be copied in what is returned.
 #[inline(always)]
 fn plan<'a>(
     view: &'a View,
@@ -62,12 +64,16 @@ fn plan<'a>(
     args: &Sample<'_>,
     rho: &[f32; QUADS],
     found: &mut Option<QuadLevels>,
+    each: &'a mut Option<[Geometry; 2]>,
 ) -> Plan<'a> {
     let mut plan = Plan { places: Places::Same([&view.levels[0]; 2]), weight: [0.0; LANES], by_quad: true, blend: false };
     let mut first = [0_u32; LANES];
     if needs_rho(view, args) {
         // A quad has one level of detail.
         let found = found.insert(QuadLevels::default());
+        if args.layer.is_none() && sampler.lod_min <= 0.0 && enlarged(rho) {
+            return plan;
+        }
         found.find(view, sampler, rho);
         let QuadLevels { first: level, weight } = &*found;
         plan.weight[..QUADS].copy_from_slice(weight);
@@ -77,9 +83,12 @@ fn plan<'a>(
             most = if weight[q] > most { weight[q] } else { most };
         }
         plan.blend = most > 0.0;
-        if different == 0 && args.layer.is_none() {
+        if args.layer.is_none() {
             let second = following(view, level[0]);
-            plan.places = Places::Same([&view.levels[level[0] as usize], &view.levels[second as usize]]);
+            plan.places = match different {
+                0 => Places::Same([&view.levels[level[0] as usize], &view.levels[second as usize]]),
+                _ => Places::Quads(*level),
+            };
             return plan;
         }
         for i in 0..LANES {
@@ -96,8 +105,15 @@ fn plan<'a>(
         *level = following(view, *level);
     }
     let geometry = |level: &[u32; LANES]| Geometry::new(view, args, level, plan.by_quad);
-    plan.places = Places::Each([geometry(&first), geometry(&second)]);
+    plan.places = Places::Each(each.insert([geometry(&first), geometry(&second)]));
     plan
+}
+
+/// Whether a texture is enlarged in all quads: their levels of detail are below 0 by more than a logarithm can be off, and all of them read the
+/// first level alone, as [`QuadLevels::find`] would say. None is where one has no number.
+#[inline(always)]
+fn enlarged(rho: &[f32; QUADS]) -> bool {
+    rho.iter().fold(true, |all, &rho| all & (rho < 0.98))
 }
 
 /// A weight in [0, 1) in 15 bits, to nearest.
@@ -118,12 +134,17 @@ pub(super) fn sample_lanes(
     if needs_rho(view, args) {
         quad_rho(view, args, &mut rho);
     }
-    let plan = plan(view, sampler, args, &rho, found);
+    let mut each = None;
+    let plan = plan(view, sampler, args, &rho, found, &mut each);
     let address = [sampler.address[0], sampler.address[1]];
     for i in 0..LANES {
         let at = [fold(address[0], args.coords[0].f32()[i]), fold(address[1], args.coords[1].f32()[i])];
         let level = |n: usize| match &plan.places {
-            Places::Same(levels) => Flat::of(&view.texels, levels[n]),
+            Places::Same(levels) => Flat::of(levels[n]),
+            Places::Quads(first) => {
+                let first = first[i / 4];
+                Flat::of(&view.levels[if n == 0 { first } else { following(view, first) } as usize])
+            }
             Places::Each(levels) => Flat::lane(&levels[n], i),
         };
         let mut value = bilinear(&view.texels, address, at, level(0));
@@ -148,9 +169,9 @@ struct Flat {
 }
 
 impl Flat {
-    fn of(texels: &Texels, level: &Level) -> Flat {
-        let [base, _] = texels.geometry(level);
-        Flat { width: level.size[0] as f32, height: level.size[1] as f32, stride: level.stride, base }
+    fn of(level: &Level) -> Flat {
+        let [width, height, stride, base] = level.flat;
+        Flat { width: f32::from_bits(width), height: f32::from_bits(height), stride, base }
     }
 
     fn lane(level: &Geometry, i: usize) -> Flat {

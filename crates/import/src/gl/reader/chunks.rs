@@ -90,16 +90,14 @@ impl Chunks {
     fn refill(&mut self) -> Result<(), Stop> {
         self.before += self.piece.len() as u64;
         self.at = 0;
-        self.piece.clear();
+        let mut room = std::mem::take(&mut self.piece);
         let broken = |what: &str, error: &dyn std::fmt::Display| Stop::broken(format!("{what}: {error}"));
         while self.piece.is_empty() {
             match &mut self.packing {
                 Packing::Stream(stream) => {
-                    stream
-                        .take(PIECE as u64)
-                        .read_to_end(&mut self.piece)
-                        .map_err(|error| broken("cannot be expanded", &error))?;
-                    if self.piece.is_empty() {
+                    room.clear();
+                    stream.take(PIECE as u64).read_to_end(&mut room).map_err(|error| broken("cannot be expanded", &error))?;
+                    if room.is_empty() {
                         return Err(Stop::End);
                     }
                 }
@@ -128,12 +126,13 @@ impl Chunks {
                     if expanded > CHUNK_MAX.min(length.saturating_mul(64)) {
                         return Err(Stop::broken(format!("a Snappy chunk of {length} bytes claims to expand to {expanded}")));
                     }
-                    self.piece.resize(expanded, 0);
-                    let done =
-                        decoder.decompress(&self.packed, &mut self.piece).map_err(|error| broken("a Snappy chunk", &error))?;
-                    self.piece.truncate(done);
+                    // What was there is written over: only what is longer than the piece before is cleared first.
+                    room.resize(expanded, 0);
+                    let done = decoder.decompress(&self.packed, &mut room).map_err(|error| broken("a Snappy chunk", &error))?;
+                    room.truncate(done);
                 }
             }
+            self.piece = std::mem::take(&mut room);
         }
         self.limits.trace_bytes.check(self.before + self.piece.len() as u64).map_err(|error| Stop::broken(error.to_string()))
     }

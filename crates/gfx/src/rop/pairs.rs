@@ -1,0 +1,282 @@
+//! Four 8-bit channels, replaced or blended in codes, two quads at a time in AVX2 registers: the operations of [`super::number`].
+//!
+//! A register has a pixel in each of eight words, two channels of it in 16 bits each: the first and the third, or the second and alpha. Factors
+//! are data and not branches. What the compiler made of loops over arrays of 64 pixels (every step through memory) took three times the
+//! instructions.
+
+use std::arch::x86_64::*;
+
+use super::select_mask;
+use crate::state::{BlendComponent, BlendFactor, BlendOp};
+use num::{Lanes, QUADS};
+
+/// A register for the first and third channel, and one for the second and alpha.
+type Pair = [__m256i; 2];
+
+/// What a factor may name: the source, its alpha, what is stored, its alpha, the constant, its alpha.
+type Rows = [Pair; 6];
+const SOURCE: u8 = 0;
+const STORED: u8 = 2;
+const CONSTANT: u8 = 4;
+
+/// Two codes of 1 in a word.
+const ONES: u32 = 0x00ff_00ff;
+/// The upper of them.
+const UPPER: u32 = 0xffff_0000;
+
+/// A factor: the numbers of a row for the colour and of one for alpha, as far as they are kept, or what they lack to 1.
+#[derive(Clone, Copy, Debug, PartialEq)]
+struct Factor {
+    color: u8,
+    alpha: u8,
+    keep: [u32; 2],
+    flip: [u32; 2],
+}
+
+impl Factor {
+    /// None where a factor is the lesser of two numbers, or names the second source.
+    fn of([color, alpha]: [BlendFactor; 2]) -> Option<Factor> {
+        // A row, whether it is kept, whether what it lacks is meant.
+        let one = |factor: BlendFactor, is_alpha: bool| {
+            Some(match factor {
+                // Times 255 is exact: the nearest integer to `255 x / 255`.
+                BlendFactor::Zero => (SOURCE, false, false),
+                BlendFactor::One => (SOURCE, false, true),
+                BlendFactor::SrcAlphaSaturated if is_alpha => (SOURCE, false, true),
+                BlendFactor::Src => (SOURCE, true, false),
+                BlendFactor::OneMinusSrc => (SOURCE, true, true),
+                BlendFactor::SrcAlpha => (SOURCE + 1, true, false),
+                BlendFactor::OneMinusSrcAlpha => (SOURCE + 1, true, true),
+                BlendFactor::Dst => (STORED, true, false),
+                BlendFactor::OneMinusDst => (STORED, true, true),
+                BlendFactor::DstAlpha => (STORED + 1, true, false),
+                BlendFactor::OneMinusDstAlpha => (STORED + 1, true, true),
+                BlendFactor::Constant => (CONSTANT, true, false),
+                BlendFactor::OneMinusConstant => (CONSTANT, true, true),
+                BlendFactor::SrcAlphaSaturated
+                | BlendFactor::Src1
+                | BlendFactor::OneMinusSrc1
+                | BlendFactor::Src1Alpha
+                | BlendFactor::OneMinusSrc1Alpha => return None,
+            })
+        };
+        let (color, alpha) = (one(color, false)?, one(alpha, true)?);
+        let words = |color: bool, alpha: bool| {
+            let of = |which: bool| if which { ONES } else { 0 };
+            [of(color), of(color) & !UPPER | of(alpha) & UPPER]
+        };
+        let (keep, flip) = (words(color.1, alpha.1), words(color.2, alpha.2));
+        Some(Factor { color: color.0, alpha: alpha.0, keep, flip })
+    }
+
+    /// Whether it is 0 for all channels.
+    fn is_zero(&self) -> bool {
+        [self.keep, self.flip] == [[0; 2]; 2]
+    }
+}
+
+/// What becomes of the source.
+#[derive(Clone, Copy, Debug, PartialEq)]
+enum Way {
+    Replace,
+    /// The source times a factor.
+    Source(Factor),
+    /// What is stored times a factor.
+    Stored(Factor),
+    Add([Factor; 2]),
+    Subtract([Factor; 2]),
+    ReverseSubtract([Factor; 2]),
+}
+
+/// The state of a target with four 8-bit channels, not sRGB.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct Pairs {
+    way: Way,
+    bgra: bool,
+    /// Codes of the constant.
+    constant: [u16; 4],
+    /// Bits that are written.
+    bits: u32,
+}
+
+impl Pairs {
+    /// The source replaces what is stored.
+    pub(super) fn replace(bgra: bool, bits: u32) -> Pairs {
+        Pairs { way: Way::Replace, bgra, constant: [0; 4], bits }
+    }
+
+    /// The source is blended; none where the equation is another: two operations, minimum and maximum, or a factor that [`Factor`] is not.
+    pub(super) fn blend([color, alpha]: [BlendComponent; 2], bgra: bool, constant: [u16; 4], bits: u32) -> Option<Pairs> {
+        let factors = [Factor::of([color.src, alpha.src])?, Factor::of([color.dst, alpha.dst])?];
+        let way = match color.op {
+            _ if color.op != alpha.op => return None,
+            BlendOp::Add if factors[1].is_zero() => Way::Source(factors[0]),
+            BlendOp::Add if factors[0].is_zero() => Way::Stored(factors[1]),
+            BlendOp::Add => Way::Add(factors),
+            BlendOp::Subtract => Way::Subtract(factors),
+            BlendOp::ReverseSubtract => Way::ReverseSubtract(factors),
+            BlendOp::Min | BlendOp::Max => return None,
+        };
+        Some(Pairs { way, bgra, constant, bits })
+    }
+
+    /// As [`super::ColorState::blend_batch`] with one or four samples, without a second source.
+    #[target_feature(enable = "avx2")]
+    pub(super) fn batch<const S: usize>(
+        &self,
+        quads: usize,
+        at: &[u32; QUADS],
+        coverage: &[u16; QUADS],
+        src: [&Lanes; 4],
+        tile: &mut [u32],
+    ) {
+        let batch = Batch { quads: quads.min(QUADS), at, coverage, src };
+        let tile = tile.as_chunks_mut().0;
+        match &self.way {
+            Way::Replace => self.run::<S>(&batch, tile, |source, _, _| join(source)),
+            Way::Source(factor) => self.run::<S>(&batch, tile, |source, stored, rows| {
+                fill(source, stored, rows);
+                times(source, factor, rows)
+            }),
+            Way::Stored(factor) => self.run::<S>(&batch, tile, |source, stored, rows| {
+                fill(source, stored, rows);
+                times(stored, factor, rows)
+            }),
+            Way::Add(factors) => {
+                self.run::<S>(&batch, tile, |source, stored, rows| {
+                    let [a, b] = weigh(factors, source, stored, rows);
+                    _mm256_adds_epu8(a, b)
+                });
+            }
+            Way::Subtract(factors) => {
+                self.run::<S>(&batch, tile, |source, stored, rows| {
+                    let [a, b] = weigh(factors, source, stored, rows);
+                    _mm256_subs_epu8(a, b)
+                });
+            }
+            Way::ReverseSubtract(factors) => {
+                self.run::<S>(&batch, tile, |source, stored, rows| {
+                    let [a, b] = weigh(factors, source, stored, rows);
+                    _mm256_subs_epu8(b, a)
+                });
+            }
+        }
+    }
+
+    #[target_feature(enable = "avx2")]
+    #[inline]
+    fn run<const S: usize>(&self, batch: &Batch<'_>, tile: &mut [[u32; 4]], new: impl Fn(Pair, Pair, &mut Rows) -> __m256i) {
+        let (first, third) = if self.bgra { (2, 0) } else { (0, 2) };
+        let [a, b, c, d] = [first, third, 1, 3].map(|c| batch.src[c].0.as_chunks::<8>().0);
+        let low = _mm256_set1_epi32(ONES as i32);
+        let bits = _mm256_set1_epi32(self.bits as i32);
+        let constant = |c: usize| u32::from(self.constant[c]);
+        let constants = [constant(first) | constant(third) << 16, constant(1) | constant(3) << 16, constant(3) * 0x0001_0001];
+        let [c0, c1, c2] = constants.map(|word| _mm256_set1_epi32(word as i32));
+        let zero = _mm256_setzero_si256();
+        let mut rows: Rows = [[zero; 2], [zero; 2], [zero; 2], [zero; 2], [c0, c1], [c2, c2]];
+        let mut blend = |source: Pair, old: [[u32; 4]; 2], masks: [u16; 2]| -> [[u32; 4]; 2] {
+            let old: __m256i = bytemuck::cast(old);
+            let stored = [_mm256_and_si256(old, low), _mm256_and_si256(_mm256_srli_epi16::<8>(old), low)];
+            let new = new(source, stored, &mut rows);
+            let write = _mm256_and_si256(bytemuck::cast(masks.map(|mask| select_mask(mask as u8))), bits);
+            bytemuck::cast(_mm256_blendv_epi8(old, new, write))
+        };
+        let places = batch.at.as_chunks::<2>().0.iter().zip(batch.coverage.as_chunks::<2>().0);
+        for (i, (&at, &(mut covered))) in places.enumerate().take(batch.quads.div_ceil(2)) {
+            if 2 * i + 1 == batch.quads {
+                covered[1] = 0;
+            }
+            let two = |a: [u32; 8], b: [u32; 8]| {
+                let [a, b] = [a, b].map(|color| codes(bytemuck::cast(color)));
+                _mm256_or_si256(_mm256_and_si256(a, low), _mm256_slli_epi32::<16>(b))
+            };
+            let source = [two(a[i & 7], b[i & 7]), two(c[i & 7], d[i & 7])];
+            let [p, q] = at.map(|at| at as usize * S);
+            if at[0] != at[1] && covered[0] != 0 && covered[1] != 0 {
+                for s in 0..S {
+                    let new = blend(source, [tile[p + s], tile[q + s]], covered.map(|covered| covered >> (4 * s)));
+                    (tile[p + s], tile[q + s]) = (new[0], new[1]);
+                }
+                continue;
+            }
+            // One of them is absent, or both have one place: then they are blended one after the other.
+            for (half, place) in [p, q].into_iter().enumerate().filter(|(half, _)| covered[*half] != 0) {
+                for s in 0..S {
+                    let new = blend(source, [tile[place + s]; 2], [covered[half] >> (4 * s); 2]);
+                    tile[place + s] = new[half];
+                }
+            }
+        }
+    }
+}
+
+/// The operands of a batch.
+struct Batch<'a> {
+    quads: usize,
+    at: &'a [u32; QUADS],
+    coverage: &'a [u16; QUADS],
+    src: [&'a Lanes; 4],
+}
+
+/// [`crate::texel::unorm`]; the bits above the lower 16 are those of 2^23.
+#[target_feature(enable = "avx2")]
+#[inline]
+fn codes(color: __m256) -> __m256i {
+    // Maximum and minimum give their second operand for NaN, as the scalar selections do.
+    let color = _mm256_min_ps(_mm256_max_ps(color, _mm256_setzero_ps()), _mm256_set1_ps(1.0));
+    _mm256_castps_si256(_mm256_add_ps(_mm256_mul_ps(color, _mm256_set1_ps(255.0)), _mm256_set1_ps(8_388_608.0)))
+}
+
+/// The words of pixels.
+#[target_feature(enable = "avx2")]
+#[inline]
+fn join([lower, upper]: Pair) -> __m256i {
+    _mm256_or_si256(lower, _mm256_slli_epi16::<8>(upper))
+}
+
+/// The source and what is stored times their factors, as words of pixels.
+#[target_feature(enable = "avx2")]
+#[inline]
+fn weigh(factors: &[Factor; 2], source: Pair, stored: Pair, rows: &mut Rows) -> [__m256i; 2] {
+    fill(source, stored, rows);
+    [times(source, &factors[0], rows), times(stored, &factors[1], rows)]
+}
+
+/// Puts what belongs to pixels into the rows.
+#[target_feature(enable = "avx2")]
+#[inline]
+fn fill(source: Pair, stored: Pair, rows: &mut Rows) {
+    // Alpha in both halves of a word.
+    let alpha = |pair: Pair| {
+        let twice = _mm256_setr_epi8(
+            2, 3, 2, 3, 6, 7, 6, 7, 10, 11, 10, 11, 14, 15, 14, 15, 2, 3, 2, 3, 6, 7, 6, 7, 10, 11, 10, 11, 14, 15, 14, 15,
+        );
+        [_mm256_shuffle_epi8(pair[1], twice); 2]
+    };
+    rows[usize::from(SOURCE)] = source;
+    rows[usize::from(SOURCE) + 1] = alpha(source);
+    rows[usize::from(STORED)] = stored;
+    rows[usize::from(STORED) + 1] = alpha(stored);
+}
+
+/// Numbers times a factor, as words of pixels.
+#[target_feature(enable = "avx2")]
+#[inline]
+fn times(numbers: Pair, of: &Factor, rows: &Rows) -> __m256i {
+    let [color, alpha] = [of.color, of.alpha].map(|row| rows[usize::from(row).min(5)]);
+    let mixed = [color[0], _mm256_blend_epi16::<0b1010_1010>(color[1], alpha[1])];
+    let one = |i: usize| {
+        let factor = _mm256_and_si256(mixed[i], _mm256_set1_epi32(of.keep[i] as i32));
+        product(numbers[i], _mm256_xor_si256(factor, _mm256_set1_epi32(of.flip[i] as i32)))
+    };
+    join([one(0), one(1)])
+}
+
+/// [`super::number::Number::times`] of codes.
+#[target_feature(enable = "avx2")]
+#[inline]
+fn product(a: __m256i, b: __m256i) -> __m256i {
+    let product = _mm256_add_epi16(_mm256_mullo_epi16(a, b), _mm256_set1_epi16(128));
+    _mm256_srli_epi16::<8>(_mm256_add_epi16(product, _mm256_srli_epi16::<8>(product)))
+}
