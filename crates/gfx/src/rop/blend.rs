@@ -182,6 +182,16 @@ impl ColorState {
         src1: &Colors<16>,
         block: &mut [u32],
     ) {
+        #[cfg(target_arch = "x86_64")]
+        if let Some(pairs) = self.pairs.as_ref().filter(|_| self.groups()) {
+            match samples {
+                // SAFETY: the host has AVX2, which is all that the function requires: else the state has no pairs.
+                1 => return unsafe { pairs.group::<1>(at, coverage, src, block) },
+                // SAFETY: as above.
+                4 => return unsafe { pairs.group::<4>(at, coverage, src, block) },
+                _ => {}
+            }
+        }
         blend_group(self, samples, (at, coverage), src, src1, block);
     }
 

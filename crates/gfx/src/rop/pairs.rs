@@ -6,7 +6,7 @@
 
 use std::arch::x86_64::*;
 
-use super::select_mask;
+use super::{Colors, select_mask};
 use crate::state::{BlendComponent, BlendFactor, BlendOp};
 use num::{Lanes, QUADS};
 
@@ -130,32 +130,45 @@ impl Pairs {
         src: [&Lanes; 4],
         tile: &mut [u32],
     ) {
-        let batch = Batch { quads: quads.min(QUADS), at, coverage, src };
+        let src = src.map(|channel| bytemuck::cast_ref::<_, [[u32; 8]; QUADS / 2]>(&channel.0));
+        self.blend_all::<S, _>(&Batch { quads: quads.min(QUADS), at, coverage, src }, tile);
+    }
+
+    /// As [`super::ColorState::blend_group`] with one or four samples, without a second source.
+    #[target_feature(enable = "avx2")]
+    pub(super) fn group<const S: usize>(&self, at: &[u8; 4], coverage: &[u16; 4], src: &Colors<16>, block: &mut [u32]) {
+        let src = src.each_ref().map(bytemuck::cast_ref::<_, [[u32; 8]; 2]>);
+        self.blend_all::<S, _>(&Batch { quads: 4, at: &at.map(u32::from), coverage, src }, block);
+    }
+
+    #[target_feature(enable = "avx2")]
+    #[inline]
+    fn blend_all<const S: usize, const P: usize>(&self, batch: &Batch<'_, P>, tile: &mut [u32]) {
         let tile = tile.as_chunks_mut().0;
         match &self.way {
-            Way::Replace => self.run::<S>(&batch, tile, |source, _, _| join(source)),
-            Way::Source(factor) => self.run::<S>(&batch, tile, |source, stored, rows| {
+            Way::Replace => self.run::<S, _>(batch, tile, |source, _, _| join(source)),
+            Way::Source(factor) => self.run::<S, _>(batch, tile, |source, stored, rows| {
                 fill(source, stored, rows);
                 times(source, factor, rows)
             }),
-            Way::Stored(factor) => self.run::<S>(&batch, tile, |source, stored, rows| {
+            Way::Stored(factor) => self.run::<S, _>(batch, tile, |source, stored, rows| {
                 fill(source, stored, rows);
                 times(stored, factor, rows)
             }),
             Way::Add(factors) => {
-                self.run::<S>(&batch, tile, |source, stored, rows| {
+                self.run::<S, _>(batch, tile, |source, stored, rows| {
                     let [a, b] = weigh(factors, source, stored, rows);
                     _mm256_adds_epu8(a, b)
                 });
             }
             Way::Subtract(factors) => {
-                self.run::<S>(&batch, tile, |source, stored, rows| {
+                self.run::<S, _>(batch, tile, |source, stored, rows| {
                     let [a, b] = weigh(factors, source, stored, rows);
                     _mm256_subs_epu8(a, b)
                 });
             }
             Way::ReverseSubtract(factors) => {
-                self.run::<S>(&batch, tile, |source, stored, rows| {
+                self.run::<S, _>(batch, tile, |source, stored, rows| {
                     let [a, b] = weigh(factors, source, stored, rows);
                     _mm256_subs_epu8(b, a)
                 });
@@ -165,9 +178,14 @@ impl Pairs {
 
     #[target_feature(enable = "avx2")]
     #[inline]
-    fn run<const S: usize>(&self, batch: &Batch<'_>, tile: &mut [[u32; 4]], new: impl Fn(Pair, Pair, &mut Rows) -> __m256i) {
+    fn run<const S: usize, const P: usize>(
+        &self,
+        batch: &Batch<'_, P>,
+        tile: &mut [[u32; 4]],
+        new: impl Fn(Pair, Pair, &mut Rows) -> __m256i,
+    ) {
         let (first, third) = if self.bgra { (2, 0) } else { (0, 2) };
-        let [a, b, c, d] = [first, third, 1, 3].map(|c| batch.src[c].0.as_chunks::<8>().0);
+        let [a, b, c, d] = [first, third, 1, 3].map(|c| batch.src[c]);
         let low = _mm256_set1_epi32(ONES as i32);
         let bits = _mm256_set1_epi32(self.bits as i32);
         let constant = |c: usize| u32::from(self.constant[c]);
@@ -191,7 +209,7 @@ impl Pairs {
                 let [a, b] = [a, b].map(|color| codes(bytemuck::cast(color)));
                 _mm256_or_si256(_mm256_and_si256(a, low), _mm256_slli_epi32::<16>(b))
             };
-            let source = [two(a[i & 7], b[i & 7]), two(c[i & 7], d[i & 7])];
+            let source = [two(a[i % P], b[i % P]), two(c[i % P], d[i % P])];
             let [p, q] = at.map(|at| at as usize * S);
             if at[0] != at[1] && covered[0] != 0 && covered[1] != 0 {
                 for s in 0..S {
@@ -211,12 +229,12 @@ impl Pairs {
     }
 }
 
-/// The operands of a batch.
-struct Batch<'a> {
+/// The operands of at most `P` pairs.
+struct Batch<'a, const P: usize> {
     quads: usize,
-    at: &'a [u32; QUADS],
-    coverage: &'a [u16; QUADS],
-    src: [&'a Lanes; 4],
+    at: &'a [u32],
+    coverage: &'a [u16],
+    src: [&'a [[u32; 8]; P]; 4],
 }
 
 /// [`crate::texel::unorm`]; the bits above the lower 16 are those of 2^23.
