@@ -21,6 +21,14 @@ pub(super) fn imported_with(
     frames: std::ops::Range<u64>,
     reading: &Reading,
 ) -> (Trace, Report) {
+    let (trace, report) = recorded(calls, buffers, frames, reading);
+    assert!(report.unsupported.is_empty() && report.errors.is_empty(), "{:?} {:?}", report.unsupported, report.errors);
+    check(&trace).unwrap_or_else(|error| panic!("{error}"));
+    (trace, report)
+}
+
+/// The same, of calls that may be refused or have no effect.
+pub(super) fn recorded(calls: &str, buffers: &[&[u8]], frames: std::ops::Range<u64>, reading: &Reading) -> (Trace, Report) {
     let text = format!("GLI0.t\n#! RES 16x16\n{}\nwglSwapBuffers(1)\n", calls.trim());
     let words = |words: &[u32]| words.iter().flat_map(|word| word.to_le_bytes()).collect::<Vec<u8>>();
     let (mut descriptors, mut regions) = (Vec::new(), Vec::new());
@@ -32,10 +40,7 @@ pub(super) fn imported_with(
     }
     let memory = [descriptors.as_slice(), regions.as_slice()];
     let imported = import_frames(Path::new("x.txt"), text.into_bytes(), memory, reading, frames);
-    let (trace, report) = imported.unwrap_or_else(|error| panic!("{error}"));
-    assert!(report.unsupported.is_empty() && report.errors.is_empty(), "{:?} {:?}", report.unsupported, report.errors);
-    check(&trace).unwrap_or_else(|error| panic!("{error}"));
-    (trace, report)
+    imported.unwrap_or_else(|error| panic!("{error}"))
 }
 
 /// The red, green and blue of each pixel, of the lowest row first.

@@ -1,6 +1,8 @@
 //! Features later than OpenGL 1.5 that old and new programs use: several colour buffers, floating-point images, swizzles, instances.
 
-use super::gl_features::{BLACK, BLUE, GREEN, QUAD, RED, near, shown};
+use fillrate::trace::Reading;
+
+use super::gl_features::{BLACK, BLUE, GREEN, QUAD, RED, near, recorded, shown};
 
 const WHITE: [u8; 3] = [255; 3];
 
@@ -249,4 +251,31 @@ fn one_buffer_is_cleared_with_a_value_of_its_own() {
     assert_eq!(shown(&format!("{color}{depth}{QUAD}"), &[]).at(8, 8), RED);
     assert_eq!(shown(&format!("{color}{depth}glClearBufferfi(GL_DEPTH_STENCIL,0,1,0)\n{QUAD}"), &[]).at(8, 8), BLUE);
     assert_eq!(shown(&format!("{color}glClear(GL_COLOR_BUFFER_BIT)"), &[]).at(8, 8), GREEN);
+}
+
+#[test]
+fn wide_lines_of_a_program_are_those_of_the_fixed_functions() {
+    // A matrix by which depths follow x: the line leaves through the near plane.
+    let matrix = "glMultMatrixf({1,0,2,0,0,1,0,0,0,0,1,0,0,0,0,1})\n";
+    let line = "glLineWidth(4)\nglBegin(GL_LINES)\nglColor3f(1,0,0)\nglVertex3f(-1,-0.5,0)\nglColor3f(0,1,0)\nglVertex3f(0.5,0.5,0)\nglEnd()\n";
+    let builtin = "void main() { gl_Position = gl_ModelViewProjectionMatrix * gl_Vertex; gl_FrontColor = gl_Color; }";
+    let own = "varying vec4 v; void main() { gl_Position = gl_ModelViewProjectionMatrix * gl_Vertex; v = gl_Color; }";
+    let (plain, from_own) = ("void main() { gl_FragColor = gl_Color; }", "varying vec4 v; void main() { gl_FragColor = v; }");
+    let smooth = "glEnable(GL_LINE_SMOOTH)\nglEnable(GL_BLEND)\nglBlendFunc(GL_SRC_ALPHA,GL_ONE_MINUS_SRC_ALPHA)\n";
+    for state in ["", matrix, smooth, &format!("{matrix}{smooth}"), "glShadeModel(GL_FLAT)\n"] {
+        let fixed = shown(&format!("{state}{line}"), &[]);
+        assert!(fixed.lit().len() > 20 && fixed.lit().len() < 100, "{state}: {}", fixed.lit().len());
+        for (vertex, fragment) in [(builtin, plain), (own, from_own)] {
+            if state.contains("FLAT") && vertex == own {
+                continue; // Only OpenGL's own colours are flat.
+            }
+            let seen = shown(&format!("{}{state}{line}", program(10, vertex, fragment)), &[]);
+            assert!(fixed.0.iter().zip(&seen.0).all(|(&a, &b)| near(a, b)), "{state} {vertex}");
+        }
+    }
+    // What would be computed from another vertex is refused.
+    let global = "vec4 sum = vec4(0.0); void main() { sum += gl_Vertex; gl_Position = sum; }";
+    let calls = format!("{}{line}", program(10, global, plain));
+    let (_, report) = recorded(&calls, &[], 0..u64::MAX, &Reading::default());
+    assert!(report.refusal().is_some_and(|what| what.contains("wide lines")), "{:?}", report.refusal());
 }

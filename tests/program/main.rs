@@ -8,6 +8,7 @@ mod compare;
 mod draws;
 mod floors;
 mod gl;
+mod gl_arrays;
 mod gl_buffers;
 mod gl_features;
 mod gl_later;

@@ -336,6 +336,15 @@ pub struct ShaderKey {
     pub colors: Colors,
 }
 
+impl ShaderKey {
+    /// Whether the vertex program runs for both ends of a line at each corner of what the line becomes.
+    #[inline]
+    pub fn both_ends(&self) -> bool {
+        let lines = matches!(self.expand, Expand::Line | Expand::SmoothLine);
+        lines && self.vertex.is_some_and(|vertex| !vertex.invariant)
+    }
+}
+
 /// The colours that fragments write to the colour buffers.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub struct Colors {

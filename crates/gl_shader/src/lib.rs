@@ -11,6 +11,7 @@ macro_rules! line {
 
 pub mod arb;
 pub mod consts;
+pub mod expand;
 pub mod glsl;
 pub mod key;
 pub mod wgsl;

@@ -6,6 +6,7 @@ use crate::UNITS;
 use crate::arb;
 use crate::arb::program::{GENERICS, Output, Program};
 use crate::consts as e;
+use crate::expand::{expand, far_locations};
 use crate::key::{DepthRead, Expand, Kind, Made, ShaderKey, UnitKey};
 use crate::texels;
 
@@ -134,26 +135,23 @@ fn sampled(key: &ShaderKey) -> usize {
 fn interface(key: &ShaderKey, source: &Source, out: &mut String) {
     line!(out, "struct Input {{");
     line!(out, "    @location({}) position: vec4f,", location::POSITION);
-    let v = &key.varying;
-    let attributes = [
-        (v.color && key.color(), location::COLOR, "color: vec4f"),
-        (v.normal && key.normal(), location::NORMAL, "normal: vec3f"),
-        (v.secondary && key.vertex_secondary(), location::SECONDARY, "secondary: vec3f"),
-        (v.fog && key.vertex_fog(), location::FOG, "fog: f32"),
+    for (location, name, kind) in attributes(key) {
+        line!(out, "    @location({location}) {name}: {kind},");
+    }
+    let others = [
         (key.expand != Expand::No, location::CORNER, "corner: vec2f"),
         (matches!(key.expand, Expand::Line | Expand::SmoothLine), location::OTHER, "other: vec4f"),
         (key.line_stipple, location::ALONG, "along: f32"),
     ];
-    for (wanted, location, declaration) in attributes {
+    for (wanted, location, declaration) in others {
         if wanted {
             line!(out, "    @location({location}) {declaration},");
         }
     }
-    for k in (0..UNITS).filter(|&k| reads_coordinates(key, k)) {
-        line!(out, "    @location({}) texture{k}: vec4f,", location::TEXTURE + k as u32);
-    }
-    for k in (0..GENERICS).filter(|&k| v.generic & 1 << k != 0) {
-        line!(out, "    @location({}) generic{k}: vec4f,", location::GENERIC + k as u32);
+    if key.both_ends() {
+        for ((_, name, kind), location) in attributes(key).into_iter().zip(far_locations(key)) {
+            line!(out, "    @location({location}) far_{name}: {kind},");
+        }
     }
     line!(out, "}}\nstruct Varying {{\n    @builtin(position) position: vec4f,");
     let flat = if key.flat { "@interpolate(flat) " } else { "" };
@@ -193,6 +191,23 @@ fn interface(key: &ShaderKey, source: &Source, out: &mut String) {
         let clipped = fields.replacen("Varying", "Clipped", 1);
         line!(out, "{clipped}    @builtin(clip_distances) clip: array<f32, {}>,\n}}", key.planes.count_ones());
     }
+}
+
+/// The attributes in the buffer beside the position: location, name, type.
+pub(crate) fn attributes(key: &ShaderKey) -> Vec<(u32, String, &'static str)> {
+    let v = &key.varying;
+    let plain = [
+        (v.color && key.color(), location::COLOR, "color", "vec4f"),
+        (v.normal && key.normal(), location::NORMAL, "normal", "vec3f"),
+        (v.secondary && key.vertex_secondary(), location::SECONDARY, "secondary", "vec3f"),
+        (v.fog && key.vertex_fog(), location::FOG, "fog", "f32"),
+    ];
+    let plain = plain.into_iter().filter(|of| of.0).map(|(_, at, name, kind)| (at, name.to_owned(), kind));
+    let units = (0..UNITS).filter(|&k| reads_coordinates(key, k));
+    let units = units.map(|k| (location::TEXTURE + k as u32, format!("texture{k}"), "vec4f"));
+    let generics = (0..GENERICS).filter(|&k| v.generic & 1 << k != 0);
+    let generics = generics.map(|k| (location::GENERIC + k as u32, format!("generic{k}"), "vec4f"));
+    plain.chain(units).chain(generics).collect()
 }
 
 /// Whether the coordinates of a unit are an attribute in the buffer.
@@ -364,54 +379,6 @@ fn coordinates(key: &ShaderKey, unit: &UnitKey, out: &mut String) {
     }
     let value = if unit.matrix { format!("(u.texture_matrix{k} * t{k})") } else { format!("t{k}") };
     line!(out, "    o.texture{k} = {value}{};", if unit.projective { "" } else { ".xyz" });
-}
-
-/// Points and lines as triangles: `corner` is from -1 to 1.
-pub(crate) fn expand(key: &ShaderKey, out: &mut String) {
-    match key.expand {
-        Expand::No => {}
-        Expand::Point | Expand::SmoothPoint => {
-            let size = if key.vertex.is_some_and(|vertex| vertex.size) { "out_size.x" } else { "u.screen.z" };
-            line!(out, "    var size = {size};");
-            if key.attenuated_point {
-                line!(out, "    let distance = length(eye);\n    let terms = u.point_attenuation;");
-                line!(out, "    size *= inverseSqrt(max(terms.x + distance * (terms.y + distance * terms.z), 1e-30));");
-                line!(out, "    size = clamp(size, u.point_limits.x, u.point_limits.y);");
-            }
-            // The discs of small points have at least two pixels, as in Mesa.
-            let least = if key.expand == Expand::SmoothPoint { "2.0" } else { "1.0" };
-            let reach = format!("0.5 * max(size, {least})");
-            line!(out, "    let reach = {reach};");
-            // A point is clipped by its centre.
-            line!(out, "    let p = o.position;");
-            line!(out, "    let inside = all(abs(p.xy) <= vec2f(p.w)) && p.z >= 0.0 && p.z <= p.w;");
-            line!(
-                out,
-                "    o.position = select(vec4f(0, 0, -1, 1), vec4f(p.xy + v.corner * reach / u.screen.xy * p.w, p.zw), inside);"
-            );
-            let half = if key.expand == Expand::SmoothPoint { "reach" } else { "0.5 * size" };
-            line!(out, "    o.corner = vec4f(v.corner * reach, {half}, 0.0);");
-        }
-        Expand::Line | Expand::SmoothLine => {
-            // corner.x is the side, corner.y the end: -1 the first, 1 the second.
-            line!(out, "    let q = u.mvp * v.other;\n    let p = o.position;");
-            line!(out, "    let way = -v.corner.y * (q.xy / q.w - p.xy / p.w) * u.screen.xy;");
-            if key.expand == Expand::Line {
-                line!(out, "    let across = select(vec2f(1, 0), vec2f(0, 1), abs(way.x) >= abs(way.y));");
-                line!(out, "    let by = v.corner.x * 0.5 * u.screen.z * across;");
-                line!(out, "    o.corner = vec4f();");
-            } else {
-                line!(out, "    let along = way * inverseSqrt(max(dot(way, way), 1e-30));");
-                // Edges and ends are soft over one pixel.
-                line!(out, "    let reach = 0.5 * max(u.screen.z, 1.0) + 0.5;\n    let half = 0.5 * length(way);");
-                // A line shorter than a pixel gets fainter, as in Mesa.
-                line!(out, "    let soft = select(half + 0.5, 2.0 * half, half < 0.5);");
-                line!(out, "    let by = v.corner.x * reach * vec2f(-along.y, along.x) + v.corner.y * 0.5 * along;");
-                line!(out, "    o.corner = vec4f(v.corner.x * reach, v.corner.y * soft, reach, soft);");
-            }
-            line!(out, "    o.position = vec4f(p.xy + by / u.screen.xy * p.w, p.zw);");
-        }
-    }
 }
 
 fn fragment(key: &ShaderKey, source: &Source, out: &mut String) {

@@ -5,6 +5,7 @@ use std::fmt::Write;
 use super::program::{Output, Program, input};
 use super::wgsl;
 use crate::UNITS;
+use crate::expand;
 use crate::glsl::stage::{self as glsl, way};
 use crate::key::{Colors, DepthRead, Kind, ShaderKey};
 use crate::texels::{self, Detail};
@@ -13,7 +14,8 @@ use crate::wgsl as fixed;
 /// Writes a vertex program in place of the fixed functions.
 pub fn vertex_program(key: &ShaderKey, program: &Program, out: &mut String) {
     let result = if key.planes != 0 { "Clipped" } else { "Varying" };
-    line!(out, "@vertex fn vs(v: Input) -> {result} {{\n    var o: {result};");
+    let name = if key.both_ends() { "fn line_end" } else { "@vertex fn vs" };
+    line!(out, "{name}(v: Input) -> {result} {{\n    var o: {result};");
     let inputs = (0..32).filter(|bit| program.inputs & 1 << bit != 0);
     for bit in inputs {
         let v = &key.varying;
@@ -54,11 +56,14 @@ pub fn vertex_program(key: &ShaderKey, program: &Program, out: &mut String) {
             line!(out, "    o.clip[{bit}] = dot(u.plane{plane}, eye4);");
         }
     }
+    // Values that the fragment stage gets, and whether they are those of one vertex of a line.
+    let mut handed: Vec<(String, bool)> = Vec::new();
     // Results that a program does not write are undefined.
     let mut hand = |field: &str, output: Output, from: &dyn Fn(&str) -> String, missing: &str| {
         let written = program.outputs.contains(&output);
         let value = if written { from(&wgsl::output_name(output)) } else { missing.to_owned() };
         line!(out, "    o.{field} = {value};");
+        handed.push((field.to_owned(), key.flat && matches!(output, Output::Color(_))));
     };
     let rgba = |name: &str| format!("saturate({name})");
     let rgb = |name: &str| format!("saturate({name}.rgb)");
@@ -81,7 +86,13 @@ pub fn vertex_program(key: &ShaderKey, program: &Program, out: &mut String) {
     if key.line_stipple {
         line!(out, "    o.along = v.along;");
     }
-    fixed::expand(key, out);
+    if key.both_ends() {
+        line!(out, "    return o;\n}}");
+        let own = program.code.iter().flat_map(|code| &code.varyings).enumerate();
+        handed.extend(own.map(|(k, varying)| (format!("user{k}"), varying.interpolation == Some("flat"))));
+        return expand::line_of_program(key, &handed, out);
+    }
+    expand::expand(key, out);
     line!(out, "    return o;\n}}");
 }
 

@@ -68,6 +68,15 @@ pub struct Code {
     pub ways: [u8; UNITS],
 }
 
+impl Code {
+    /// Whether a vertex stage can run twice for one vertex, and its results can be mixed in clip space: no variable has a value from the
+    /// run before, and none is interpolated in the window.
+    pub fn is_repeatable(&self) -> bool {
+        let keeps = |line: &str| line.starts_with("var<private>") && line.contains('=');
+        !self.functions.lines().any(keeps) && self.varyings.iter().all(|varying| varying.interpolation != Some("linear"))
+    }
+}
+
 /// The bindings of a program object.
 pub struct Joints<'a> {
     /// The location of an attribute.

@@ -5,8 +5,8 @@ use std::rc::Rc;
 use num::NumberMap;
 
 use super::arb::{GENERICS, Stage};
-use super::buffers::Conversion;
 use super::call::{Arg, Call, Fault, INVALID_ENUM, INVALID_OPERATION, INVALID_VALUE, Outcome, Scalar, Shape};
+use super::components::{Element, scalar};
 use super::consts as e;
 use super::elements::{Selection, Selector};
 use super::machine::Gl;
@@ -42,6 +42,8 @@ struct Array {
     source: Source,
     /// Integers of a generic attribute are normalised.
     normalized: bool,
+    /// Blue comes first (`GL_BGRA`).
+    blue_first: bool,
     /// This number of instances share an element; 0: each vertex has its own.
     divisor: u32,
 }
@@ -58,89 +60,6 @@ pub struct Arrays {
     object: u32,
     /// The state of the others: slots and the buffer of indices.
     objects: NumberMap<u32, (Box<[Array; SLOTS]>, u32)>,
-}
-
-/// The scalar of a type, and its bytes.
-pub(super) fn scalar(kind: u32) -> Option<(Scalar, usize)> {
-    let scalar = match kind {
-        e::BYTE => Scalar::Byte,
-        e::UNSIGNED_BYTE => Scalar::Ubyte,
-        e::SHORT => Scalar::Short,
-        e::UNSIGNED_SHORT => Scalar::Ushort,
-        e::INT => Scalar::Int,
-        e::UNSIGNED_INT => Scalar::Uint,
-        e::FLOAT => Scalar::Float,
-        e::DOUBLE => Scalar::Double,
-        _ => return None,
-    };
-    Some((scalar, bytes_of(scalar)))
-}
-
-/// Converts bytes to a number.
-pub(super) fn read(scalar: Scalar, b: &[u8]) -> f64 {
-    match scalar {
-        Scalar::Byte => f64::from(b[0] as i8),
-        Scalar::Ubyte => f64::from(b[0]),
-        Scalar::Short => f64::from(i16::from_le_bytes([b[0], b[1]])),
-        Scalar::Ushort => f64::from(u16::from_le_bytes([b[0], b[1]])),
-        Scalar::Int => f64::from(i32::from_le_bytes([b[0], b[1], b[2], b[3]])),
-        Scalar::Uint => f64::from(u32::from_le_bytes([b[0], b[1], b[2], b[3]])),
-        Scalar::Float => f64::from(f32::from_le_bytes([b[0], b[1], b[2], b[3]])),
-        Scalar::Double => f64::from_le_bytes([b[0], b[1], b[2], b[3], b[4], b[5], b[6], b[7]]),
-    }
-}
-
-/// The components of an element, unchanged and normalised; missing ones are 0, 0, 0, 1.
-#[inline(always)]
-fn components(scalar: Scalar, bytes: usize, element: &[u8]) -> ([f32; 4], [f32; 4]) {
-    let mut plain = [0.0, 0.0, 0.0, 1.0];
-    // Most arrays are of floats, which normalisation does not change.
-    if scalar == Scalar::Float {
-        for (value, bytes) in plain.iter_mut().zip(element.as_chunks().0) {
-            *value = f32::from_le_bytes(*bytes);
-        }
-        return (plain, plain);
-    }
-    let mut normalized = plain;
-    if scalar == Scalar::Ubyte {
-        // Colours.
-        for ((plain, normalized), &byte) in plain.iter_mut().zip(&mut normalized).zip(element) {
-            let value = f64::from(byte);
-            (*plain, *normalized) = (value as f32, scalar.normalized(value));
-        }
-        return (plain, normalized);
-    }
-    for ((plain, normalized), bytes) in plain.iter_mut().zip(&mut normalized).zip(element.chunks_exact(bytes)) {
-        let value = read(scalar, bytes);
-        (*plain, *normalized) = (value as f32, scalar.normalized(value));
-    }
-    (plain, normalized)
-}
-
-/// All whole elements of an array as floats.
-pub fn float_elements(conversion: Conversion, bytes: &[u8]) -> Vec<u8> {
-    let Conversion::Elements { kind, normalized, size, stride, start } = conversion else { return Vec::new() };
-    let element = size * bytes_of(kind);
-    let mut out = Vec::new();
-    let mut at = start;
-    while let Some(of) = bytes.get(at..at.saturating_add(element)) {
-        let (plain, scaled) = components(kind, bytes_of(kind), of);
-        for value in &(if normalized { scaled } else { plain })[..size] {
-            out.extend_from_slice(&value.to_le_bytes());
-        }
-        at = at.saturating_add(stride);
-    }
-    out
-}
-
-/// The bytes of a number.
-pub(super) fn bytes_of(kind: Scalar) -> usize {
-    match kind {
-        Scalar::Byte | Scalar::Ubyte => 1,
-        Scalar::Short | Scalar::Ushort => 2,
-        Scalar::Int | Scalar::Uint | Scalar::Float => 4,
-        Scalar::Double => 8,
-    }
 }
 
 /// The slot of a client state.
@@ -181,6 +100,25 @@ pub(super) fn client_active(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
     Ok(())
 }
 
+/// The size of an array whose elements are colours with blue first.
+const BLUE_FIRST: usize = e::BGRA as usize;
+
+/// The argument that is the size of an array's elements: at least this, or `GL_BGRA` where colours can have it. Packed elements have four
+/// components.
+fn size_of(call: &Call, argument: usize, kind: u32, least: usize, colors: bool) -> Outcome<usize> {
+    let size = call.size(argument)? as usize;
+    let scalar = scalar(kind).map(|(scalar, _)| scalar);
+    let packed = matches!(scalar, Some(Scalar::Packed | Scalar::PackedSigned));
+    match size {
+        BLUE_FIRST if !colors => Err(INVALID_VALUE),
+        BLUE_FIRST if !packed && scalar != Some(Scalar::Ubyte) => Err(INVALID_OPERATION),
+        BLUE_FIRST => Ok(size),
+        _ if !(least..=4).contains(&size) => Err(INVALID_VALUE),
+        _ if packed && size != 4 => Err(INVALID_OPERATION),
+        _ => Ok(size),
+    }
+}
+
 fn point(gl: &mut Gl, slot: usize, size: usize, kind: u32, stride: i32, data: &Arg) -> Outcome {
     let stride = usize::try_from(stride).map_err(|_| INVALID_VALUE)?;
     let source = match data {
@@ -192,28 +130,27 @@ fn point(gl: &mut Gl, slot: usize, size: usize, kind: u32, stride: i32, data: &A
         _ => Source::None,
     };
     let Array { enabled, divisor, .. } = gl.arrays.slots[slot];
-    gl.arrays.slots[slot] = Array { enabled, size, kind, stride, source, normalized: false, divisor };
+    let (size, blue_first) = if size == BLUE_FIRST { (4, true) } else { (size, false) };
+    gl.arrays.slots[slot] = Array { enabled, size, kind, stride, source, normalized: false, blue_first, divisor };
     Ok(())
 }
 
 macro_rules! sized {
-    ($($name:ident $slot:expr, $least:literal;)+) => { $(
+    ($($name:ident $slot:expr, $least:literal, $colors:literal;)+) => { $(
         pub(super) fn $name(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
-            let size = call.size(0)? as usize;
-            if !($least..=4).contains(&size) {
-                return Err(INVALID_VALUE);
-            }
+            let kind = call.u32(1)?;
+            let size = size_of(call, 0, kind, $least, $colors)?;
             let slot: fn(&Gl) -> usize = $slot;
-            point(gl, slot(gl), size, call.u32(1)?, call.i32(2)?, call.arg(3))
+            point(gl, slot(gl), size, kind, call.i32(2)?, call.arg(3))
         }
     )+ };
 }
 
 sized! {
-    vertex_pointer |_| 0, 2;
-    color_pointer |_| 2, 3;
-    secondary_pointer |_| 3, 3;
-    texture_pointer |gl| 8 + gl.arrays.active, 1;
+    vertex_pointer |_| 0, 2, false;
+    color_pointer |_| 2, 3, true;
+    secondary_pointer |_| 3, 3, true;
+    texture_pointer |gl| 8 + gl.arrays.active, 1, false;
 }
 
 pub(super) fn normal_pointer(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
@@ -300,12 +237,13 @@ pub(super) fn disable_generic(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
 
 /// `glVertexAttribPointer(index, size, type, normalized, stride, pointer)`
 pub(super) fn generic_pointer(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
-    let (slot, size) = (generic_slot(call)?, call.size(1)? as usize);
-    if !(1..=4).contains(&size) {
-        return Err(INVALID_VALUE);
+    let (slot, kind, normalized) = (generic_slot(call)?, call.u32(2)?, call.bool(3)?);
+    let size = size_of(call, 1, kind, 1, true)?;
+    if size == BLUE_FIRST && !normalized {
+        return Err(INVALID_OPERATION);
     }
-    point(gl, slot, size, call.u32(2)?, call.i32(4)?, call.arg(5))?;
-    gl.arrays.slots[slot].normalized = call.bool(3)?;
+    point(gl, slot, size, kind, call.i32(4)?, call.arg(5))?;
+    gl.arrays.slots[slot].normalized = normalized;
     Ok(())
 }
 
@@ -323,14 +261,10 @@ pub(super) fn divisor(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
 pub struct Ready {
     /// Its slot.
     pub slot: usize,
-    /// The type of its components.
-    pub scalar: Scalar,
+    /// Its elements.
+    pub element: Element,
     /// Whether integers of a generic attribute are normalised.
     pub normalized: bool,
-    /// Components of an element.
-    pub size: usize,
-    /// Bytes of a component.
-    pub bytes: usize,
     /// Bytes from one element to the next.
     pub stride: usize,
     /// Where the first element is, in bytes.
@@ -350,7 +284,8 @@ impl Gl {
         let mut bits = 0;
         for (slot, array) in self.arrays.slots.iter().enumerate().filter(|(slot, array)| array.enabled && *slot != 6) {
             let refused = || Fault::Unsupported(format!("vertex arrays of type {}", names::name(array.kind)));
-            let (scalar, bytes) = scalar(array.kind).ok_or_else(refused)?;
+            let (scalar, _) = scalar(array.kind).ok_or_else(refused)?;
+            let element = Element { scalar, size: array.size, blue_first: array.blue_first };
             let (data, start, buffer) = match &array.source {
                 Source::None => return Err(Fault::Damaged("an enabled array has no contents".into())),
                 Source::Memory(bytes) => (bytes.clone(), 0, None),
@@ -358,10 +293,10 @@ impl Gl {
                     (self.buffers.get(*name).ok_or(INVALID_OPERATION)?.bytes().clone(), *at as usize, Some(*name))
                 }
             };
-            let stride = if array.stride == 0 { array.size * bytes } else { array.stride };
-            let (normalized, size) = (array.normalized, array.size);
+            let stride = if array.stride == 0 { element.bytes() } else { array.stride };
+            let normalized = array.normalized;
             let instance = array.divisor.checked_sub(1).map(|_| self.instance / array.divisor);
-            ready.push(Ready { slot, scalar, normalized, size, bytes, stride, start, data, buffer, instance });
+            ready.push(Ready { slot, element, normalized, stride, start, data, buffer, instance });
             bits |= 1 << slot;
         }
         Ok((ready, bits))
@@ -373,15 +308,15 @@ impl Gl {
         for array in ready {
             let index = array.instance.unwrap_or(index);
             let at = (index as usize).saturating_mul(array.stride).saturating_add(array.start);
-            let element = match array.data.get(at..at.saturating_add(array.size * array.bytes)) {
+            let element = match array.data.get(at..at.saturating_add(array.element.bytes())) {
                 Some(element) => element,
                 // Some programs read beyond the end of their buffer objects; Mesa returns zeros.
-                None if array.buffer.is_some() => &ZEROS[..array.size * array.bytes],
+                None if array.buffer.is_some() => &ZEROS[..array.element.bytes()],
                 None => {
                     return Err(Fault::Damaged(format!("vertex {index} is outside of an array's {} bytes", array.data.len())));
                 }
             };
-            let (plain, normalized) = components(array.scalar, array.bytes, element);
+            let (plain, normalized) = array.element.components(element);
             match array.slot {
                 0 => vertex.position = plain,
                 1 => vertex.normal = [normalized[0], normalized[1], normalized[2]],
@@ -443,7 +378,7 @@ impl Gl {
             named.sort_unstable();
             named.dedup();
             let number = |index: &u32| named.binary_search(index).expect("each index is named") as u32;
-            let position = ready.iter().find(|array| matches!(array.slot, 0 | GENERIC)).map_or(4, |array| array.size);
+            let position = ready.iter().find(|array| matches!(array.slot, 0 | GENERIC)).map_or(4, |array| array.element.size);
             self.elements = Some(Elements {
                 vertices: named.iter().map(|&index| self.fetch(&ready, index)).collect::<Outcome<_>>()?,
                 numbers: indices.iter().map(number).collect(),

@@ -8,6 +8,7 @@ use num::BufferId;
 
 use super::call::{Arg, Call, Fault, INVALID_ENUM, INVALID_OPERATION, INVALID_VALUE, Outcome, Scalar, Shape};
 use super::card::Card;
+use super::components::Element;
 use super::consts as e;
 use super::geometry::KEPT_MAX;
 use super::machine::Gl;
@@ -23,12 +24,10 @@ const CONVERSIONS_MAX: usize = 256;
 pub enum Conversion {
     /// All elements of an array as floats, without gaps.
     Elements {
-        /// Type of the components.
-        kind: Scalar,
+        /// How they are stored.
+        element: Element,
         /// Whether integers are normalised.
         normalized: bool,
-        /// Components.
-        size: usize,
         /// Bytes from one element to the next.
         stride: usize,
         /// The first byte of the first element.

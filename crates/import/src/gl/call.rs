@@ -152,13 +152,19 @@ pub enum Scalar {
     Ushort,
     /// `ui`
     Uint,
+    /// Half precision; only in arrays.
+    Half,
+    /// Four integers without sign in one word, of 10, 10, 10 and 2 bits from the lowest on; only in arrays.
+    Packed,
+    /// The same with signs.
+    PackedSigned,
 }
 
 impl Scalar {
     /// Normalises a component as for colours and normals: integers become [0, 1] or [-1, 1] (OpenGL 1.5, table 2.9).
     pub fn normalized(self, value: f64) -> f32 {
         (match self {
-            Scalar::Float | Scalar::Double => value,
+            Scalar::Float | Scalar::Double | Scalar::Half | Scalar::Packed | Scalar::PackedSigned => value,
             Scalar::Ubyte => value / 255.0,
             Scalar::Ushort => value / 65_535.0,
             Scalar::Uint => value / 4_294_967_295.0,

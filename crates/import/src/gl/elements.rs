@@ -2,8 +2,8 @@
 
 use std::rc::Rc;
 
-use super::arrays::scalar;
 use super::call::{Arg, Call, Fault, INVALID_ENUM, INVALID_OPERATION, INVALID_VALUE, Outcome, Scalar, Shape};
+use super::components::scalar;
 use super::machine::Gl;
 
 /// Maximum number of vertices of one draw.

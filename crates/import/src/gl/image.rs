@@ -12,8 +12,6 @@ const RG: u32 = 0x8227;
 const RG_INTEGER: u32 = 0x8228;
 const INTEGERS_FIRST: u32 = 0x8d94;
 const INTEGERS_LAST: u32 = 0x8d9d;
-const HALF_FLOAT: u32 = 0x140b;
-const HALF_FLOAT_OES: u32 = 0x8d61;
 const UNSIGNED_INT_24_8: u32 = 0x84fa;
 const PACKED_FLOATS: u32 = 0x8c3b;
 const SHARED_EXPONENT: u32 = 0x8c3e;
@@ -96,7 +94,7 @@ fn places(format: u32) -> Outcome<(usize, [usize; 4])> {
 fn component_bytes(kind: u32) -> Outcome<usize> {
     Ok(match kind {
         e::UNSIGNED_BYTE | e::BYTE => 1,
-        e::UNSIGNED_SHORT | e::SHORT | HALF_FLOAT | HALF_FLOAT_OES => 2,
+        e::UNSIGNED_SHORT | e::SHORT | e::HALF_FLOAT | e::HALF_FLOAT_OES => 2,
         e::UNSIGNED_INT | e::INT | e::FLOAT => 4,
         e::BITMAP | PACKED_FLOATS | SHARED_EXPONENT | UNSIGNED_INT_24_8 => {
             return Err(Fault::Unsupported(format!("pixels of type {}", names::name(kind))));
@@ -158,13 +156,13 @@ fn component(kind: u32, bytes: &[u8], swap: bool) -> f64 {
         e::SHORT => (2.0 * f64::from(bits as i16) + 1.0) / 65_535.0,
         e::UNSIGNED_INT => f64::from(bits) / 4_294_967_295.0,
         e::INT => (2.0 * f64::from(bits as i32) + 1.0) / 4_294_967_295.0,
-        HALF_FLOAT | HALF_FLOAT_OES => f64::from(from_half(bits)),
+        e::HALF_FLOAT | e::HALF_FLOAT_OES => f64::from(from_half(bits)),
         _ => f64::from(f32::from_bits(bits)),
     }
 }
 
 /// A number in half precision.
-fn from_half(bits: u32) -> f32 {
+pub(super) fn from_half(bits: u32) -> f32 {
     let texel = texel::decode(Format::R16Float, &(bits as u16).to_le_bytes());
     f32::from_bits(texel[0])
 }

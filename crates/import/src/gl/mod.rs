@@ -26,6 +26,7 @@ mod call;
 mod card;
 mod clear;
 mod compact;
+mod components;
 mod copies;
 mod draw;
 mod draw_key;

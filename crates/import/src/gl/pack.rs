@@ -10,6 +10,7 @@ use super::primitive::{Class, Sent};
 use super::state::{UNITS, Vertex};
 use super::stipple::{VIEW_VOLUME, between, visible};
 use super::summary::Summary;
+use gl_shader::expand::far_locations;
 use gl_shader::wgsl::{self, location};
 use trace::record::vertex_buffer;
 
@@ -84,14 +85,25 @@ pub struct Packing {
     layout: Vec<Attribute>,
     expand: Expand,
     class: Class,
+    /// Whether each corner of a line has the attributes of both ends.
+    both_ends: bool,
     /// Whether each attribute has an array of its own.
     pub streams: bool,
+}
+
+/// Appends an attribute of a vertex.
+fn append(vertex: &Vertex, &(location, count, get): &Attribute, bytes: &mut Vec<u8>) {
+    let value = get(vertex, location);
+    let [a, b, c, d] = value.map(f32::to_le_bytes);
+    let all = [a, b, c, d];
+    bytes.extend_from_slice(all[..count].as_flattened());
 }
 
 impl Packing {
     /// The layout for draws with this key, whose vertices have this summary.
     pub fn new(key: &ShaderKey, summary: &Summary, class: Class, sent: Option<Sent>) -> Packing {
-        let layout = layout(key, summary, sent);
+        let both_ends = key.both_ends();
+        let layout = layout(key, summary, if both_ends { None } else { sent });
         let mut attributes: Vec<(u32, VertexFormat)> = layout.iter().map(|&(at, count, _)| (at, float_format(count))).collect();
         if key.expand != Expand::No {
             attributes.push((location::CORNER, VertexFormat::Float32x2));
@@ -99,8 +111,12 @@ impl Packing {
                 attributes.push((location::OTHER, VertexFormat::Float32x4));
             }
         }
+        if both_ends {
+            let own = layout.iter().filter(|of| of.0 != location::POSITION);
+            attributes.extend(own.zip(far_locations(key)).map(|(&(_, count, _), at)| (at, float_format(count))));
+        }
         let streams = key.expand == Expand::No && sent.is_some() && layout.len() <= STREAMS_MAX;
-        Packing { attributes, layout, expand: key.expand, class, streams }
+        Packing { attributes, layout, expand: key.expand, class, both_ends, streams }
     }
 
     /// Layouts of its vertex buffers.
@@ -111,7 +127,7 @@ impl Packing {
 
     /// Whether the written vertices depend on the matrix: lines are clipped.
     pub fn cuts(&self) -> bool {
-        self.expand != Expand::No && self.class == Class::Lines
+        self.expand != Expand::No && self.class == Class::Lines && !self.both_ends
     }
 
     /// Whether another draw's vertices have the same layout.
@@ -147,11 +163,8 @@ impl Packing {
 
     /// Appends the attributes of a vertex.
     fn vertex(&self, vertex: &Vertex, bytes: &mut Vec<u8>) {
-        for &(location, count, get) in &self.layout {
-            let value = get(vertex, location);
-            let [a, b, c, d] = value.map(f32::to_le_bytes);
-            let all = [a, b, c, d];
-            bytes.extend_from_slice(all[..count].as_flattened());
+        for attribute in &self.layout {
+            append(vertex, attribute, bytes);
         }
     }
 
@@ -166,6 +179,9 @@ impl Packing {
                 for value in corner.iter().chain(other.map_or(&[][..], |other| &other.position)) {
                     bytes.extend_from_slice(&value.to_le_bytes());
                 }
+                for attribute in self.layout.iter().filter(|of| self.both_ends && of.0 != location::POSITION) {
+                    append(other.unwrap_or(this), attribute, bytes);
+                }
             }
             indices.extend(if smooth { SMOOTH_QUAD } else { QUAD }.map(|k| count + k));
             count += 4;
@@ -178,7 +194,8 @@ impl Packing {
         }
         for line in of.indices.chunks_exact(2) {
             let mut ends = [0, 1].map(|k| of.vertices[line[k] as usize].clone());
-            if cut(&mut ends, clip, flat, smooth) {
+            // Where a program computes positions, the shader cuts.
+            if self.both_ends || cut(&mut ends, clip, flat, smooth) {
                 let [a, b] = &ends;
                 // The first two corners are at the first end.
                 quad(bytes, [(a, Some(b)), (a, Some(b)), (b, Some(a)), (b, Some(a))]);

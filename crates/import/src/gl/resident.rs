@@ -7,10 +7,11 @@ use gfx::state::*;
 use gl_shader::wgsl::location;
 use num::word_bytes;
 
-use super::arrays::{GENERIC, Ready, float_elements};
+use super::arrays::{GENERIC, Ready};
 use super::buffers::Conversion;
 use super::call::{Outcome, Scalar};
 use super::card::{Order, VertexRange};
+use super::components::float_elements;
 use super::consts as e;
 use super::elements::{Selection, Selector};
 use super::geometry::Geometry;
@@ -70,12 +71,12 @@ impl Attribute {
         if let Some(format) = format_of(array).filter(fits) {
             return Attribute { location, format, buffer, converted: None, size, offset, stride };
         }
-        let format = float_format(array.size);
+        let format = float_format(array.element.size);
         let (start, before) = (array.start % array.stride, array.start / array.stride);
-        let room = array.data.len().checked_sub(start + array.size * array.bytes);
+        let room = array.data.len().checked_sub(start + array.element.bytes());
         let elements = room.map_or(0, |room| room as u64 / stride + 1);
-        let (kind, normalized, bytes) = (array.scalar, is_normalized(array), u64::from(format.bytes()));
-        let converted = Conversion::Elements { kind, normalized, size: array.size, stride: array.stride, start };
+        let (element, normalized, bytes) = (array.element, is_normalized(array), u64::from(format.bytes()));
+        let converted = Conversion::Elements { element, normalized, stride: array.stride, start };
         let (size, offset) = (elements * bytes, (before as u64).saturating_mul(bytes));
         Attribute { location, format, buffer, converted: Some(converted), size, offset, stride: bytes }
     }
@@ -173,7 +174,10 @@ fn is_normalized(array: &Ready) -> bool {
 fn format_of(array: &Ready) -> Option<VertexFormat> {
     use VertexFormat::*;
     let normalized = is_normalized(array);
-    let formats = match array.scalar {
+    let formats = match array.element.scalar {
+        Scalar::Ubyte if array.element.blue_first => [None, None, None, Some(Unorm8x4Bgra)],
+        _ if array.element.blue_first => [None; 4],
+        Scalar::Half => [Some(Float16), Some(Float16x2), None, Some(Float16x4)],
         Scalar::Float => [Some(Float32), Some(Float32x2), Some(Float32x3), Some(Float32x4)],
         Scalar::Double => [Some(Float64), Some(Float64x2), Some(Float64x3), Some(Float64x4)],
         Scalar::Ubyte if normalized => [Some(Unorm8), Some(Unorm8x2), None, Some(Unorm8x4)],
@@ -181,7 +185,7 @@ fn format_of(array: &Ready) -> Option<VertexFormat> {
         // The card gives shaders integers as integers, and its signed normalised numbers have a zero, which OpenGL's of that time have not.
         _ => [None; 4],
     };
-    formats[array.size - 1]
+    formats[array.element.size - 1]
 }
 
 impl Resident {
@@ -216,7 +220,7 @@ fn summary_of(ready: &[Ready], constant: &Vertex) -> Summary {
     let mut summary = Summary::of(std::slice::from_ref(constant));
     // Components of arrays; only four of them hold a q.
     for array in ready.iter().filter(|array| array.instance.is_none()) {
-        let (varying, size) = (&mut summary.varying, array.size.max(2));
+        let (varying, size) = (&mut summary.varying, array.element.size.max(2));
         match array.slot {
             0 | GENERIC => summary.position = size,
             1 => varying.normal = true,

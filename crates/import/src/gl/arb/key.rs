@@ -1,6 +1,7 @@
 //! The fixed-function stages that remain beside programs.
 
 use gl_shader::arb::program::Output;
+use gl_shader::expand::BOTH_ENDS_MAX;
 
 use super::{Active, input, switch};
 use crate::gl::call::{Fault, Outcome};
@@ -42,11 +43,18 @@ impl Gl {
                 if !clips {
                     key.planes = 0;
                 }
-                let lines = key.line_stipple || matches!(key.expand, Expand::Line | Expand::SmoothLine);
                 let faces = batch.polygon.is_some()
                     && (self.state.is(e::CULL_FACE) || self.state.polygon_modes[0] != self.state.polygon_modes[1]);
-                if lines || faces {
-                    let what = if lines { "wide or stippled lines" } else { "polygons as lines or points, by their face," };
+                let repeatable = program.code.as_ref().is_none_or(|code| code.is_repeatable());
+                let (wide, many) = (key.both_ends(), program.inputs.count_ones() > BOTH_ENDS_MAX);
+                let refused = [
+                    (key.line_stipple, "stippled lines"),
+                    (faces, "polygons as lines or points, by their face,"),
+                    (wide && key.planes != 0, "wide lines and clip planes"),
+                    (wide && many, "wide lines of many attributes"),
+                    (wide && !repeatable, "wide lines, initial values of variables or interpolation without perspective,"),
+                ];
+                if let Some((_, what)) = refused.into_iter().find(|of| of.0) {
                     return Err(Fault::Unsupported(format!("{what} with a vertex program that computes positions")));
                 }
             }

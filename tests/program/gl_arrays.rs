@@ -1,0 +1,81 @@
+//! Vertex arrays of half precision, of packed elements, and of colours with blue first: from memory and from buffer objects.
+
+use fillrate::trace::Reading;
+
+use super::gl_features::{BLACK, BLUE, GREEN, RED, last_of, near, recorded, shown};
+
+const DRAW: &str = "glDrawArrays(GL_TRIANGLE_STRIP,0,4)\n";
+/// `GL_INT_2_10_10_10_REV`.
+const SIGNED: &str = "36255";
+const UNSIGNED: &str = "GL_UNSIGNED_INT_2_10_10_10_REV";
+
+/// Draws with an array from memory, and the same from a buffer object. `pointer` has `@` where the address stands; `bytes` are its elements.
+fn both(before: &str, pointer: &str, bytes: &[u8], draw: &str) -> [u8; 3] {
+    let (memory, buffer) = (pointer.replace('@', "*1"), pointer.replace('@', "0"));
+    let loaded = format!("glBindBufferARB(34962,1)\nglBufferDataARB(34962,{},*1,35044)\n", bytes.len());
+    let [memory, buffer] =
+        [memory, format!("{loaded}{buffer}")].map(|array| shown(&format!("{before}{array}\n{draw}"), &[bytes]));
+    assert_eq!(memory.0, buffer.0, "{pointer}: a buffer object gives the picture of memory");
+    assert_eq!(memory.at(8, 1), BLACK, "the lower half stays black");
+    memory.at(8, 12)
+}
+
+/// The upper half with a colour array of four equal elements, after positions in memory.
+fn colored(pointer: &str, element: &[u8]) -> [u8; 3] {
+    let corners = "glBegin(GL_TRIANGLE_STRIP)\nglArrayElement(0)\nglVertex2f(-1,0)\nglArrayElement(1)\nglVertex2f(1,0)\n\
+                   glArrayElement(2)\nglVertex2f(-1,1)\nglArrayElement(3)\nglVertex2f(1,1)\nglEnd()\n";
+    both("glEnableClientState(GL_COLOR_ARRAY)\n", pointer, &element.repeat(4), corners)
+}
+
+fn halves(values: &[u16]) -> Vec<u8> {
+    values.iter().flat_map(|value| value.to_le_bytes()).collect()
+}
+
+/// A packed element.
+fn packed(x: i32, y: i32, z: i32, w: i32) -> [u8; 4] {
+    let part = |value: i32, bits: u32, at: u32| ((value as u32) & ((1 << bits) - 1)) << at;
+    (part(x, 10, 0) | part(y, 10, 10) | part(z, 10, 20) | part(w, 2, 30)).to_le_bytes()
+}
+
+#[test]
+fn positions_in_half_precision() {
+    let (one, minus, zero) = (0x3c00, 0xbc00, 0);
+    let flat = halves(&[minus, zero, one, zero, minus, one, one, one]);
+    let deep = halves(&[minus, zero, zero, one, zero, zero, minus, one, zero, one, one, zero]);
+    let before = "glColor3f(0,0,1)\nglEnableClientState(GL_VERTEX_ARRAY)\n";
+    assert_eq!(both(before, "glVertexPointer(2,GL_HALF_FLOAT,0,@)", &flat, DRAW), BLUE);
+    assert_eq!(both(before, "glVertexPointer(3,GL_HALF_FLOAT,0,@)", &deep, DRAW), BLUE);
+}
+
+#[test]
+fn packed_positions_are_whole_numbers_with_and_without_signs() {
+    let corners = [[-1, 0], [1, 0], [-1, 1], [1, 1]].map(|[x, y]| packed(x, y, 0, 1)).concat();
+    let before = "glColor3f(0,1,0)\nglEnableClientState(GL_VERTEX_ARRAY)\n";
+    assert_eq!(both(before, &format!("glVertexPointer(4,{SIGNED},0,@)"), &corners, DRAW), GREEN);
+    let corners = [[0, 2], [4, 2], [0, 4], [4, 4]].map(|[x, y]| packed(x, y, 0, 1)).concat();
+    let before = format!("glTranslatef(-1,-1,0)\nglScalef(0.5,0.5,1)\n{before}");
+    assert_eq!(both(&before, &format!("glVertexPointer(4,{UNSIGNED},0,@)"), &corners, DRAW), GREEN);
+}
+
+#[test]
+fn colours_are_normalised_whatever_they_are_stored_in() {
+    assert_eq!(colored("glColorPointer(GL_BGRA,GL_UNSIGNED_BYTE,0,@)", &[0, 0, 255, 255]), RED);
+    assert_eq!(colored(&format!("glColorPointer(4,{UNSIGNED},0,@)"), &packed(1023, 0, 0, 3)), RED);
+    assert_eq!(colored(&format!("glColorPointer(GL_BGRA,{UNSIGNED},0,@)"), &packed(1023, 0, 0, 3)), BLUE);
+    assert!(near(colored(&format!("glColorPointer(4,{SIGNED},0,@)"), &packed(511, 256, -200, 1)), [255, 128, 0]));
+    assert!(near(colored("glColorPointer(3,GL_HALF_FLOAT,0,@)", &halves(&[0x3800, 0x3c00, 0])), [128, 255, 0]));
+}
+
+#[test]
+fn an_array_of_another_size_is_an_error() {
+    // A packed element has four components, and texture coordinates no blue: these calls have no effect.
+    let calls = "glEnableClientState(GL_VERTEX_ARRAY)\nglColor3f(1,0,0)\nglVertexPointer(2,GL_FLOAT,0,*1)\n";
+    let bytes: Vec<u8> = [-1_f32, -1.0, 1.0, -1.0, -1.0, 1.0, 1.0, 1.0].iter().flat_map(|value| value.to_le_bytes()).collect();
+    assert_eq!(shown(&format!("{calls}{DRAW}"), &[&bytes]).at(8, 8), RED);
+    for wrong in [format!("glVertexPointer(3,{UNSIGNED},0,*1)"), "glVertexPointer(GL_BGRA,GL_UNSIGNED_BYTE,0,*1)".into()] {
+        let calls = format!("{calls}{wrong}\n{DRAW}");
+        let (trace, report) = recorded(&calls, &[&bytes], 0..u64::MAX, &Reading::default());
+        assert_eq!((report.unsupported.len(), report.errors.len()), (0, 1), "{wrong}");
+        assert_eq!(last_of(&trace).at(8, 8), RED);
+    }
+}
