@@ -344,11 +344,11 @@ impl Tree {
                     _ => None,
                 }))),
                 Node::Tree(_) => {
-                    let child = |(weight, node)| match node {
-                        &Node::Tree(ref tree) => Some((weight, tree)),
+                    let children = others().filter_map(|(weight, node)| match node {
+                        Node::Tree(tree) => Some((weight, tree)),
                         _ => None,
-                    };
-                    Node::Tree(Tree::weighted(&others().filter_map(child).collect::<Vec<_>>()))
+                    });
+                    Node::Tree(Tree::weighted(&children.collect::<Vec<_>>()))
                 }
                 Node::List(list) => {
                     let element = |index| {
