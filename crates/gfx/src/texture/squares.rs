@@ -9,7 +9,7 @@ use super::record::Footprint;
 use super::{Lod, Sample, Sampler, View};
 use crate::simd::wide;
 use crate::state::AddressMode;
-use num::{LANES, Mask, QUADS};
+use num::{LANES, Lanes, Mask, QUADS};
 
 /// The lines of four texels, row by row.
 type Square = [u32; 4];
@@ -46,17 +46,34 @@ wide! {
 fn record_body(view: &View, sampler: &Sampler, args: &Sample<'_>, found: Option<&QuadLevels>, mask: Mask, out: &mut Footprint) {
     let both = out.takes_both(view, sampler);
     let (mut level, mut two) = ([0_u32; LANES], 0);
-    let same = levels(view, sampler, args, found, &mut level, &mut two) && args.layer.is_none();
+    let layers = alike(args.layer);
+    let same = levels(view, sampler, args, found, &mut level, &mut two) && layers == LANES;
     let two = mask & if both { !0 } else { two };
     let mut first = [[0; 4]; LANES];
-    find(view, sampler, args, same, &level, &mut first);
+    find(view, sampler, args, same, layers, &level, &mut first);
     if two == 0 {
         return out.squares(mask, 0, &first, &first);
     }
     level.iter_mut().for_each(|level| *level = following(view, *level));
     let mut second = [[0; 4]; LANES];
-    find(view, sampler, args, same, &level, &mut second);
+    find(view, sampler, args, same, layers, &level, &mut second);
     out.squares(mask, two, &first, &second);
+}
+
+/// How many lanes beside each other read the same layer: all, those of each quad, or one.
+#[inline(always)]
+fn alike(layer: Option<&Lanes>) -> usize {
+    let Some(Lanes(layer)) = layer else { return LANES };
+    let (mut all, mut quads) = (0, 0);
+    for i in 0..LANES {
+        all |= layer[i] ^ layer[0];
+        quads |= layer[i] ^ layer[i / 4 * 4];
+    }
+    match (all, quads) {
+        (0, _) => LANES,
+        (_, 0) => 4,
+        _ => 1,
+    }
 }
 
 /// The first level of every lane, and the lanes that read the following one; says whether all read the same levels.
@@ -129,13 +146,21 @@ impl<const N: usize> Rows<N> {
     }
 }
 
-/// The lines of each lane's four texels. `same`: all lanes read one slice of one level.
+/// The lines of each lane's four texels. `same`: all lanes read one slice of one level; `layers`: so many beside each other read one layer.
 #[inline(always)]
-fn find(view: &View, sampler: &Sampler, args: &Sample<'_>, same: bool, level: &[u32; LANES], out: &mut [Square; LANES]) {
+fn find(
+    view: &View,
+    sampler: &Sampler,
+    args: &Sample<'_>,
+    same: bool,
+    layers: usize,
+    level: &[u32; LANES],
+    out: &mut [Square; LANES],
+) {
     if same {
         find_in(view, sampler, args, &Rows::<1>::new(view, args, level, 1), out);
     } else {
-        let quads = matches!(args.lod, Lod::Auto) && args.layer.is_none();
+        let quads = matches!(args.lod, Lod::Auto) && layers >= 4;
         let rows = if quads { Rows::<LANES>::new(view, args, level, 4) } else { Rows::new(view, args, level, 1) };
         find_in(view, sampler, args, &rows, out);
     }

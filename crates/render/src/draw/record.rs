@@ -1,8 +1,8 @@
 //! Recording: what a draw leaves for a machine to do.
 
 use gfx::traverse::Block;
-use shader::{Program, Recorder};
-use work::{self, AttributeFetch, CostId, Culling, End, Primitive, Segment, ShaderShape, Target, TileWork, Visit};
+use shader::{Program, QuadCost, Recorder};
+use work::{self, AttributeFetch, Culling, End, Primitive, Segment, ShaderShape, Target, TileWork, Visit};
 
 use super::DrawCall;
 use super::batch::Batch;
@@ -18,6 +18,13 @@ fn covered(at: u32, coverage: u16) -> work::Quad {
     work::Quad { coverage, kept: coverage, position: (at / 4) as u8, flags: 0, cost: 0, payload: 0, first_request: 0 }
 }
 
+/// Notes what shading a quad came to, and where its payload begins.
+#[inline(always)]
+pub fn shaded(quad: &mut work::Quad, kept: u16, cost: &QuadCost, payload: u32) {
+    quad.flags |= work::QUAD_SHADED;
+    (quad.kept, quad.cost, quad.first_request, quad.payload) = (kept, cost.cost, cost.first_request, payload);
+}
+
 /// What is recorded of a tile.
 #[derive(Default)]
 pub struct TileRecord {
@@ -27,7 +34,8 @@ pub struct TileRecord {
     visits: Vec<(u32, u32, u32)>,
 }
 
-/// How much was recorded of a tile.
+/// How much was recorded of tiles: the most, of which an eighth is forgotten with each tile that has less. Neighbours differ, and where a list has to
+/// grow it is copied.
 #[derive(Default)]
 pub struct Room {
     blocks: usize,
@@ -82,15 +90,7 @@ impl TileRecord {
         self.visits.push((batch, number, self.work.blocks.len() as u32));
     }
 
-    /// Notes what shading a quad came to, and where its payload begins.
-    #[inline(always)]
-    pub fn shaded(&mut self, quad: u32, kept: u16, cost: CostId, first_request: u32, payload: u32) {
-        let quad = &mut self.work.quads[quad as usize];
-        quad.flags |= work::QUAD_SHADED;
-        (quad.kept, quad.cost, quad.first_request, quad.payload) = (kept, cost, first_request, payload);
-    }
-
-    /// Begins with room for a little more than another tile had: lists that grow are copied.
+    /// Begins with room for a little more than other tiles had.
     pub fn begin(&mut self, room: &Room) {
         let more = |room: usize| room + room / 4;
         self.work.blocks.reserve_exact(more(room.blocks));
@@ -104,7 +104,13 @@ impl TileRecord {
         (self.work.costs, self.work.requests, self.work.lines) = recorder.take();
         let work = &self.work;
         let (blocks, quads, payload) = (work.blocks.len(), work.quads.len(), work.payload.len());
-        *room = Room { blocks, quads, payload, visits: self.visits.len() };
+        let most = |had: usize, has: usize| has.max(had - had / 8);
+        *room = Room {
+            blocks: most(room.blocks, blocks),
+            quads: most(room.quads, quads),
+            payload: most(room.payload, payload),
+            visits: most(room.visits, self.visits.len()),
+        };
         // Segments wait for the machine.
         self.work.quads.shrink_to_fit();
         self.work.blocks.shrink_to_fit();

@@ -8,6 +8,7 @@ use shader::{Bound, BuiltIn, Interpolation, Sampling};
 use super::batch::MADE;
 use super::frame::{FragmentWeights, PreparedDraw};
 use super::pending::{lanes, pixels};
+use super::record::shaded;
 use super::tile::TileRun;
 
 impl TileRun<'_, '_, '_> {
@@ -326,13 +327,14 @@ impl TileRun<'_, '_, '_> {
         let (frame, pending) = (self.frame, &*self.pending);
         let record = &mut self.job.record;
         let first = record.work.payload.len();
+        let (mut payload, each) = (first as u32, 4 * frame.payload_words as u32);
+        let (quads, costs) = (&mut record.work.quads[..], &self.recorder.quads);
         for q in 0..pending.n.min(QUADS) {
-            let cost = self.recorder.quads[q];
-            let payload = (first + 4 * frame.payload_words * q) as u32;
-            record.shaded(pending.record[q], pending.coverage[q], cost.cost, cost.first_request, payload);
+            shaded(&mut quads[pending.record[q] as usize], pending.coverage[q], &costs[q], payload);
+            payload += each;
         }
         record.work.payload.resize(first + 4 * frame.payload_words * pending.n, 0);
-        payload::<S>(frame, bound, &mut record.work.payload[first..]);
+        put_payload::<S>(frame, bound, &mut record.work.payload[first..]);
     }
 }
 
@@ -349,7 +351,7 @@ fn attribute<const WIDE: bool>(weights: &Weights, quads: std::ops::Range<usize>,
 
 /// Depths and colours of the batch's quads, as `work::Draw` describes them.
 #[inline(always)]
-fn payload<const S: usize>(frame: &PreparedDraw<'_>, bound: &Bound<'_>, out: &mut [u32]) {
+fn put_payload<const S: usize>(frame: &PreparedDraw<'_>, bound: &Bound<'_>, out: &mut [u32]) {
     let size = frame.payload_words;
     let out = out.as_chunks_mut::<4>().0;
     if let Some(slot) = frame.frag_depth {

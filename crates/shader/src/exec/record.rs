@@ -256,7 +256,12 @@ impl Scratch {
 
     /// Bytes that count against a limit: those that the recorder keeps at the end of the run, and those of the run itself beyond a free amount.
     pub(super) fn metered(&self) -> u64 {
-        self.kept() + self.passing().saturating_sub(RECORDED_PAUSE)
+        self.kept() + self.passed()
+    }
+
+    /// Those of the run itself beyond a free amount.
+    fn passed(&self) -> u64 {
+        self.passing().saturating_sub(RECORDED_PAUSE)
     }
 
     /// Bytes of requests and lines, which the recorder keeps.
@@ -385,7 +390,7 @@ impl Scratch {
 impl Recorder {
     /// Ends all quads of a run and interns their costs.
     pub(super) fn finish(&mut self, run: &mut Scratch) {
-        self.passed += run.metered() - run.kept();
+        self.passed += run.passed();
         if self.lines.capacity() == 0 && !run.footprint.lines.is_empty() {
             let [requests, lines] = self.room.map(|room| room + room / 4);
             self.requests.reserve_exact(requests);
@@ -432,16 +437,21 @@ impl Recorder {
             }
         }
         let (first, each) = (self.requests.len(), run.rows.len());
+        if together == firsts(!0) {
+            for (q, quad) in self.quads.iter_mut().enumerate() {
+                *quad = QuadCost { cost: costs[1], first_request: (first + q * each) as u32 };
+            }
+            if each == 1 {
+                let moved = |request: Request| Request { first_line: first_line + request.first_line, ..request };
+                self.requests.extend_from_slice(&run.rows[0].map(moved));
+                return;
+            }
+        }
         let mut next = first as u32;
         for (q, quad) in self.quads.iter_mut().enumerate() {
             let runs = together >> (4 * q) & 1;
             *quad = QuadCost { cost: costs[runs as usize], first_request: next };
             next += runs as u32 * each as u32;
-        }
-        if each == 1 && together == firsts(!0) {
-            let moved = |request: Request| Request { first_line: first_line + request.first_line, ..request };
-            self.requests.extend_from_slice(&run.rows[0].map(moved));
-            return;
         }
         // Row by row, each request is put to those of its quad.
         self.requests.resize(next as usize, NONE);
