@@ -73,7 +73,7 @@ impl Builder {
     /// Takes commands and blobs out. The blobs must be bytes, not files.
     pub fn drain(&mut self) -> Part {
         self.places.clear();
-        Part { commands: std::mem::take(&mut self.commands), blobs: self.store.take_ready() }
+        Part { commands: std::mem::take(&mut self.commands), blobs: self.store.take_ready(), read: 0 }
     }
 
     /// The trace.

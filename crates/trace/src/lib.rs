@@ -40,6 +40,7 @@ pub mod record;
 
 use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
+use std::sync::{Mutex, MutexGuard, PoisonError};
 
 pub use build::Builder;
 pub use check::{Checker, Summary, check};
@@ -51,6 +52,7 @@ use num::Limits;
 use store::Store;
 pub use store::check_name;
 pub use store::{Bytes, NAME_MAX};
+use stream::Landmarks;
 pub use stream::{Part, Stream};
 pub use write::{Packing, write, write_archive, write_zip};
 
@@ -103,8 +105,8 @@ enum Commands {
     Text(Bytes),
     /// Commands in memory, and their places in the file that they were read from, if there is one.
     List(Vec<Command>, Vec<Place>),
-    /// Commands that are made while they are read.
-    Stream(Box<dyn Stream>),
+    /// Commands that are made while they are read, and how far that is.
+    Stream(Box<dyn Stream>, Mutex<Landmarks>),
 }
 
 impl Trace {
@@ -133,12 +135,36 @@ impl Trace {
 
     /// A trace whose commands are made while they are read; `file` is what messages call it.
     pub fn from_stream(file: impl AsRef<Path>, stream: Box<dyn Stream>, limits: Limits) -> Trace {
-        Trace { file: file.as_ref().to_path_buf(), commands: Commands::Stream(stream), store: Store::default(), limits }
+        let landmarks = Mutex::new(Landmarks::new(stream.length()));
+        Trace {
+            file: file.as_ref().to_path_buf(),
+            commands: Commands::Stream(stream, landmarks),
+            store: Store::default(),
+            limits,
+        }
     }
 
     /// Whether commands are made while they are read. Such a trace has a blob only while the commands near it are read, and is not written.
     pub fn is_stream(&self) -> bool {
-        matches!(self.commands, Commands::Stream(_))
+        matches!(self.commands, Commands::Stream(..))
+    }
+
+    /// Of a stream, the share that had been read when so many of its frames had ended, about; the first of its readers tells it. None for other
+    /// traces, and where it is not known how long the stream is.
+    pub fn share_of(&self, frames: u64) -> Option<f64> {
+        self.landmarks()?.share(frames)
+    }
+
+    /// Of a stream, the share that has been read; none as for [`Trace::share_of`].
+    pub fn share_read(&self) -> Option<f64> {
+        self.landmarks()?.read()
+    }
+
+    fn landmarks(&self) -> Option<MutexGuard<'_, Landmarks>> {
+        match &self.commands {
+            Commands::Stream(_, landmarks) => Some(landmarks.lock().unwrap_or_else(PoisonError::into_inner)),
+            Commands::Text(_) | Commands::List(..) => None,
+        }
     }
 
     /// The same trace, replayed within these limits.
@@ -275,10 +301,12 @@ impl Trace {
                 }
                 Ok(())
             }
-            Commands::Stream(stream) => {
-                let mut index = 0;
+            Commands::Stream(stream, landmarks) => {
+                let (mut index, mut frames) = (0, 0);
                 // What has been visited; an error of the stream comes behind the parts before it.
-                let mut parts = |Part { commands, blobs }: Part| -> Result<ControlFlow<()>, E> {
+                let mut parts = |Part { commands, blobs, read }: Part| -> Result<ControlFlow<()>, E> {
+                    frames += commands.iter().filter(|command| matches!(command, Command::Present { .. })).count() as u64;
+                    landmarks.lock().unwrap_or_else(PoisonError::into_inner).pass(frames, read);
                     self.store.with(blobs, || -> Result<ControlFlow<()>, E> {
                         for command in &commands {
                             if visit(index, command)?.is_break() {
@@ -331,7 +359,7 @@ impl Trace {
     /// What the commands leave out of what they were made of, because it is not supported; known when they have been read to their end.
     pub fn left_out(&self) -> Option<String> {
         match &self.commands {
-            Commands::Stream(stream) => stream.left_out(),
+            Commands::Stream(stream, _) => stream.left_out(),
             _ => None,
         }
     }
@@ -345,7 +373,7 @@ impl Trace {
     pub fn place(&self, index: u64) -> Option<Place> {
         match &self.commands {
             Commands::List(_, places) => places.get(usize::try_from(index).ok()?).copied(),
-            Commands::Stream(_) => None,
+            Commands::Stream(..) => None,
             Commands::Text(text) => text::place_of(std::str::from_utf8(text).ok()?, index),
         }
     }

@@ -16,6 +16,8 @@ pub struct Part {
     pub commands: Vec<Command>,
     /// Blobs by name; no name occurs twice in a stream.
     pub blobs: Vec<(String, Bytes)>,
+    /// How much had been read of what the commands are made from, when they had been made; 0 where that is not known.
+    pub read: u64,
 }
 
 /// What makes commands. Each reader of the trace has them made again, the same ones each time.
@@ -29,6 +31,57 @@ pub trait Stream: Send + Sync {
     /// What was left out of the commands when they were last made to their end, because it is not supported.
     fn left_out(&self) -> Option<String> {
         None
+    }
+
+    /// The length of what the commands are made from, in the unit of [`Part::read`]; 0 where that is not known.
+    fn length(&self) -> u64 {
+        0
+    }
+}
+
+/// How much of a stream had been read when its frames ended. What is kept does not grow with the stream.
+#[derive(Debug, Default)]
+pub(crate) struct Landmarks {
+    length: u64,
+    /// Frames and what was read when they had been; rising, and so far apart that there are no more than [`LANDMARKS`].
+    marks: Vec<(u64, u64)>,
+    /// The last.
+    last: (u64, u64),
+}
+
+/// Landmarks of a stream.
+const LANDMARKS: u64 = 256;
+
+impl Landmarks {
+    pub fn new(length: u64) -> Landmarks {
+        Landmarks { length, ..Landmarks::default() }
+    }
+
+    /// So many frames have been read, and so much of the stream. Several readers may say the same.
+    pub fn pass(&mut self, frames: u64, read: u64) {
+        if frames < self.last.0 || read < self.last.1 {
+            return;
+        }
+        // What lies between two frames belongs to the second: a landmark is where frames have just ended.
+        if frames > self.last.0 && read >= self.marks.last().map_or(0, |mark| mark.1) + self.length.div_ceil(LANDMARKS).max(1) {
+            self.marks.push((frames, read));
+        }
+        self.last = (frames, read);
+    }
+
+    /// The share of the stream that had been read when so many frames had, in proportion between two landmarks.
+    pub fn share(&self, frames: u64) -> Option<f64> {
+        let after = self.marks.partition_point(|mark| mark.0 < frames);
+        let before = after.checked_sub(1).map_or((0, 0), |at| self.marks[at]);
+        let next = self.marks.get(after).copied().unwrap_or(self.last);
+        let part = frames.min(next.0).saturating_sub(before.0) as f64 / (next.0.saturating_sub(before.0)).max(1) as f64;
+        let read = before.1 as f64 + part * next.1.saturating_sub(before.1) as f64;
+        (self.length > 0).then(|| (read / self.length as f64).min(1.0))
+    }
+
+    /// The share that has been read.
+    pub fn read(&self) -> Option<f64> {
+        (self.length > 0).then(|| (self.last.1 as f64 / self.length as f64).min(1.0))
     }
 }
 
@@ -63,4 +116,30 @@ pub(crate) fn beside<E>(
         drop(receive);
         Ok(Ok(maker.join().unwrap_or_else(|panic| std::panic::resume_unwind(panic))))
     })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_frame_ends_at_a_share_of_the_stream() {
+        let mut marks = Landmarks::new(10_000);
+        assert_eq!((marks.share(1), marks.read()), (Some(0.0), Some(0.0)));
+        // Uploads that take half of it, then frames of one length, and two readers beside each other.
+        marks.pass(0, 5000);
+        for frame in 0..=1000 {
+            marks.pass(frame, 5000 + 5 * frame);
+            marks.pass(frame / 2, 5000 + 5 * (frame / 2));
+        }
+        assert_eq!(marks.read(), Some(1.0));
+        for frame in [40, 300, 777, 1000, 2000] {
+            let (share, truth) = (marks.share(frame).expect("it has a length"), (0.5 + frame as f64 / 2000.0).min(1.0));
+            assert!((share - truth).abs() < 1.0 / LANDMARKS as f64, "{frame}: {share} for {truth}");
+        }
+        assert!(marks.marks.len() as u64 <= LANDMARKS, "{}", marks.marks.len());
+        let mut unknown = Landmarks::new(0);
+        unknown.pass(3, 7);
+        assert_eq!((unknown.share(1), unknown.read()), (None, None));
+    }
 }

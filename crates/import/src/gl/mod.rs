@@ -66,11 +66,13 @@ mod texturing;
 mod transform;
 mod uniforms;
 
+use std::cell::Cell;
+use std::fs::File;
+use std::io::{self, Read};
 use std::ops::{ControlFlow, Range};
 use std::path::{Path, PathBuf};
+use std::rc::Rc;
 use std::sync::{Mutex, PoisonError};
-
-use std::io::Read;
 
 use num::NameMap;
 
@@ -145,8 +147,16 @@ pub fn open(
     frames: Range<u64>,
     survey: Survey,
 ) -> Result<(Trace, Option<Report>), TraceError> {
-    let recording =
-        Recording { path: path.to_path_buf(), apitrace, links, reading: *reading, frames, left_out: Mutex::default() };
+    let recording = Recording {
+        path: path.to_path_buf(),
+        apitrace,
+        links,
+        reading: *reading,
+        frames,
+        // The error of a file that cannot be opened is reported below.
+        length: host::length(path, links).unwrap_or(0),
+        left_out: Mutex::default(),
+    };
     let most = recording.in_memory();
     // What a long file has for its commands is longer as well: none of them would stay, and all would be read twice.
     let long = || host::open(path, links).and_then(|file| file.metadata()).is_ok_and(|file| file.len() > most);
@@ -164,6 +174,8 @@ struct Recording {
     links: Links,
     reading: Reading,
     frames: Range<u64>,
+    /// Bytes of the file.
+    length: u64,
     /// See [`Stream::left_out`].
     left_out: Mutex<Option<String>>,
 }
@@ -179,9 +191,24 @@ impl Recording {
         let mut file = host::open(path, *links).map_err(|error| TraceError::new(path, error))?;
         let mut start = [0; 2];
         file.read_exact(&mut start).map_err(|_| fail("is shorter than the start of a recording".into()))?;
-        let input: Input = Box::new(file);
+        let read = Rc::new(Cell::new(start.len() as u64));
+        let input: Input = Box::new(Counted { file, read: read.clone() });
         let memory = if *apitrace { Memory::default() } else { memory_of(path, reading)? };
-        import(Opened { path, input, start, apitrace: *apitrace, memory }, reading, frames.clone(), keep)
+        import(Opened { path, input, read, start, apitrace: *apitrace, memory }, reading, frames.clone(), keep)
+    }
+}
+
+/// A file, and how much of it has been read.
+struct Counted {
+    file: File,
+    read: Rc<Cell<u64>>,
+}
+
+impl Read for Counted {
+    fn read(&mut self, bytes: &mut [u8]) -> io::Result<usize> {
+        let read = self.file.read(bytes)?;
+        self.read.set(self.read.get() + read as u64);
+        Ok(read)
     }
 }
 
@@ -192,6 +219,10 @@ impl Stream for Recording {
             *self.left_out.lock().unwrap_or_else(PoisonError::into_inner) = report.refusal();
         }
         Ok(())
+    }
+
+    fn length(&self) -> u64 {
+        self.length
     }
 
     fn left_out(&self) -> Option<String> {
@@ -242,9 +273,9 @@ pub fn import_frames(
     };
     let apitrace = start != *b"GL";
     let memory = Memory::parse(memory[0], memory[1]).map_err(fail)?;
-    let input = Box::new(std::io::Cursor::new(rest.to_vec()));
+    let input = Box::new(io::Cursor::new(rest.to_vec()));
     let (trace, report) = import(
-        Opened { path, input, start, apitrace, memory },
+        Opened { path, input, read: Rc::default(), start, apitrace, memory },
         reading,
         frames,
         Keep::All { most: u64::MAX, survey: Survey::Whole },
@@ -257,6 +288,8 @@ pub fn import_frames(
 struct Opened<'a> {
     path: &'a Path,
     input: Input,
+    /// Bytes of the file that have been read.
+    read: Rc<Cell<u64>>,
     start: [u8; 2],
     apitrace: bool,
     memory: Memory,
@@ -269,7 +302,7 @@ fn import(
     frames: Range<u64>,
     mut keep: Keep<'_>,
 ) -> Result<(Option<Trace>, Option<Report>), TraceError> {
-    let Opened { path, input, start, apitrace, memory } = opened;
+    let Opened { path, input, read, start, apitrace, memory } = opened;
     let unit = if apitrace { "byte" } else { "line" };
     let broken =
         |broken: Broken| TraceError::new(path, format!("call {}, {unit} {}: {}", broken.call, broken.place, broken.reason));
@@ -314,7 +347,7 @@ fn import(
                 // Commands after an unsupported feature would give wrong pictures. Further unsupported features are still counted.
                 gl.survey |= !reading.lenient && !gl.unsupported.is_empty();
                 if bytes > *part {
-                    let made = gl.card.drain();
+                    let made = Part { read: read.get(), ..gl.card.drain() };
                     if !gl.survey && take(made).is_break() {
                         return Ok((None, None));
                     }
@@ -337,7 +370,7 @@ fn import(
         }
         gl.card.end_pass();
         // This is the last part.
-        let _ = take(gl.card.drain());
+        let _ = take(Part { read: read.get(), ..gl.card.drain() });
         return Ok((None, Some(report)));
     }
     let trace = gl.finish().map_err(|fault| TraceError::new(path, format!("{fault:?}")))?;
@@ -358,7 +391,7 @@ fn memory_of(path: &Path, reading: &Reading) -> Result<Memory, TraceError> {
         if std::fs::symlink_metadata(&file).is_err() {
             return Ok(Memory::default());
         }
-        let fail = |error: std::io::Error| TraceError::new(&file, error);
+        let fail = |error: io::Error| TraceError::new(&file, error);
         let mut bytes = Vec::new();
         host::open(&file, reading.links()).map_err(fail)?.take(MEMORY_MAX + 1).read_to_end(&mut bytes).map_err(fail)?;
         if bytes.len() as u64 > MEMORY_MAX {
