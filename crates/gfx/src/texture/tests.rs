@@ -501,6 +501,37 @@ proptest! {
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(64))]
 
+    /// Lanes beside each other that read one layer are recorded together, as if each looked for its own.
+    #[test]
+    fn layers_that_lanes_share_are_recorded_as_those_of_each(
+        address in [addresses(), addresses()],
+        size in [1_u32..70, 1_u32..70],
+        coords in proptest::collection::vec(-2.0_f32..2.0, 2 * LANES),
+        layers in proptest::collection::vec(0_u32..3, LANES / 4),
+        all in any::<bool>(),
+        nearest in any::<bool>(),
+    ) {
+        let levels = 32 - size[0].max(size[1]).leading_zeros();
+        let view = view_of(&image([size[0], size[1], 3], levels, Format::Rgba8Unorm), ViewDimension::D2Array);
+        let mipmap = if nearest { FilterMode::Nearest } else { FilterMode::Linear };
+        let sampler = Sampler::new(&SamplerDesc { address: [address[0], address[1], AddressMode::Repeat], mipmap, ..linear() });
+        let lanes: [Lanes; 2] = std::array::from_fn(|c| Lanes(std::array::from_fn(|i| coords[2 * i + c].to_bits())));
+        let record = |layer: &Lanes, mask: u64| {
+            let args = Sample { layer: Some(layer), ..operands([&lanes[0], &lanes[1], &lanes[1]], Lod::Auto) };
+            let mut footprint = Footprint::new();
+            view.record_sample(&sampler, &args, mask, &mut footprint);
+            footprint
+        };
+        let of = |lane: usize| layers[if all { 0 } else { lane / 4 }];
+        let together = record(&Lanes(std::array::from_fn(of)), !0);
+        for q in 0..16 {
+            // The others, which are not recorded, have a layer for each lane.
+            let apart = Lanes(std::array::from_fn(|lane| if lane / 4 == q { of(lane) } else { lane as u32 % 3 }));
+            let alone = record(&apart, 15 << (4 * q));
+            prop_assert_eq!(together.quad(q), alone.quad(q), "quad {}", q);
+        }
+    }
+
     #[test]
     fn records_are_those_of_the_taps(
         address in [addresses(), addresses()],
