@@ -171,6 +171,11 @@ fn a_bound_moves_with_the_unit_that_bounds_and_with_no_other() {
     assert!(with("core.issue=2") > 1.6 * base);
     assert!((with("setup.triangles_per_cycle=2") / base - 1.0).abs() < 0.01);
     assert!(with("pipelines=8") < 0.75 * base);
+    // Where an instruction keeps all lanes, what classes take adds up.
+    let narrow = ["core.issue=1", "core.float_lanes=16", "core.special_lanes=4", "core.overlap=false"];
+    let [cycle, apart] = [Fidelity::Cycle, Fidelity::Bound].map(|fidelity| cycles(&run("corridor", fidelity, &narrow)));
+    assert!((apart / cycle - 1.0).abs() < 0.01, "{apart} for {cycle}");
+    assert!(apart > 1.2 * cycles(&run("corridor", Fidelity::Bound, &narrow[..3])));
 }
 
 #[test]
@@ -186,6 +191,7 @@ fn a_knob_whose_effect_is_not_estimated_is_refused() {
         ("sort-middle", "traverse.walk=rows"),
         ("sort-middle", "scanout.mode=free-running"),
         ("sort-middle", "fetch.reuse_until=assembled"),
+        ("sort-middle", "fetch.deal=after-fragments"),
         ("sort-middle", "core.instructions=vector"),
         ("sort-middle", "traverse.hierarchical_lines=4"),
         ("sort-middle", "traverse.hierarchical_test=quad"),

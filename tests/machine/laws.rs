@@ -173,6 +173,7 @@ fn every_knob_at_its_ends_makes_a_lawful_machine() {
                     ("scanout.fifo", "scanout.mode=free-running"),
                     ("scanout.", DISPLAY[0]),
                     ("traverse.pixel_tests", "traverse.walk=box"),
+                    ("core.overlap", "core.issue=1"),
                 ] {
                     if path.starts_with(sections) && !setting.starts_with(&format!("{path}=")) {
                         changed.set(setting).unwrap();

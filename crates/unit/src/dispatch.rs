@@ -18,7 +18,7 @@ knob::knobs! {
     /// Packing of quads into warps, and their order after shading.
     pub struct DispatchConfig {
         /// Quads packed a cycle.
-        quads_per_cycle: u32 ["quads/cycle", Allowed::Range(1, 16), "ATTILA bGPU.ini FRAGMENTSHADER InputsPerCycle = 4 (stamps)"],
+        quads_per_cycle: u32 ["quads/cycle", Allowed::Range(1, 16), "four; ATTILA: one (bGPU.ini FRAGMENTSHADER InputsPerCycle = 4 fragments)"],
         /// Warps between packing and leaving in order.
         reorder: u32 ["warps", Allowed::Range(1, 1024), "ATTILA bGPU.ini ShadedStampQueueSize = 640 stamps, 80 warps of 8"],
         /// Cycles without a further quad after which a warp is started though it is not full.
@@ -28,7 +28,7 @@ knob::knobs! {
         /// Cycles from here to a core.
         latency: u32 ["cycles", Allowed::Range(1, 64), "loading of input registers begins as the warp arrives"],
         /// Quads sent on to the ROP a cycle.
-        output_quads: u32 ["quads/cycle", Allowed::Range(1, 16), "ATTILA bGPU.ini FRAGMENTSHADER OutputsPerCycle = 4 (stamps)"],
+        output_quads: u32 ["quads/cycle", Allowed::Range(1, 16), "four; ATTILA: one (bGPU.ini FRAGMENTSHADER OutputsPerCycle = 4 fragments)"],
         /// Cycles from here to the ROP.
         output_latency: u32 ["cycles", Allowed::Range(1, 64), "ATTILA bGPU.ini FRAGMENTSHADER OutputLatency = 11"],
         /// Groups of quads queued before the ROP.
@@ -47,6 +47,8 @@ pub struct DispatchPorts {
     pub shaded: Vec<In<WarpToken>>,
     /// Where shaded quads go.
     pub output: Outlet,
+    /// Where it tells the number of the core that a warp goes to, if batches of vertices follow it.
+    pub begun: Option<Out<WarpToken>>,
     /// Its state is what the network makes the unit wait for.
     pub probe: StallProbe,
 }
@@ -261,9 +263,16 @@ impl Dispatch {
     /// Starts the open warp on the next core that has room; false if none has.
     fn start(&mut self, wires: &mut Wires, card: &mut Card) -> bool {
         let Some(index) = self.open else { return true };
-        for _ in 0..self.ports.cores.len() {
+        let cores = self.ports.cores.len();
+        if let Some(begun) = &self.ports.begun
+            && !wires.can_push(begun)
+        {
+            return false;
+        }
+        for _ in 0..cores {
+            let number = usize::from(self.pipeline) * cores + self.core;
             let core = &self.ports.cores[self.core];
-            self.core = (self.core + 1) % self.ports.cores.len();
+            self.core = (self.core + 1) % cores;
             if wires.can_push(core) {
                 let pipeline = usize::from(self.pipeline);
                 let mut warp = std::mem::take(&mut card.warps[pipeline][index]);
@@ -271,6 +280,9 @@ impl Dispatch {
                 warp.merge(|item| &work.segment.tiles[item.source as usize].costs);
                 card.warps[pipeline][index] = warp;
                 wires.push(core, WarpToken { warp: index });
+                if let Some(begun) = &self.ports.begun {
+                    wires.push(begun, WarpToken { warp: number as u32 });
+                }
                 self.open = None;
                 return true;
             }

@@ -36,7 +36,10 @@ const ALL: &[Without] = &[
     without(&["traverse.hierarchical_test=block"]),
     without(&["depth.pass_end=write-back"]),
     without(&["fetch.reuse_until=replaced"]),
-    without(&["fetch.deal=first"]),
+    without(&["fetch.deal=round-robin"]),
+    without(&["core.overlap=true"]),
+    without(&["dispatch.patience=16"]),
+    without(&["dispatch.quads_per_cycle=4", "dispatch.output_quads=4"]),
     Without { set: &[], upward: false },
 ];
 

@@ -9,7 +9,7 @@ use unit::command::{Command, CommandPorts};
 use unit::compute::{Compute, ComputePorts};
 use unit::deal::Deal;
 use unit::distribute::Distribute;
-use unit::fetch::{Fetch, FetchInput, FetchPorts, Reuse};
+use unit::fetch::{Fetch, FetchInput, FetchPorts, Reuse, VertexDeal};
 use unit::gather::Gather;
 use unit::network::{Receiver, Sender};
 use unit::route::{Retained, Route, RoutePorts};
@@ -111,6 +111,14 @@ impl Builder<'_> {
         } else {
             (vec![None; fronts], vec![None; fronts])
         };
+        let fragments = if config.fetch.deal == VertexDeal::AfterFragments {
+            let ends = self.join("fragments_begun", CONTROL, id.dispatch.iter().map(|&dispatch| (dispatch, id.fetch[0])));
+            self.open.begun = ends.0;
+            ends.1
+        } else {
+            Vec::new()
+        };
+        let mut fragments = Some(fragments);
         let primitives = Link::items(config.assembly.queue, 1, config.assembly.latency);
         let (to_clip, clip_input) =
             self.join("primitives", primitives, id.clip.iter().enumerate().map(|(n, &clip)| (id.assembly[n % fronts], clip)));
@@ -135,6 +143,7 @@ impl Builder<'_> {
                 batches,
                 retired: from_assembly,
                 passed: heeded.next().flatten(),
+                fragments: fragments.take().unwrap_or_default(),
                 index: self.port("index", indices + front, id.fetch[front]),
                 vertex: self.port("vertex", front, id.fetch[front]),
                 probe: self.front_probe(front),

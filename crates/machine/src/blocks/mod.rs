@@ -50,6 +50,8 @@ struct Open {
     /// Of each core.
     fragment: Vec<(In<WarpToken>, Out<WarpToken>)>,
     compute: Vec<(In<WarpToken>, Out<WarpToken>)>,
+    /// Of each dispatch, to vertex fetch, where batches of vertices follow warps of fragments.
+    begun: Vec<Out<WarpToken>>,
     /// To the command processor.
     color_acks: Vec<Out<Ack>>,
     depth_acks: Vec<Out<Ack>>,

@@ -157,11 +157,12 @@ impl Builder<'_> {
         let (fragment_output, from_cores): Ends<WarpToken> = self.join("fragments_shaded", done, back);
         self.open.fragment = fragment_input.into_iter().zip(fragment_output).collect();
         let (mut to_cores, mut from_cores) = (to_cores.into_iter(), from_cores.into_iter());
+        let mut begun = std::mem::take(&mut self.open.begun).into_iter();
         for (n, (input, output)) in interpolated.into_iter().zip(outputs).enumerate() {
             let cores = to_cores.by_ref().take(per_pipeline).collect();
             let shaded = from_cores.by_ref().take(per_pipeline).collect();
             let probe = if matches!(output, Outlet::Owners(_)) { self.probe(n, true, false) } else { StallProbe::default() };
-            let ports = DispatchPorts { input, cores, shaded, output, probe };
+            let ports = DispatchPorts { input, cores, shaded, output, begun: begun.next(), probe };
             self.made.dispatch.push(Dispatch::new(p.clone(), n as u8, config.core.warp_width, ports));
         }
     }

@@ -3,7 +3,7 @@
 use super::{Config, MemoryKind};
 use crate::class::Sorted;
 use mem::MemoryConfig;
-use unit::fetch::Reuse;
+use unit::fetch::{Reuse, VertexDeal};
 use unit::scanout::{ScanoutMode, Swap};
 use unit::sorting::EarlyTest;
 use unit::traverse::Walk;
@@ -59,7 +59,22 @@ pub(super) fn check(config: &Config) -> Result<(), String> {
                 .into(),
         );
     }
+    let issue = [("core.issue", config.core.issue), ("core.vertex_issue", config.core.vertex_issue)];
+    if let Some((name, issue)) = issue.into_iter().find(|&(_, issue)| issue > 1 && !config.core.overlap) {
+        return Err(format!("{name} is {issue}, and must be 1 where core.overlap is false: an instruction keeps all lanes"));
+    }
+    if config.fetch.deal == VertexDeal::AfterFragments && !config.core.unified {
+        return Err(
+            "fetch.deal is after-fragments, and core.unified must be true: fragments go to other cores than vertices".into()
+        );
+    }
     let class = config.card.sort.class();
+    if class.sorted.own_geometry() && config.fetch.deal == VertexDeal::AfterFragments {
+        return Err(format!(
+            "fetch.deal is after-fragments, and must be another where sort is {}: each pipeline shades its own vertices",
+            config.card.sort.name()
+        ));
+    }
     if class.sorted.own_geometry() && config.fetch.reuse_until == Reuse::Assembled {
         return Err(format!(
             "fetch.reuse_until is assembled, and must be replaced where sort is {}: each pipeline gets its primitives in runs",

@@ -192,7 +192,11 @@ impl<'c> Bound<'c> {
             ("fetch.line_bytes other than 64", config.fetch.line_bytes != 64, "longer lines of attributes"),
             ("texture.line_bytes other than 64", config.texture.line_bytes != 64, "longer lines of textures"),
             ("fetch.port_bytes", config.fetch.port_bytes != 0, "a port of the attribute cache"),
-            ("fetch.deal=\"first\"", config.fetch.deal == VertexDeal::First, "vertices that are not dealt in turn"),
+            (
+                "fetch.deal other than \"round-robin\"",
+                config.fetch.deal != VertexDeal::RoundRobin,
+                "vertices that are not dealt in turn",
+            ),
             ("assembly.deal=\"contiguous\"", config.assembly.deal == Deal::Contiguous, "one run of a pass for each pipeline"),
             (
                 "fetch.reuse_until=\"assembled\"",

@@ -52,7 +52,13 @@ impl Bound<'_> {
         let each = |sum: u64| sum as f64 / cost.runs as f64;
         let instructions: [f64; Class::COUNT] = cost.instructions.map(each);
         let issue = instructions.iter().sum::<f64>() / f64::from(core.issue);
-        let class = instructions.iter().zip(lanes).map(|(n, lanes)| n * width / lanes).fold(issue, f64::max);
+        let taken = instructions.iter().zip(lanes).map(|(n, lanes)| n * width / lanes);
+        let class = if core.overlap {
+            taken.fold(issue, f64::max)
+        } else {
+            // One after another, each at least a cycle.
+            instructions.iter().zip(taken).map(|(n, taken)| taken.max(*n)).sum()
+        };
         let chain: f64 = instructions.iter().zip(latencies).map(|(n, latency)| n * latency).sum();
         let resident = self.resident(registers);
 

@@ -35,6 +35,8 @@ pub(super) struct Fixed {
     alone: [u32; Class::COUNT],
     /// Cycles from a warp's instruction to its next, by class.
     latency: [u32; Class::COUNT],
+    /// Whether an instruction holds the lanes of its class alone.
+    overlap: bool,
     scheduling: Scheduling,
     /// When the warp of each place was taken in, in order.
     age: [u64; PLACES],
@@ -55,6 +57,7 @@ impl Fixed {
             room,
             interval: lanes.map(|lanes| Cycle::from((width / lanes).max(1))),
             latency: [config.float_latency, config.integer_latency, config.special_latency, config.control_latency],
+            overlap: config.overlap,
             scheduling: config.scheduling,
             age: [0; PLACES],
         }
@@ -413,7 +416,12 @@ impl Issue {
     /// Places issue an instruction of their class each.
     #[inline(always)]
     fn issue(&mut self, fixed: &Fixed, now: Cycle, class: usize, mut places: u64) {
-        self.free_at[class] = now + fixed.interval[class];
+        let free = now + fixed.interval[class];
+        if fixed.overlap {
+            self.free_at[class] = free;
+        } else {
+            self.free_at = [free; Class::COUNT];
+        }
         let (mut going, mut done) = (places, 0);
         while places != 0 {
             let place = places.trailing_zeros() as usize % PLACES;

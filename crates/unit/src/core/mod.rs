@@ -75,6 +75,8 @@ knob::knobs! {
         special_latency: u32 ["cycles", Allowed::Range(1, 63), "about 20 (Jia et al. 2018)"],
         /// Cycles from a warp's branch to its next instruction.
         control_latency: u32 ["cycles", Allowed::Range(1, 63), "fetch of the target"],
+        /// Whether an instruction of one class is issued while the lanes of another still take one in. If not, `core.issue` is 1.
+        overlap: bool ["", Allowed::Switch, "lanes of a class have ports of their own in cards; ATTILA fetches when all invocations of an instruction have begun (VectorShaderFetch)"],
         /// Which of the ready warps issues.
         scheduling: Scheduling ["", Allowed::Choice(Scheduling::NAMES), "loose round robin; greedy-then-oldest is the other (Rogers et al. 2012)"],
         /// What a warp executes where its parts take different paths, and in which order. All but `longest` have the renderer

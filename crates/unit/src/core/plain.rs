@@ -88,6 +88,11 @@ impl Plain {
             let class = Plain::class(work);
             work.order.pop();
             self.free_at[class] = self.free_at[class].max(now * lanes[class]) + width;
+            if !self.config.overlap {
+                // No lanes are free before those of the class are.
+                let free = now + (width / lanes[class]).max(1);
+                self.free_at = lanes.map(|lanes| free * lanes);
+            }
             work.left[class] -= 1;
             work.at = now + u64::from(latency[class]);
             if work.left == [0; Class::COUNT] {
@@ -105,10 +110,12 @@ fn config() -> impl Strategy<Value = CoreConfig> {
     // From an eighth of the width to eight times as many.
     let lanes = || 0..7_u32;
     let latency = || prop_oneof![1..8_u32, 1..64_u32];
-    (3..7_u32, 1..9_u32, (lanes(), lanes(), lanes(), lanes()), (latency(), latency(), latency(), latency()), any::<bool>())
-        .prop_map(|(width, issue, lanes, latency, oldest)| CoreConfig {
+    let latencies = (latency(), latency(), latency(), latency());
+    (3..7_u32, 1..9_u32, (lanes(), lanes(), lanes(), lanes()), latencies, any::<bool>(), any::<bool>()).prop_map(
+        |(width, issue, lanes, latency, oldest, overlap)| CoreConfig {
             warp_width: 1 << width,
-            issue,
+            issue: if overlap { issue } else { 1 },
+            overlap,
             float_lanes: 1 << (width + lanes.0 - 3),
             integer_lanes: 1 << (width + lanes.1 - 3),
             special_lanes: 1 << (width + lanes.2 - 3),
@@ -119,7 +126,8 @@ fn config() -> impl Strategy<Value = CoreConfig> {
             control_latency: latency.3,
             scheduling: if oldest { Scheduling::Oldest } else { Scheduling::RoundRobin },
             ..CoreConfig::default()
-        })
+        },
+    )
 }
 
 /// When a warp comes, as cycles after the one before it; which place it would like; before or after the issue of the cycle; its

@@ -154,12 +154,17 @@ impl Fetch {
             return Err(Tick::Memory);
         }
         let cores = self.ports.cores.len();
-        let free = (0..cores).map(|ahead| (self.core + ahead) % cores).find(|&core| {
+        let after_fragments = self.config.deal == VertexDeal::AfterFragments;
+        // A batch that waits for its core keeps it, so that it does not matter in which cycles this is asked.
+        let first = if after_fragments { *self.settled.get_or_insert(self.core) } else { self.core };
+        let choice = if after_fragments { 1 } else { cores };
+        let free = (0..choice).map(|ahead| (first + ahead) % cores).find(|&core| {
             let (_, output) = &self.ports.cores[core];
             wires.can_push(output)
         });
         let Some(core) = free else { return Err(Tick::Blocked) };
-        if self.config.deal == VertexDeal::RoundRobin {
+        self.settled = None;
+        if self.config.deal != VertexDeal::First {
             self.core = (core + 1) % cores;
         }
         let (cluster, output) = &self.ports.cores[core];

@@ -26,6 +26,8 @@ knob::choices! {
         RoundRobin "round-robin",
         /// The first that has place for it.
         First "first",
+        /// The one that the last warp of fragments went to; the next one, if a batch of vertices came since.
+        AfterFragments "after-fragments",
     }
 }
 
@@ -73,7 +75,7 @@ knob::knobs! {
         /// pipelines, which get their primitives in runs: elsewhere the end of a draw is known.
         patience: u32 ["cycles", Allowed::Range(1, 4096), "as that of fragments: short against an access to memory"],
         /// Which core gets the next batch of vertices.
-        deal: VertexDeal ["", Allowed::Choice(VertexDeal::NAMES), "in turn; ATTILA gives them to the first that takes them, as its counters of four shaders show"],
+        deal: VertexDeal ["", Allowed::Choice(VertexDeal::NAMES), "in turn; ATTILA has one pointer for vertices and fragments (FragmentFIFO, TiledShaderDistribution = TRUE)"],
         /// Cycles from here to the cores.
         latency: u32 ["cycles", Allowed::Range(1, 64), "wires and input registers"],
         /// Batches queued before each core.
@@ -115,6 +117,8 @@ pub struct FetchPorts {
     pub retired: In<WarpToken>,
     /// How many indices assembly has taken since the start, where vertices can be used again until then.
     pub passed: Option<In<WarpToken>>,
+    /// The numbers of the cores that warps of fragments go to, from each pipeline, where batches of vertices follow them.
+    pub fragments: Vec<In<WarpToken>>,
     /// Memory, for indices.
     pub index: MemoryPort,
     /// Memory, for attributes.
@@ -193,7 +197,9 @@ pub struct Fetch {
     gathered: VecDeque<Gathered>,
     /// Where runs are fetched, the batches that are closed and not yet on a core.
     closed: VecDeque<Gathered>,
+    /// The core whose turn it is, and the one that the batch at the head is for, where that is settled when its attributes are there.
     core: usize,
+    settled: Option<usize>,
     epoch: u32,
     /// When the cache's port is free, where it has a width.
     port_free: Cycle,
@@ -237,6 +243,7 @@ impl Fetch {
             gathered: VecDeque::new(),
             closed: VecDeque::new(),
             core: 0,
+            settled: None,
             epoch: 0,
             port_free: 0,
             items: 0,
@@ -276,6 +283,14 @@ impl Fetch {
             self.pass(passed.warp);
             did = Tick::Moved;
         }
+        let mut last = None;
+        for fragments in &self.ports.fragments {
+            while let Some(core) = wires.pop(fragments) {
+                last = last.max(Some(core.warp as usize));
+                did = Tick::Moved;
+            }
+        }
+        self.core = last.unwrap_or(self.core);
 
         // 2. Complete batches go to the cores.
         did = did.or(self.start(wires, card));

@@ -40,6 +40,7 @@ fn config() -> CoreConfig {
         special_latency: 20,
         control_latency: 8,
         scheduling: Scheduling::RoundRobin,
+        overlap: true,
         output_queue: 8,
         ..CoreConfig::default()
     }
@@ -192,6 +193,23 @@ fn a_warp_issues_in_order_the_class_it_has_most_of() {
     assert_eq!(shade(&config(), 1, [4, 0, 2, 0], 16), 3 * 6 + 20 + 6);
     // Of two warps the second, a cycle behind, finds the lanes taken for 3 cycles more at its first S, though they would take its F.
     assert_eq!(shade(&config(), 2, [4, 0, 2, 0], 16), 3 * 6 + 4 + 20 + 6);
+}
+
+#[test]
+fn an_instruction_keeps_the_lanes_of_all_classes_where_they_do_not_overlap() {
+    // Of one transcendental instruction, 4 cycles of its lanes, and eight others: alone it makes no difference.
+    let apart = CoreConfig { overlap: false, ..config() };
+    assert_eq!(shade(&apart, 1, [8, 0, 1, 0], 16), shade(&config(), 1, [8, 0, 1, 0], 16));
+    // Eight warps issue 64 instructions in a cycle each, and eight that take four; the last issue of all is of one cycle. With lanes of
+    // their own, transcendental instructions cost a cycle like the others.
+    let work = |count: usize| -> Vec<Work> {
+        let kinds = [to_the_end([8, 0, 0, 0]), to_the_end([0, 0, 2, 0])];
+        (0..count).map(|n| Work::fragments(&kinds[n % 2])).collect()
+    };
+    let last = |config: &CoreConfig| run_all(config, &work(8))[2].iter().map(|&(at, _)| at - 4).max();
+    let fast = |config| CoreConfig { float_latency: 1, special_latency: 1, ..config };
+    assert_eq!(last(&fast(config())), Some(4 * 8 + 4 * 2 - 1));
+    assert_eq!(last(&fast(apart)), Some(4 * 8 + 4 * 2 * 4 - 1));
 }
 
 #[test]

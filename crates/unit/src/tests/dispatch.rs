@@ -16,6 +16,7 @@ sim::circuit! {
         source: One<Source<GroupToken>>,
         dispatch: One<Dispatch>,
         core: Vec<Echo<WarpToken>>,
+        begun: Option<Sink<WarpToken>>,
         late: One<Sink<GroupToken>>,
         color: One<Sink<GroupToken>>,
     }
@@ -44,6 +45,8 @@ struct Dispatched {
     color: Vec<(Cycle, (Kind, u32, u8))>,
     late: Vec<(Cycle, (Kind, u32, u8))>,
     funnel: Funnel,
+    /// When it told vertex fetch of the cores that warps go to.
+    begun: Vec<(Cycle, u32)>,
 }
 
 /// Dispatches groups, given as cycle, slot and quads, to cores that take so long for a warp of 32 invocations: eight quads. A mark
@@ -54,6 +57,7 @@ fn dispatched(config: &DispatchConfig, cores: &[Cycle], groups: &[(Cycle, u16, u
             let mut wiring = Wiring::new();
             let ids = [wiring.unit("source", 0), wiring.unit("dispatch", 0)];
             let core_ids = wiring.bank("core", cores.len());
+            let begun_id = wiring.unit("begun", 0);
             let ends = [wiring.unit("late", 0), wiring.unit("color", 0)];
             let (output, input) = wiring.channel("in", 0, FREE, ids[0], ids[1]);
             let (mut to_cores, mut shaded, mut core) = (Vec::new(), Vec::new(), Vec::new());
@@ -64,6 +68,7 @@ fn dispatched(config: &DispatchConfig, cores: &[Cycle], groups: &[(Cycle, u16, u
                 shaded.push(from_core);
                 core.push(Echo::new(time, at_core, back));
             }
+            let (begun, at_begun) = wiring.channel("begun", 0, FREE, ids[1], begun_id);
             let (late, at_late) = wiring.channel("out", 0, FREE, ids[1], ends[0]);
             let (color, at_color) = wiring.channel("out", 1, FREE, ids[1], ends[1]);
             let mut card = card(1);
@@ -82,6 +87,7 @@ fn dispatched(config: &DispatchConfig, cores: &[Cycle], groups: &[(Cycle, u16, u
                 cores: to_cores,
                 shaded,
                 output: Outlet::Own { late, color },
+                begun: Some(begun),
                 probe: StallProbe::default(),
             };
             let circuit = DispatchCircuit::new(
@@ -89,6 +95,7 @@ fn dispatched(config: &DispatchConfig, cores: &[Cycle], groups: &[(Cycle, u16, u
                 One(Source::new(items, output)),
                 One(Dispatch::new(config.clone(), 0, 32, ports)),
                 core,
+                Some(Sink::new(at_begun)),
                 One(Sink::new(at_late)),
                 One(Sink::new(at_color)),
             );
@@ -104,6 +111,7 @@ fn dispatched(config: &DispatchConfig, cores: &[Cycle], groups: &[(Cycle, u16, u
                 color: c.color.log(of),
                 late: c.late.log(of),
                 funnel: card.funnel.total(),
+                begun: c.begun.as_ref().map_or(Vec::new(), |begun| begun.log(|token| token.warp)),
             }
         },
     )
@@ -154,6 +162,8 @@ fn shaded_warps_leave_in_order() {
     // and has to wait for warp 0: 3 + 40, and a cycle back. Both leave then, two groups each; warp 2 is not shaded before 7 + 40 + 1.
     let got = dispatched(&config(), &[40, 10], &[(0, 0, 4); 6]);
     assert_eq!(got.cores, [vec![3, 7], vec![5]]);
+    // Vertex fetch is told of a warp's core in the cycle in which the warp comes there.
+    assert_eq!(got.begun, [(3, 0), (5, 1), (7, 0)]);
     let left: Vec<_> = got.color[..6].iter().map(|&(at, token)| (at, token.1)).collect();
     assert_eq!(left, [(45, 0), (45, 1), (45, 2), (45, 3), (49, 4), (49, 5)]);
 }
@@ -197,6 +207,7 @@ fn settle_with(live: [u16; 4]) -> Funnel {
                 cores: vec![to],
                 shaded: vec![from_core],
                 output: Outlet::Own { late, color },
+                begun: None,
                 probe: StallProbe::default(),
             };
             let circuit = DispatchCircuit::new(
@@ -204,6 +215,7 @@ fn settle_with(live: [u16; 4]) -> Funnel {
                 One(Source::new(vec![(0, token)], output)),
                 One(Dispatch::new(config(), 0, 32, ports)),
                 vec![Echo::new(1, at_core, back)],
+                None,
                 One(Sink::new(at_late)),
                 One(Sink::new(at_color)),
             );

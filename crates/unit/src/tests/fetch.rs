@@ -12,7 +12,7 @@ use crate::token::{Kind, Piece, VertexBatch, WarpToken};
 use gfx::state::StepMode;
 use mem::Ideal;
 use num::Cycle;
-use sim::{One, StallProbe, Unit, Wiring};
+use sim::{Link, One, StallProbe, Unit, Wiring};
 use work::*;
 
 sim::circuit! {
@@ -21,8 +21,8 @@ sim::circuit! {
         fetch: One<Fetch>,
         core: Vec<Sink<WarpToken>>,
         batches: One<Sink<VertexBatch>>,
-        retired: One<Source<WarpToken>>,
-        passed: One<Source<WarpToken>>,
+        /// What assembly gives back, how many indices it has taken, and which cores fragments go to.
+        told: Vec<Source<WarpToken>>,
         ideal: Option<Ideal>,
     }
 }
@@ -88,30 +88,46 @@ fn fetched_as_passed(
     retired: &[Cycle],
     passed: &[(Cycle, u32)],
 ) -> Fetched {
+    fetched_beside(config, (cores, FREE), attributes, segments, (retired, passed), &[])
+}
+
+/// The same, with links to the cores, and where each pipeline tells at some cycles to which core a warp of its fragments goes.
+fn fetched_beside(
+    config: &FetchConfig,
+    (cores, link): (usize, Link),
+    attributes: &[AttributeFetch],
+    segments: &[Segment],
+    (retired, passed): (&[Cycle], &[(Cycle, u32)]),
+    fragments: &[&[(Cycle, u32)]],
+) -> Fetched {
     let mark = (0, Piece { slot: 0, kind: Kind::SEGMENT });
     settle(
         || {
             let mut wiring = Wiring::new();
             let ids = [wiring.unit("source", 0), wiring.unit("fetch", 0)];
             let core_ids = wiring.bank("core", cores);
-            let ends = [wiring.unit("batches", 0), wiring.unit("retired", 0), wiring.unit("passed", 0)];
+            let announced_to = wiring.unit("batches", 0);
+            let told_by = wiring.bank("told", 2 + fragments.len());
             let mut plan = memory(&mut wiring);
             let (output, input) = wiring.channel("pieces", 0, FREE, ids[0], ids[1]);
             let (mut to_cores, mut core) = (Vec::new(), Vec::new());
             for (index, &id) in core_ids.iter().enumerate() {
-                let (to, from) = wiring.channel("warps", index, FREE, ids[1], id);
+                let (to, from) = wiring.channel("warps", index, link, ids[1], id);
                 to_cores.push((0, to));
                 core.push(Sink::new(from));
             }
-            let (announce, announced) = wiring.channel("batches", 0, FREE, ids[1], ends[0]);
-            let (retire, from_assembly) = wiring.channel("retired", 0, FREE, ends[1], ids[1]);
-            let (tell, heeded) = wiring.channel("passed", 0, FREE, ends[2], ids[1]);
+            let (announce, announced) = wiring.channel("batches", 0, FREE, ids[1], announced_to);
+            let (retire, from_assembly) = wiring.channel("retired", 0, FREE, told_by[0], ids[1]);
+            let (tell, heeded) = wiring.channel("passed", 0, FREE, told_by[1], ids[1]);
+            let follow = told_by[2..].iter().enumerate().map(|(n, &id)| wiring.channel("fragments", n, FREE, id, ids[1]));
+            let (tell_cores, followed): (Vec<_>, Vec<_>) = follow.unzip();
             let ports = FetchPorts {
                 input: FetchInput::Segments(input),
                 cores: to_cores,
                 batches: announce,
                 retired: from_assembly,
                 passed: (config.reuse_until == Reuse::Assembled).then_some(heeded),
+                fragments: followed,
                 index: port(&mut plan, &mut wiring, ids[1]),
                 vertex: port(&mut plan, &mut wiring, ids[1]),
                 probe: StallProbe::default(),
@@ -125,6 +141,8 @@ fn fetched_as_passed(
             }
             pieces.push(mark);
             let done = retired.iter().enumerate().map(|(n, &at)| (at, WarpToken { warp: n as u32 })).collect();
+            let mut told = vec![Source::new(done, retire), Source::new(tokens(passed), tell)];
+            told.extend(fragments.iter().zip(tell_cores).map(|(cores, output)| Source::new(tokens(cores), output)));
             let ideal = plan.build(&mut wiring).ideal;
             let circuit = FetchCircuit::new(
                 wiring,
@@ -132,8 +150,7 @@ fn fetched_as_passed(
                 One(Fetch::new(config.clone(), WIDTH, ports)),
                 core,
                 One(Sink::new(announced)),
-                One(Source::new(done, retire)),
-                One(Source::new(passed.iter().map(|&(at, warp)| (at, WarpToken { warp })).collect(), tell)),
+                told,
                 ideal,
             );
             (circuit, card)
@@ -151,6 +168,10 @@ fn fetched_as_passed(
             }
         },
     )
+}
+
+fn tokens(numbers: &[(Cycle, u32)]) -> Vec<(Cycle, WarpToken)> {
+    numbers.iter().map(|&(at, warp)| (at, WarpToken { warp })).collect()
 }
 
 /// A segment that reads a stream of vertices, all of which have the same cost; `base` is the index of vertex 0.
@@ -341,4 +362,24 @@ fn indices_on_their_way_are_bounded() {
     let attribute = AttributeFetch { stride: 64, ..ATTRIBUTE };
     let got = fetched_as_passed(&two, 1, &[attribute], &[fresh(4)], &[], &[]);
     assert_eq!((got.warps, got.requests), (vec![vec![4 + MISS + 1]], 4));
+}
+
+#[test]
+fn batches_of_vertices_follow_warps_of_fragments() {
+    // Batches start in cycles 3, 5, 7 and so on, and come a cycle later.
+    let follow = FetchConfig { deal: VertexDeal::AfterFragments, ..config() };
+    let cores =
+        |fragments: &[&[(Cycle, u32)]]| fetched_beside(&follow, (4, FREE), &[], &[fresh(20)], (&[], &[]), fragments).warps;
+    // Without fragments they take turns.
+    assert_eq!(cores(&[&[]]), [vec![4, 12], vec![6], vec![8], vec![10]]);
+    // A warp that went to core 3 in cycle 4 is told of in 5: the batch of that cycle follows it, the next ones take turns from there.
+    assert_eq!(cores(&[&[(4, 3)]]), [vec![4, 8], vec![10], vec![12], vec![6]]);
+    // A cycle later it is the next batch.
+    assert_eq!(cores(&[&[(5, 3)]]), [vec![4, 10], vec![6, 12], vec![], vec![8]]);
+    // Of two in one cycle the one with the higher number counts.
+    assert_eq!(cores(&[&[(4, 1)], &[(4, 2)]]), [vec![4, 10], vec![12], vec![6], vec![8]]);
+    // A batch that waits for its core stays with it, whatever warps begin meanwhile: core 1 takes one in 20 cycles.
+    let slow = Link::items(1, 1, 20);
+    let got = fetched_beside(&follow, (2, slow), &[], &[fresh(24)], (&[], &[]), &[&[(2, 1), (4, 1), (8, 0)]]).warps;
+    assert_eq!((&got[0][..1], &got[1][..2]), (&[24 + 20][..], &[3 + 20, 24 + 20][..]));
 }
