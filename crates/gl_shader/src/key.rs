@@ -324,6 +324,8 @@ pub struct ShaderKey {
     pub expand: Expand,
     /// Points whose size depends on the distance.
     pub attenuated_point: bool,
+    /// Coordinates in eye space are read and have to be divided by their w.
+    pub projective_eye: bool,
     /// Logic operation.
     pub logic: Option<u32>,
     /// Lines and points of polygons that are back faces.

@@ -227,10 +227,11 @@ fn light(key: &ShaderKey, out: &mut String) {
         if of.directional {
             line!(out, "        let l = u.light{k}[3].xyz;\n        var strength = 1.0;");
         } else {
-            line!(out, "        let way = u.light{k}[3].xyz - eye;\n        let distance = length(way);");
-            line!(out, "        let l = way / max(distance, 1e-30);\n        var strength = 1.0;");
+            // One root gives the direction and the distance. A light at the vertex has no direction.
+            line!(out, "        let way = u.light{k}[3].xyz - eye;\n        let square = clamp(dot(way, way), 1e-37, 1e37);");
+            line!(out, "        let near = inverseSqrt(square);\n        let l = way * near;\n        var strength = 1.0;");
             if of.attenuated {
-                line!(out, "        let terms = u.light{k}[5];");
+                line!(out, "        let distance = square * near;\n        let terms = u.light{k}[5];");
                 line!(out, "        strength = 1.0 / (terms.y + distance * (terms.z + distance * terms.w));");
             }
         }
@@ -263,7 +264,8 @@ fn vertex(key: &ShaderKey, out: &mut String) {
     let result = if key.planes != 0 { "Clipped" } else { "Varying" };
     line!(out, "@vertex fn vs(v: Input) -> {result} {{\n    var o: {result};\n    o.position = u.mvp * v.position;");
     if key.eye() {
-        line!(out, "    let eye4 = u.modelview * v.position;\n    let eye = eye4.xyz / eye4.w;");
+        let w = if key.projective_eye { " / eye4.w" } else { "" };
+        line!(out, "    let eye4 = u.modelview * v.position;\n    let eye = eye4.xyz{w};");
     }
     if key.normal() {
         let from = if key.varying.normal { "v.normal" } else { "u.normal.xyz" };

@@ -175,6 +175,7 @@ impl Gl {
             key.fog_coordinate = true;
             (constant, summary) = (batch.vertices[batch.indices[0] as usize].clone(), Summary::of(&batch.vertices));
         }
+        key.projective_eye &= key.eye();
         let mut bound: Vec<_> = bound.iter().map(|bound| bound.bound).collect();
         if key.logic.is_some() && (target.more[0].is_some() || target.color.is_some_and(|color| color.is_float())) {
             return Err(Fault::Unsupported("logic operations on several colour buffers and on floating-point ones".into()));

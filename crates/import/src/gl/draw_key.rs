@@ -133,6 +133,7 @@ impl Gl {
             pixels: self.pixels.is_some(),
             expand,
             attenuated_point,
+            projective_eye: summary.position == 4 || self.modelview.top.row(3) != Vec4::W,
             logic: (state.is(e::COLOR_LOGIC_OP) && !matches!(state.logic, e::COPY | e::NOOP)).then_some(state.logic),
             back,
             vertex: None,

@@ -2,6 +2,7 @@
 
 mod fuzz;
 mod gl;
+mod gl_terms;
 mod oracle;
 mod peers;
 mod recorder;

@@ -61,6 +61,7 @@ impl Gl {
             key.lighting = None;
             key.normalize = 0;
             key.attenuated_point = false;
+            key.projective_eye = false;
             key.back = false;
             key.color_sum = self.state.is(e::COLOR_SUM);
             key.fog_coordinate = true;
