@@ -239,3 +239,24 @@ fn polygon_stipples_have_the_storage_of_pixels() {
     assert_eq!(columns(&draw("")), [7, 15]);
     assert_eq!(columns(&draw("glPixelStorei(GL_UNPACK_LSB_FIRST,1)\n")), [0, 8]);
 }
+
+#[test]
+fn a_light_is_seen_from_any_distance_whose_square_is_a_number() {
+    let lit = |term: &str, distance: &str, attenuation: f32| {
+        let calls = format!(
+            "glEnable(GL_LIGHTING)\nglEnable(GL_LIGHT0)\nglLightModelfv(GL_LIGHT_MODEL_AMBIENT,{{0,0,0,1}})\n\
+             glLightfv(GL_LIGHT0,GL_DIFFUSE,{{0,0,0,1}})\nglLightfv(GL_LIGHT0,{term},{{1,1,1,1}})\n\
+             glMaterialfv(GL_FRONT,GL_AMBIENT,{{1,0,0,1}})\nglMaterialfv(GL_FRONT,GL_DIFFUSE,{{0,1,0,1}})\n\
+             glLightfv(GL_LIGHT0,GL_POSITION,{{0,0,{distance},1}})\nglLightf(GL_LIGHT0,GL_LINEAR_ATTENUATION,{attenuation})\n\
+             glNormal3f(0,0,1)\n{QUAD}"
+        );
+        shown(&calls, &[]).at(8, 8)
+    };
+    let diffuse = |distance| lit("GL_DIFFUSE", distance, 0.0);
+    assert_eq!((diffuse("1e6"), diffuse("1e15")), (GREEN, GREEN));
+    // Farther away it has no direction, and nothing is left of what decreases with the distance.
+    assert_eq!(diffuse("1e25"), BLACK);
+    let ambient = |distance| lit("GL_AMBIENT", distance, 1e-3);
+    assert!(ambient("0.1")[0] >= 254, "{:?}", ambient("0.1"));
+    assert_eq!((ambient("1e15"), ambient("1e25")), (BLACK, BLACK));
+}

@@ -227,11 +227,15 @@ fn light(key: &ShaderKey, out: &mut String) {
         if of.directional {
             line!(out, "        let l = u.light{k}[3].xyz;\n        var strength = 1.0;");
         } else {
-            // One root gives the direction and the distance. A light at the vertex has no direction.
-            line!(out, "        let way = u.light{k}[3].xyz - eye;\n        let square = clamp(dot(way, way), 1e-37, 1e37);");
+            // One root gives the direction and the distance. A light at the vertex has no direction, and one so far away that the square of
+            // its distance is no number has none either, as in Mesa.
+            line!(out, "        let way = u.light{k}[3].xyz - eye;\n        let square = max(dot(way, way), 1e-37);");
             line!(out, "        let near = inverseSqrt(square);\n        let l = way * near;\n        var strength = 1.0;");
             if of.attenuated {
-                line!(out, "        let distance = square * near;\n        let terms = u.light{k}[5];");
+                line!(
+                    out,
+                    "        let distance = select(1e30, square * near, near > 0.0);\n        let terms = u.light{k}[5];"
+                );
                 line!(out, "        strength = 1.0 / (terms.y + distance * (terms.z + distance * terms.w));");
             }
         }
