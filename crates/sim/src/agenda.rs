@@ -106,8 +106,13 @@ impl Agenda {
             self.approach(now);
         }
         let slot = now % WHEEL;
-        for group in &mut self.groups {
-            group.due = std::mem::take(&mut group.wheel[slot as usize]);
+        let begin = |group: &mut Group| group.due = std::mem::take(&mut group.wheel[slot as usize]);
+        // Most machines have one group, and what a loop does before its first turn is done in every cycle.
+        if let Some((first, others)) = self.groups.split_first_mut() {
+            begin(first);
+            if !others.is_empty() {
+                others.iter_mut().for_each(begin);
+            }
         }
         self.occupied &= !(1 << slot);
     }
