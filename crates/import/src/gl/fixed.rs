@@ -2,13 +2,13 @@
 
 use gfx::state::*;
 
-use super::call::{Fault, Outcome};
+use super::call::Outcome;
 use super::card::{Fixed, Target, kept_channels};
 use super::consts as e;
 use super::fragments::{blend_factor, blend_operation, stencil_operation};
 use super::key::{Expand, ShaderKey};
 use super::machine::Gl;
-use super::primitive::{Batch, Class};
+use super::primitive::{Batch, Class, OFFSET_STEPS};
 use super::state::Stencil;
 
 /// A comparison of the card.
@@ -88,18 +88,9 @@ impl Gl {
         // Points and lines have no back face.
         let two_side = triangles && self.stencil_sides();
         let [front, back] = [0, usize::from(two_side)].map(|k| state.stencil[k]);
-        let offset = match class {
-            Class::Triangles => e::POLYGON_OFFSET_FILL,
-            Class::Lines => e::POLYGON_OFFSET_LINE,
-            Class::Points => e::POLYGON_OFFSET_POINT,
-        };
-        let [factor, units] = match state.is(offset) {
-            true if triangles => state.polygon_offset,
-            true if self.state.polygon_modes != [e::FILL; 2] && state.polygon_offset != [0.0; 2] => {
-                return Err(Fault::Unsupported("polygon offset of lines and points".into()));
-            }
-            _ => [0.0; 2],
-        };
+        // The offsets of polygons as lines and points are in their vertices.
+        let [factor, units] = if triangles && state.is(e::POLYGON_OFFSET_FILL) { state.polygon_offset } else { [0.0; 2] };
+        let steps = units * OFFSET_STEPS;
         let [stencil_front, stencil_back] = if stencil { [front.face()?, back.face()?] } else { [StencilFace::default(); 2] };
         let depth = target.depth.map(|surface| DepthStencil {
             format: surface.format,
@@ -109,7 +100,7 @@ impl Gl {
             stencil_back,
             stencil_read_mask: if stencil { front.read & 0xff } else { 0xff },
             stencil_write_mask: if stencil { front.write & 0xff } else { 0xff },
-            bias: if units >= 0.0 { (units + 0.5) as i32 } else { (units - 0.5) as i32 },
+            bias: if steps >= 0.0 { (steps + 0.5) as i32 } else { (steps - 0.5) as i32 },
             bias_slope: factor,
             bias_clamp: 0.0,
         });

@@ -41,6 +41,8 @@ pub struct Vertex {
     pub edge: bool,
     /// Distance in pixels along a stippled line.
     pub along: f32,
+    /// Depth offset of the polygon whose edge or corner it is.
+    pub offset: f32,
 }
 
 impl Vertex {
@@ -380,6 +382,7 @@ impl Default for State {
             more: Rc::new(More { texture: [black; UNITS - OWN], generic: [black; GENERICS] }),
             edge: true,
             along: 0.0,
+            offset: 0.0,
         };
         State {
             current: first.clone(),
