@@ -53,6 +53,11 @@ pub(crate) fn expand(key: &ShaderKey, out: &mut String) {
                 line!(out, "    size *= inverseSqrt(max(terms.x + distance * (terms.y + distance * terms.z), 1e-30));");
                 line!(out, "    size = clamp(size, u.point_limits.x, u.point_limits.y);");
             }
+            // Without smoothing, sizes are whole; those that do not differ between points have been made so. Sprites have any size.
+            let differ = key.attenuated_point || size != "u.screen.z";
+            if differ && key.expand == Expand::Point && !key.units.iter().any(|unit| unit.sprite) {
+                line!(out, "    size = max(ceil(size - 0.5), 1.0);");
+            }
             // The discs of small points have at least two pixels, as in Mesa.
             let least = if key.expand == Expand::SmoothPoint { "2.0" } else { "1.0" };
             let reach = format!("0.5 * max(size, {least})");

@@ -365,8 +365,13 @@ fn fragment(key: &ShaderKey, source: &Source, out: &mut String) {
         line!(out, "    c = vec4f(mix(u.fog_color.rgb, c.rgb, saturate({factor})), c.a);");
     }
     match key.expand {
-        // Mesa's llvmpipe draws discs with hard edges.
-        Expand::SmoothPoint => line!(out, "    if length(v.corner.xy) > v.corner.z {{ discard; }}"),
+        // As Mesa's llvmpipe does: discs with hard edges, whose inner parts are less transparent.
+        Expand::SmoothPoint => {
+            line!(out, "    let within = dot(v.corner.xy, v.corner.xy) / (v.corner.z * v.corner.z);");
+            line!(out, "    if within > 1.0 {{ discard; }}");
+            line!(out, "    let rim = (1.0 - 1.0 / v.corner.z) * (1.0 - 1.0 / v.corner.z);");
+            line!(out, "    c.a = saturate(c.a * max((1.0 - within) / (1.0 - rim), 1.0));");
+        }
         Expand::SmoothLine => {
             line!(out, "    c.a *= saturate(v.corner.z - abs(v.corner.x)) * saturate(v.corner.w - abs(v.corner.y));")
         }
@@ -382,8 +387,9 @@ fn fragment(key: &ShaderKey, source: &Source, out: &mut String) {
             e::LEQUAL => "c.a <= a",
             e::GREATER => "c.a > a",
             e::GEQUAL => "c.a >= a",
-            e::EQUAL => "c.a == a",
-            e::NOTEQUAL => "c.a != a",
+            // Half a step of eight bits, or none where alpha is a floating-point number.
+            e::EQUAL => "abs(c.a - a) <= u.alpha_reference.y",
+            e::NOTEQUAL => "!(abs(c.a - a) <= u.alpha_reference.y)",
             _ => "false",
         };
         line!(out, "    let a = u.alpha_reference.x;\n    if !({passes}) {{ discard; }}");

@@ -220,11 +220,13 @@ impl Gl {
         self.outlines(mode, vertices, &triangles)
     }
 
-    /// Whether shading is smooth and the matrices only translate and scale, without perspective.
+    /// Whether shading is smooth and the matrices keep rectangles that face the screen upright. Such a rectangle may have any depth: all of its
+    /// corners have the same one. Mesa cuts rectangles that have a pattern, or whose corners indices select, as it cuts other
+    /// quadrilaterals.
     pub fn keeps_upright(&self) -> bool {
         let m = to_clip(&self.projection.top, &self.modelview.top);
-        let moves = Mat4::from_cols(Vec4::X * m.x_axis, Vec4::Y * m.y_axis, Vec4::Z * m.z_axis, m.w_axis);
-        !self.state.flat && m == moves
+        let moves = Mat4::from_cols(Vec4::X * m.x_axis, Vec4::Y * m.y_axis, m.z_axis, m.w_axis);
+        !self.state.flat && !self.indexed && !self.state.is(e::POLYGON_STIPPLE) && m == moves
     }
 
     /// Whether the faces that are not culled are filled.

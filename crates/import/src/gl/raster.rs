@@ -32,7 +32,7 @@ pub(super) fn swap(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
 
 impl Gl {
     /// Writes the tracked colour to the materials: they keep it when colour material is switched off (OpenGL 1.5, section 2.14.3).
-    fn settle_color_material(&mut self) -> Outcome {
+    pub(super) fn settle_color_material(&mut self) -> Outcome {
         if !self.state.is(e::COLOR_MATERIAL) {
             return Ok(());
         }
@@ -97,25 +97,6 @@ pub(super) fn enable(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
 
 pub(super) fn disable(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
     set(gl, call.u32(0)?, false)
-}
-
-pub(super) fn push_attrib(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
-    if gl.saved.len() >= 16 {
-        return Err(Fault::Error("GL_STACK_OVERFLOW"));
-    }
-    gl.settle_color_material()?;
-    gl.saved.push((call.u32(0)?, Box::new(gl.state.clone())));
-    Ok(())
-}
-
-pub(super) fn pop_attrib(gl: &mut Gl, _: &Call, _: Shape) -> Outcome {
-    let (mask, saved) = gl.saved.pop().ok_or(Fault::Error("GL_STACK_UNDERFLOW"))?;
-    gl.settle_color_material()?;
-    gl.state.restore(mask, *saved);
-    if mask & e::LIGHTING_BIT != 0 {
-        gl.given.restore();
-    }
-    Ok(())
 }
 
 pub(super) fn shade_model(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {

@@ -5,7 +5,7 @@ use super::elements::{BASED, INSTANCED, RANGE};
 use super::machine::Gl;
 use super::{
     accumulate, arb, arrays, buffers, elements, environment, evaluator, fragments, framebuffer, glsl, immediate, lists, pixels,
-    raster, rectangles, samplers, texturing, transform,
+    raster, rectangles, samplers, saved, texturing, transform,
 };
 
 /// When a function may be called, and its effect on the batch.
@@ -196,8 +196,8 @@ fn exact(name: &str) -> Option<(Moment, Run)> {
         "ClipPlane" => (Server, transform::clip_plane),
         "Enable" => (Server, raster::enable),
         "Disable" => (Server, raster::disable),
-        "PushAttrib" => (Server, raster::push_attrib),
-        "PopAttrib" => (Server, raster::pop_attrib),
+        "PushAttrib" => (Server, saved::push),
+        "PopAttrib" => (Server, saved::pop),
         "ShadeModel" => (Server, raster::shade_model),
         "ColorMaterial" => (Server, raster::color_material),
         "CullFace" => (Server, raster::cull_face),
