@@ -69,6 +69,10 @@ fn set(gl: &mut Gl, cap: u32, on: bool) -> Outcome {
         gl.state.programs = if on { gl.state.programs | bit } else { gl.state.programs & !bit };
         return Ok(());
     }
+    if cap == e::BLEND {
+        gl.state.writes.iter_mut().for_each(|writes| writes.blended = on);
+        return Ok(());
+    }
     let unit = &mut gl.state.units[gl.state.active];
     if let Some(k) = TARGETS.iter().position(|&target| target == cap) {
         unit.enabled = unit.enabled & !(1 << k) | u8::from(on) << k;
@@ -89,6 +93,16 @@ fn set(gl: &mut Gl, cap: u32, on: bool) -> Outcome {
         return Ok(());
     }
     Err(Fault::Unsupported(format!("glEnable({})", names::name(cap))))
+}
+
+/// `glEnablei(capability, buffer)`, `glDisablei`: of one colour buffer.
+pub(super) fn set_of_buffer<const ON: bool>(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
+    let (cap, k) = (call.u32(0)?, call.u32(1)? as usize);
+    if cap != e::BLEND {
+        return Err(Fault::Unsupported(format!("{}({})", call.function.name, names::name(cap))));
+    }
+    gl.state.writes.get_mut(k).ok_or(INVALID_VALUE)?.blended = ON;
+    Ok(())
 }
 
 pub(super) fn enable(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
