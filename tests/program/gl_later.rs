@@ -46,6 +46,45 @@ fn show(texture: u32, factor: f32) -> String {
 }
 
 #[test]
+fn each_colour_buffer_is_blended_and_masked_for_itself() {
+    let data = "void main() { gl_FragData[0] = vec4(0.5, 0.25, 0.0, 1.0); gl_FragData[1] = vec4(0.5, 0.25, 0.5, 1.0); }";
+    let drawn = |calls: &str, texture: u32| {
+        let clear = "glClearBufferfv(GL_COLOR,0,{0.25,0.25,0.25,1})\nglClearBufferfv(GL_COLOR,1,{0.5,0.5,0.25,1})\n";
+        let restore = "glDisable(GL_BLEND)\nglColorMask(1,1,1,1)\n";
+        let draw =
+            format!("{}{clear}{calls}\n{}\nglRectf(-1,-1,1,1)\n{restore}", two_buffers("GL_RGBA8"), program(20, PASS, data));
+        shown(&format!("{draw}{}", show(texture, 1.0)), &[]).at(8, 8)
+    };
+    let of = |calls: &str| [drawn(calls, 1), drawn(calls, 2)];
+    let check = |calls: &str, first: [u8; 3], second: [u8; 3]| {
+        let seen = of(calls);
+        assert!(near(seen[0], first) && near(seen[1], second), "{calls}: {seen:?}");
+    };
+    check("glEnable(GL_BLEND)\nglBlendFunc(GL_ONE,GL_ONE)", [191, 128, 64], [255, 191, 191]);
+    check("glBlendFunc(GL_ONE,GL_ONE)\nglEnablei(GL_BLEND,1)", [128, 64, 0], [255, 191, 191]);
+    check("glEnable(GL_BLEND)\nglDisableIndexedEXT(GL_BLEND,1)\nglBlendFunc(GL_ONE,GL_ONE)", [191, 128, 64], [128, 64, 128]);
+    let each = "glEnable(GL_BLEND)\nglBlendFunci(0,GL_ONE,GL_ONE)\nglBlendFuncSeparatei(1,GL_ZERO,GL_ONE,GL_ONE,GL_ZERO)";
+    check(each, [191, 128, 64], [128, 128, 64]);
+    let each = "glEnable(GL_BLEND)\nglBlendFunc(GL_ONE,GL_ONE)\nglBlendEquationi(1,GL_FUNC_REVERSE_SUBTRACT)";
+    check(each, [191, 128, 64], [0, 64, 0]);
+    check("glColorMaski(1,1,0,0,1)", [128, 64, 0], [128, 128, 64]);
+    check("glColorMaski(0,0,1,1,1)", [64, 64, 0], [128, 64, 128]);
+    // Of one buffer, the part in the scissor.
+    let part = "glEnable(GL_SCISSOR_TEST)\nglScissor(0,0,16,4)\nglClearBufferfv(GL_COLOR,1,{1,1,1,1})\nglDisable(GL_SCISSOR_TEST)\nglColorMask(0,0,0,0)";
+    check(part, [64, 64, 64], [128, 128, 64]);
+    // Restored with the group, and as a switch.
+    let saved = "glPushAttrib(GL_COLOR_BUFFER_BIT)\nglColorMaski(1,0,0,0,0)\nglEnablei(GL_BLEND,0)\nglBlendFunc(GL_ZERO,GL_ONE)\nglPopAttrib()";
+    check(saved, [128, 64, 0], [128, 64, 128]);
+    let switch = "glBlendFunc(GL_ONE,GL_ONE)\nglPushAttrib(GL_ENABLE_BIT)\nglEnable(GL_BLEND)\nglPopAttrib()";
+    check(switch, [128, 64, 0], [128, 64, 128]);
+    check(
+        "glPushAttrib(GL_COLOR_BUFFER_BIT)\nglBlendFunc(GL_ONE,GL_ONE)\nglEnable(GL_BLEND)\nglPopAttrib()",
+        [128, 64, 0],
+        [128, 64, 128],
+    );
+}
+
+#[test]
 fn a_shader_gives_each_colour_buffer_its_own() {
     let data = "void main() { gl_FragData[0] = vec4(1.0, 0.0, 0.0, 1.0); gl_FragData[1] = vec4(0.0, 2.0, 0.0, 1.0); }";
     // An array of outputs, and outputs at stated places.

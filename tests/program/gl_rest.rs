@@ -24,6 +24,67 @@ fn a_material_keeps_the_colour_that_tracked_it() {
 }
 
 #[test]
+fn outlines_and_corners_of_polygons_are_offset_and_other_lines_are_not() {
+    // A blue plane whose depth falls by 0.05 from pixel to pixel, and is 0.5 where x is 8.
+    let plane = format!(
+        "{ORTHO}glEnable(GL_DEPTH_TEST)\nglColor3f(0,0,1)\nglBegin(GL_QUADS)\nglVertex3f(0,0,-0.8)\nglVertex3f(16,0,0.8)\nglVertex3f(16,16,0.8)\n\
+         glVertex3f(0,16,-0.8)\nglEnd()\nglColor3f(1,0,0)\nglEnable(GL_POLYGON_OFFSET_LINE)\nglEnable(GL_POLYGON_OFFSET_POINT)\n"
+    );
+    // How many pixels of row 3 are red: the lower edge of a rectangle of this slope, or a line.
+    let red = |mode: &str, slope: f32, offset: &str, more: &str, kind: &str| {
+        let corner = |x: f32, y: f32| format!("glVertex3f({x},{y},{})\n", slope * (x - 8.0));
+        let corners = [(0.5, 3.5), (15.5, 3.5), (15.5, 12.5), (0.5, 12.5)].map(|(x, y)| corner(x, y)).concat();
+        let image = shown(
+            &format!(
+                "{plane}glPolygonMode(GL_FRONT_AND_BACK,{mode})\nglPolygonOffset({offset})\n{more}\nglBegin({kind})\n{corners}glEnd()\n"
+            ),
+            &[],
+        );
+        (0..16).filter(|&x| image.at(x, 3) == RED).count()
+    };
+    let outline = |slope: f32, offset: &str| red("GL_LINE", slope, offset, "", "GL_QUADS");
+    let near_to = |count: usize, expected: usize| assert!(count.abs_diff(expected) <= 1, "{count}, not {expected}");
+    near_to(outline(0.0, "0,0"), 8);
+    // 2^21 units of two steps are 0.25: five pixels.
+    near_to(outline(0.0, "0,2097152"), 3);
+    near_to(outline(0.0, "0,-2097152"), 13);
+    // A polygon that faces the viewer has no slope. The depth of one that leans the other way rises by 0.05 from pixel to pixel.
+    near_to(outline(0.0, "4,0"), 8);
+    near_to(outline(-0.1, "4,0"), 6);
+    near_to(outline(-0.1, "-4,0"), 10);
+    // In the plane itself, an offset decides.
+    assert_eq!((outline(0.1, "1,1"), outline(0.1, "-1,-1")), (0, 16));
+    // Also of wide, smooth and flat ones; lines between Begin and End stay where they are.
+    for more in
+        ["glLineWidth(3)", "glShadeModel(GL_FLAT)", "glEnable(GL_LINE_STIPPLE)\nglLineStipple(64,65535)", "glDepthRange(0,1)"]
+    {
+        near_to(red("GL_LINE", 0.0, "0,2097152", more, "GL_QUADS"), 3);
+        near_to(red("GL_LINE", 0.0, "0,2097152", more, "GL_LINE_LOOP"), 8);
+    }
+    near_to(red("GL_LINE", 0.0, "0,2097152", "glDisable(GL_POLYGON_OFFSET_LINE)", "GL_QUADS"), 8);
+    // The corner at the left is in front of the plane, unless it is moved away by more than 0.375.
+    let corners = |offset: &str| red("GL_POINT", 0.0, offset, "", "GL_QUADS");
+    assert_eq!((corners("0,0"), corners("0,2800000"), corners("0,3300000"), corners("0,-3300000")), (1, 1, 0, 2));
+}
+
+#[test]
+fn the_pattern_of_an_outline_begins_at_the_closing_edge() {
+    let outline = |mode: &str| {
+        shown(
+            &format!(
+                "{ORTHO}glPolygonMode(GL_FRONT_AND_BACK,GL_LINE)\nglEnable(GL_LINE_STIPPLE)\nglLineStipple(1,255)\nglBegin({mode})\nglVertex2f(3.5,2.5)\n\
+                 glVertex2f(11.5,2.5)\nglVertex2f(11.5,10.5)\nglVertex2f(3.5,10.5)\nglEnd()\n"
+            ),
+            &[],
+        )
+    };
+    // Eight pixels are drawn, eight are left out. Of a quadrilateral the last edge is the first, as in Mesa.
+    let (quad, polygon) = (outline("GL_QUADS"), outline("GL_POLYGON"));
+    assert!(quad.at(3, 6) != BLACK && quad.at(7, 2) == BLACK && quad.at(11, 6) != BLACK && quad.at(7, 10) == BLACK);
+    assert!(polygon.at(3, 6) == BLACK && polygon.at(7, 2) != BLACK && polygon.at(11, 6) == BLACK && polygon.at(7, 10) != BLACK);
+}
+
+#[test]
 fn outlines_of_flat_polygons_have_the_colour_of_the_provoking_vertex() {
     let outline = |mode: &str, corners: &str| {
         shown(

@@ -286,6 +286,39 @@ fn textures_are_read_in_all_ways() {
 }
 
 #[test]
+fn each_sampler_of_an_array_has_a_unit_of_its_own() {
+    // Units 1 to 3 have one colour each.
+    let colors: [[u8; 4]; 3] = [[64, 0, 0, 255], [0, 128, 0, 255], [0, 0, 191, 255]];
+    let head = "uniform sampler2D t[3]; uniform sampler2D other;";
+    let body = "void main() { gl_FragColor = texture2D(t[0], vec2(0.5)) + 0.5 * texture2D(t[1], vec2(0.5)) + texture2D(t[2], vec2(0.5), 0.0)\n\
+        + 0.0 * texture2D(other, vec2(0.5)); }";
+    // Set together, one by one, and from the second on.
+    let all = "glGetUniformLocation(@,\"t\")=3\nglUniform1iv(3,3,{3,2,1})";
+    let each = "glGetUniformLocation(@,\"t[0]\")=5\nglUniform1i(5,1)\nglUniform1i(6,2)\nglGetUniformLocation(@,\"t[2]\")=7\nglUniform1i(7,3)";
+    let rest = "glGetUniformLocation(@,\"t\")=5\nglUniform1i(5,2)\nglUniform1iv(6,2,{3,1})";
+    let cases = [(all, [0.25, 0.25, 0.75]), (each, [0.25, 0.25, 0.75]), (rest, [0.25, 0.5, 0.375])];
+    let mut recording = Recording::new();
+    for (k, color) in colors.iter().enumerate() {
+        recording.add(&format!("glActiveTexture(GL_TEXTURE{})\nglBindTexture(GL_TEXTURE_2D,{})", k + 1, k + 1));
+        recording.texture("GL_RGBA", [1, 1], "GL_RGBA", color);
+    }
+    for (k, (calls, _)) in cases.iter().enumerate() {
+        frame(&mut recording, 4 * k + 1, PASS, &format!("{head} {body}"), calls);
+    }
+    near(&recording, &cases);
+    // A location in the declaration.
+    let text = "#version 430\nlayout(location = 4) uniform sampler2D[2] t; out vec4 c;\n\
+        void main() { c = texture(t[0], vec2(0.5)) + texture(t[1], vec2(0.5)); }";
+    let mut recording = Recording::new();
+    for (k, color) in colors.iter().enumerate() {
+        recording.add(&format!("glActiveTexture(GL_TEXTURE{})\nglBindTexture(GL_TEXTURE_2D,{})", k + 1, k + 1));
+        recording.texture("GL_RGBA", [1, 1], "GL_RGBA", color);
+    }
+    frame(&mut recording, 1, PASS, text, "glUniform1i(4,1)\nglUniform1i(5,2)");
+    near(&recording, &[("location", [0.25, 0.5, 0.0])]);
+}
+
+#[test]
 fn what_is_not_supported_is_named_with_its_line() {
     let refusal = |vertex: &str, fragment: &str| {
         let mut recording = Recording::new();
@@ -297,7 +330,18 @@ fn what_is_not_supported_is_named_with_its_line() {
         ("void main() { gl_FragColor = vec4(1.0) }", "fragment shader, line 1: Expected Semicolon, found RightBrace"),
         ("\n\nvoid main() { gl_FragColor = gl_Nonsense; }", "fragment shader, line 3: gl_Nonsense is not supported"),
         ("uniform Block { vec4 a; };\nvoid main() { gl_FragColor = a; }", "line 1: the interface block Block is not supported"),
-        ("uniform sampler2D t[2];\nvoid main() {}", "line 1: the array t of samplers is not supported"),
+        (
+            "uniform sampler2D t[2];\nvoid main() { for (int i = 0; i < 2; i++) gl_FragColor += texture2D(t[i], vec2(0.0)); }",
+            "line 2: the array t of samplers with an index that is no number is not supported",
+        ),
+        (
+            "uniform sampler2D t[2];\nvoid main() { gl_FragColor = texture2D(t[2], vec2(0.0)); }",
+            "element 2 of the array t of 2",
+        ),
+        (
+            "const int n = 2;\nuniform sampler2D t[n];\nvoid main() {}",
+            "line 2: the array t of samplers, whose size is no number",
+        ),
         (
             "\nvec4 f(sampler2D s) { return vec4(0.0); }\nvoid main() {}",
             "line 2: the parameter of type sampler2D of the function f",

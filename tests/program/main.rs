@@ -9,6 +9,7 @@ mod draws;
 mod floors;
 mod gl;
 mod gl_arrays;
+mod gl_as_mesa;
 mod gl_buffers;
 mod gl_features;
 mod gl_later;

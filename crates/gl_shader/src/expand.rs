@@ -11,7 +11,7 @@ pub const BOTH_ENDS_MAX: u32 = 14;
 /// The locations of the other end's attributes, in the order of the attributes: those that are free.
 pub fn far_locations(key: &ShaderKey) -> Vec<u32> {
     let used: Vec<u32> = attributes(key).into_iter().map(|(location, ..)| location).collect();
-    let own = [location::POSITION, location::CORNER, location::OTHER, location::ALONG];
+    let own = [location::POSITION, location::CORNER, location::OTHER, location::ALONG, location::OFFSET];
     let free = (0..2 * location::GENERIC).filter(|at| !own.contains(at) && !used.contains(at));
     free.take(used.len()).collect()
 }
@@ -52,6 +52,11 @@ pub(crate) fn expand(key: &ShaderKey, out: &mut String) {
                 line!(out, "    let distance = length(eye);\n    let terms = u.point_attenuation;");
                 line!(out, "    size *= inverseSqrt(max(terms.x + distance * (terms.y + distance * terms.z), 1e-30));");
                 line!(out, "    size = clamp(size, u.point_limits.x, u.point_limits.y);");
+            }
+            // Without smoothing, sizes are whole; those that do not differ between points have been made so. Sprites have any size.
+            let differ = key.attenuated_point || size != "u.screen.z";
+            if differ && key.expand == Expand::Point && !key.units.iter().any(|unit| unit.sprite) {
+                line!(out, "    size = max(ceil(size - 0.5), 1.0);");
             }
             // The discs of small points have at least two pixels, as in Mesa.
             let least = if key.expand == Expand::SmoothPoint { "2.0" } else { "1.0" };

@@ -318,6 +318,8 @@ pub struct ShaderKey {
     pub stipple: bool,
     /// Line stipple.
     pub line_stipple: bool,
+    /// Depth offsets of polygons that are drawn as lines or points.
+    pub offset: bool,
     /// Primary colours are those of drawn pixels.
     pub pixels: bool,
     /// Expansion.

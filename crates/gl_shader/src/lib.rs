@@ -16,6 +16,7 @@ pub mod glsl;
 pub mod key;
 pub mod wgsl;
 
+mod lit;
 mod texels;
 
 /// Number of texture units.

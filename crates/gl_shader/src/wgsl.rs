@@ -8,6 +8,7 @@ use crate::arb::program::{GENERICS, Output, Program};
 use crate::consts as e;
 use crate::expand::{expand, far_locations};
 use crate::key::{DepthRead, Expand, Kind, Made, ShaderKey, UnitKey};
+use crate::lit::{colors, light};
 use crate::texels;
 
 /// Locations of vertex attributes.
@@ -32,6 +33,8 @@ pub mod location {
     pub const TEXTURE: u32 = 8;
     /// Generic attribute 0.
     pub const GENERIC: u32 = 16;
+    /// The depth offset of a polygon: generic attribute 0 is the position, so its location is free.
+    pub const OFFSET: u32 = GENERIC;
 }
 
 /// The inputs of a module, beside its key.
@@ -142,6 +145,7 @@ fn interface(key: &ShaderKey, source: &Source, out: &mut String) {
         (key.expand != Expand::No, location::CORNER, "corner: vec2f"),
         (matches!(key.expand, Expand::Line | Expand::SmoothLine), location::OTHER, "other: vec4f"),
         (key.line_stipple, location::ALONG, "along: f32"),
+        (key.offset, location::OFFSET, "offset: f32"),
     ];
     for (wanted, location, declaration) in others {
         if wanted {
@@ -173,6 +177,9 @@ fn interface(key: &ShaderKey, source: &Source, out: &mut String) {
     }
     if key.line_stipple {
         line!(out, "    @location(6) @interpolate(linear) along: f32,");
+    }
+    if key.offset {
+        line!(out, "    @location(7) @interpolate(flat) offset: f32,");
     }
     for unit in key.units.iter().filter(|unit| unit.coordinates && !unit.sprite) {
         let kind = if unit.projective { "vec4f" } else { "vec3f" };
@@ -216,54 +223,6 @@ pub fn reads_coordinates(key: &ShaderKey, unit: usize) -> bool {
     key.varying.texture[unit] && key.vertex_texture(unit)
 }
 
-/// Lighting of one side (OpenGL 1.5, section 2.14.1).
-fn light(key: &ShaderKey, out: &mut String) {
-    let Some(lighting) = &key.lighting else { return };
-    line!(out, "struct Lit {{ primary: vec4f, secondary: vec3f }}");
-    line!(out, "fn light(eye: vec3f, n: vec3f, ambient: vec3f, diffuse: vec4f, specular: vec4f, emission: vec3f) -> Lit {{");
-    line!(out, "    var sum = emission + ambient * u.model_ambient.rgb;\n    var shine = vec3f();");
-    for (k, of) in lighting.lights.iter().enumerate() {
-        line!(out, "    {{ // light {k}");
-        if of.directional {
-            line!(out, "        let l = u.light{k}[3].xyz;\n        var strength = 1.0;");
-        } else {
-            // One root gives the direction and the distance. A light at the vertex has no direction, and one so far away that the square of
-            // its distance is no number has none either, as in Mesa.
-            line!(out, "        let way = u.light{k}[3].xyz - eye;\n        let square = max(dot(way, way), 1e-37);");
-            line!(out, "        let near = inverseSqrt(square);\n        let l = way * near;\n        var strength = 1.0;");
-            if of.attenuated {
-                line!(
-                    out,
-                    "        let distance = select(1e30, square * near, near > 0.0);\n        let terms = u.light{k}[5];"
-                );
-                line!(out, "        strength = 1.0 / (terms.y + distance * (terms.z + distance * terms.w));");
-            }
-        }
-        if of.spot {
-            line!(out, "        let spot = -dot(l, u.light{k}[6].xyz);");
-            line!(out, "        strength *= select(0.0, pow(max(spot, 1e-30), u.light{k}[5].x), spot >= u.light{k}[6].w);");
-        }
-        line!(out, "        let facing = dot(n, l);");
-        line!(
-            out,
-            "        sum += strength * (ambient * u.light{k}[0].rgb + max(facing, 0.0) * diffuse.rgb * u.light{k}[1].rgb);"
-        );
-        if lighting.specular {
-            let half = match (lighting.local_viewer, of.directional) {
-                (true, _) => "normalize(l - normalize(eye))".to_owned(),
-                (false, true) => format!("u.light{k}[4].xyz"),
-                (false, false) => "normalize(l + vec3f(0, 0, 1))".to_owned(),
-            };
-            // An exponent of 0 gives 1 even where the base is 0.
-            line!(out, "        let gloss = pow(max(dot(n, {half}), 1e-30), specular.w);");
-            line!(out, "        shine += select(0.0, strength * gloss, facing > 0.0) * specular.rgb * u.light{k}[2].rgb;");
-        }
-        line!(out, "    }}");
-    }
-    let (primary, secondary) = if lighting.separate { ("sum", "shine") } else { ("sum + shine", "vec3f()") };
-    line!(out, "    return Lit(saturate(vec4f({primary}, diffuse.a)), saturate({secondary}));\n}}");
-}
-
 fn vertex(key: &ShaderKey, out: &mut String) {
     let result = if key.planes != 0 { "Clipped" } else { "Varying" };
     line!(out, "@vertex fn vs(v: Input) -> {result} {{\n    var o: {result};\n    o.position = u.mvp * v.position;");
@@ -300,60 +259,18 @@ fn vertex(key: &ShaderKey, out: &mut String) {
     for unit in key.units.iter().filter(|unit| unit.coordinates) {
         coordinates(key, unit, out);
     }
-    if key.line_stipple {
-        line!(out, "    o.along = v.along;");
-    }
+    along_and_offset(key, out);
     expand(key, out);
     line!(out, "    return o;\n}}");
 }
 
-fn colors(key: &ShaderKey, out: &mut String) {
-    let Some(lighting) = &key.lighting else {
-        line!(out, "    o.color = saturate(color);");
-        if key.secondary() {
-            line!(
-                out,
-                "    o.secondary = saturate({});",
-                if key.varying.secondary { "v.secondary" } else { "u.secondary.rgb" }
-            );
-        }
-        return;
-    };
-    let eye = if key.eye() { "eye" } else { "vec3f()" };
-    let mut side = |face: usize, color: &str, secondary: &str| {
-        let material = ["u.front_material", "u.back_material"][face];
-        let tracks = |bit: u8| lighting.color_material[face] & 1 << bit != 0;
-        let term = |bit: u8, k: usize, part: &str| {
-            if tracks(bit) { format!("color{part}") } else { format!("{material}[{k}]{part}") }
-        };
-        let specular = if tracks(2) { format!("vec4f(color.rgb, {material}[2].w)") } else { format!("{material}[2]") };
-        let n = match (key.normal(), face) {
-            (false, _) => "vec3f()",
-            (true, 0) => "n",
-            (true, _) => "-n",
-        };
-        line!(
-            out,
-            "    let lit{face} = light({eye}, {n}, {}, {}, {specular}, {});",
-            term(0, 0, ".rgb"),
-            term(1, 1, ""),
-            term(3, 3, ".rgb")
-        );
-        line!(out, "    o.{color} = lit{face}.primary;");
-        if key.secondary() {
-            let sum = match (key.color_sum && !lighting.separate, key.varying.secondary) {
-                (true, true) => " + v.secondary",
-                (true, false) => " + u.secondary.rgb",
-                _ => "",
-            };
-            line!(out, "    o.{secondary} = saturate(lit{face}.secondary{sum});");
-        }
-    };
-    if lighting.two_side {
-        side(0, "color", "secondary");
-        side(1, "back_color", "back_secondary");
-    } else {
-        side(usize::from(key.back), "color", "secondary");
+/// Hands over what lines and points have from the machine.
+pub(crate) fn along_and_offset(key: &ShaderKey, out: &mut String) {
+    if key.line_stipple {
+        line!(out, "    o.along = v.along;");
+    }
+    if key.offset {
+        line!(out, "    o.offset = v.offset;");
     }
 }
 
@@ -390,16 +307,22 @@ fn coordinates(key: &ShaderKey, unit: &UnitKey, out: &mut String) {
 fn fragment(key: &ShaderKey, source: &Source, out: &mut String) {
     let asks = source.fragment.is_some_and(|program| program.code.as_ref().is_some_and(|code| code.facing));
     let facing = if key.two_side() || asks { ", @builtin(front_facing) front: bool" } else { "" };
-    let depth = source.fragment.is_some_and(|program| program.outputs.contains(&Output::Depth));
+    let own_depth = source.fragment.is_some_and(|program| program.outputs.contains(&Output::Depth));
+    // A depth that a program computes is not offset.
+    let depth = match (own_depth, key.offset) {
+        (true, _) => Some("out_depth.z"),
+        (false, true) => Some("v.position.z + v.offset"),
+        (false, false) => None,
+    };
     if let Some(program) = source.fragment {
         functions(program, out);
     }
     let more: Vec<u8> =
         if key.colors.alike { (1..key.colors.count).collect() } else { arb::stage::further_colors(key).collect() };
-    let several = depth || !more.is_empty();
+    let several = depth.is_some() || !more.is_empty();
     if several {
         let colors: String = more.iter().map(|k| format!("@location({k}) color{k}: vec4f, ")).collect();
-        let depth = if depth { "@builtin(frag_depth) depth: f32 " } else { "" };
+        let depth = if depth.is_some() { "@builtin(frag_depth) depth: f32 " } else { "" };
         line!(out, "struct Pixel {{ @location(0) color: vec4f, {colors}{depth}}}");
     }
     let result = if several { "Pixel" } else { "@location(0) vec4f" };
@@ -443,8 +366,13 @@ fn fragment(key: &ShaderKey, source: &Source, out: &mut String) {
         line!(out, "    c = vec4f(mix(u.fog_color.rgb, c.rgb, saturate({factor})), c.a);");
     }
     match key.expand {
-        // Mesa's llvmpipe draws discs with hard edges.
-        Expand::SmoothPoint => line!(out, "    if length(v.corner.xy) > v.corner.z {{ discard; }}"),
+        // As Mesa's llvmpipe does: discs with hard edges, whose inner parts are less transparent.
+        Expand::SmoothPoint => {
+            line!(out, "    let within = dot(v.corner.xy, v.corner.xy) / (v.corner.z * v.corner.z);");
+            line!(out, "    if within > 1.0 {{ discard; }}");
+            line!(out, "    let rim = (1.0 - 1.0 / v.corner.z) * (1.0 - 1.0 / v.corner.z);");
+            line!(out, "    c.a = saturate(c.a * max((1.0 - within) / (1.0 - rim), 1.0));");
+        }
         Expand::SmoothLine => {
             line!(out, "    c.a *= saturate(v.corner.z - abs(v.corner.x)) * saturate(v.corner.w - abs(v.corner.y));")
         }
@@ -460,8 +388,9 @@ fn fragment(key: &ShaderKey, source: &Source, out: &mut String) {
             e::LEQUAL => "c.a <= a",
             e::GREATER => "c.a > a",
             e::GEQUAL => "c.a >= a",
-            e::EQUAL => "c.a == a",
-            e::NOTEQUAL => "c.a != a",
+            // Half a step of eight bits, or none where alpha is a floating-point number.
+            e::EQUAL => "abs(c.a - a) <= u.alpha_reference.y",
+            e::NOTEQUAL => "!(abs(c.a - a) <= u.alpha_reference.y)",
             _ => "false",
         };
         line!(out, "    let a = u.alpha_reference.x;\n    if !({passes}) {{ discard; }}");
@@ -473,7 +402,7 @@ fn fragment(key: &ShaderKey, source: &Source, out: &mut String) {
     }
     let further = |k: &u8| if key.colors.alike { ", c".to_owned() } else { format!(", c{k}") };
     let further: String = more.iter().map(further).collect();
-    let depth = if depth { ", saturate(out_depth.z)" } else { "" };
+    let depth = depth.map_or(String::new(), |depth| format!(", saturate({depth})"));
     if several {
         line!(out, "    return Pixel(c{further}{depth});\n}}");
     } else {

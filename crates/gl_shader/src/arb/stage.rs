@@ -83,9 +83,7 @@ pub fn vertex_program(key: &ShaderKey, program: &Program, out: &mut String) {
     for unit in key.units.iter().filter(|unit| unit.coordinates && !unit.sprite) {
         hand(&format!("texture{}", unit.unit), Output::Texture(unit.unit as u8), &str::to_owned, "vec4f(0, 0, 0, 1)");
     }
-    if key.line_stipple {
-        line!(out, "    o.along = v.along;");
-    }
+    fixed::along_and_offset(key, out);
     if key.both_ends() {
         line!(out, "    return o;\n}}");
         let own = program.code.iter().flat_map(|code| &code.varyings).enumerate();
@@ -101,7 +99,10 @@ pub fn fragment_program(key: &ShaderKey, program: &Program, out: &mut String) {
     for bit in (0..32).filter(|bit| program.inputs & 1 << bit != 0) {
         let value = match bit {
             // Rows from the bottom.
-            input::POSITION => "vec4f(v.position.x, u.height.x + u.height.y * v.position.y, v.position.zw)".to_owned(),
+            input::POSITION => {
+                let zw = if key.offset { "saturate(v.position.z + v.offset), v.position.w" } else { "v.position.zw" };
+                format!("vec4f(v.position.x, u.height.x + u.height.y * v.position.y, {zw})")
+            }
             input::COLOR => "primary".to_owned(),
             input::SECONDARY if key.secondary() => format!("vec4f({}, 0)", fixed::secondary(key)),
             input::SECONDARY => "vec4f()".to_owned(),

@@ -11,6 +11,7 @@ mod rewrite;
 mod sampler;
 pub mod stage;
 mod tokens;
+mod words;
 
 use std::rc::Rc;
 

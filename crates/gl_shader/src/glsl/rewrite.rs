@@ -6,6 +6,7 @@ use std::collections::{BTreeMap, BTreeSet};
 use super::builtins::{self, Builtin};
 use super::sampler::{Read, Sampler, read_of, sampler, stubs};
 use super::tokens::{self, Dialect, Token, closing, parts};
+use super::words::{LATER, RESERVED, component, number_in_brackets, signature};
 use super::{Outcome, Wrong};
 use crate::arb::program::Stage;
 
@@ -54,40 +55,6 @@ pub struct Source {
     pub reads: BTreeMap<String, (usize, Read)>,
 }
 
-/// Words that are plain names in an old dialect and reserved in version 4.50.
-const RESERVED: [&str; 27] = [
-    "sample",
-    "buffer",
-    "shared",
-    "patch",
-    "restrict",
-    "readonly",
-    "writeonly",
-    "sampler",
-    "texture2D",
-    "texture3D",
-    "texture1D",
-    "image2D",
-    "image3D",
-    "image1D",
-    "samplerShadow",
-    "textureCube",
-    "double",
-    "dvec2",
-    "dvec3",
-    "dvec4",
-    "precise",
-    "coherent",
-    "volatile",
-    "subroutine",
-    "atomic_uint",
-    "textureCubeArray",
-    "texture2DArray",
-];
-
-/// The same for versions before 1.30.
-const LATER: [&str; 8] = ["smooth", "flat", "noperspective", "switch", "case", "default", "layout", "uint"];
-
 /// The factor of derivatives along y: rows of the card go down in a window.
 pub const FLIP: &str = "glx_flip";
 
@@ -100,31 +67,14 @@ struct Rewriter {
     declared: BTreeSet<String>,
     /// Words in the bodies of structures.
     members: BTreeSet<String>,
+    /// Arrays of samplers: the number of the first sampler of each, and how many they are.
+    arrays: BTreeMap<String, (usize, usize)>,
     /// Functions that have been declared: their names and the types of their parameters.
     functions: BTreeSet<String>,
 }
 
-/// The number of a component of this name.
-fn component(name: &str) -> Option<&'static str> {
-    let at = ["xyzw", "rgba", "stpq"].iter().find_map(|names| names.find(name).filter(|_| name.len() == 1))?;
-    Some(["0", "1", "2", "3"][at])
-}
-
-/// The name of a function and the types of its parameters. Parameter names may be missing.
-fn signature(name: &Token, parameters: &[Token]) -> String {
-    let mut out = name.text.clone();
-    for parameter in parts(parameters) {
-        let qualifiers = ["const", "in", "out", "inout", "highp", "mediump", "lowp"];
-        let mut kind = parameter.iter().filter(|token| !qualifiers.contains(&token.text.as_str()));
-        let brackets: String = parameter.iter().skip_while(|token| !token.is("[")).map(|token| token.text.as_str()).collect();
-        let first = kind.next().map_or("", |token| token.text.as_str());
-        out += &format!(",{}{brackets}", if first == "void" { "" } else { first });
-    }
-    if out.ends_with(',') {
-        out.pop();
-    }
-    out
-}
+/// Maximum number of samplers in an array.
+const SAMPLERS_MAX: usize = 64;
 
 /// Rewrites the shaders of one stage: dialect and tokens of each.
 pub fn rewrite(stage: Stage, shaders: Vec<(Dialect, Vec<Token>)>) -> Outcome<Source> {
@@ -146,8 +96,16 @@ pub fn rewrite(stage: Stage, shaders: Vec<(Dialect, Vec<Token>)>) -> Outcome<Sou
             members.extend(body.into_iter().flatten().map(|token| token.text.clone()));
         }
     }
-    let mut rewriter =
-        Rewriter { stage, dialect, out: Vec::new(), source, declared: BTreeSet::new(), members, functions: BTreeSet::new() };
+    let mut rewriter = Rewriter {
+        stage,
+        dialect,
+        out: Vec::new(),
+        source,
+        declared: BTreeSet::new(),
+        members,
+        arrays: BTreeMap::new(),
+        functions: BTreeSet::new(),
+    };
     let mut shaders = shaders;
     rewriter.invariant(&mut shaders);
     let mut first = 0;
@@ -271,10 +229,25 @@ impl Rewriter {
                     continue;
                 }
                 if let Some((target, dimensions, shadow)) = sampler(&kind.text) {
-                    if declarator.len() > 1 || !count.is_empty() {
-                        return Err(Wrong::at(line, format!("the array {} of samplers is not supported", name.text)));
+                    let one = Sampler { name: name.text.clone(), target, dimensions, shadow, location };
+                    let brackets = [&declarator[1..], count].concat();
+                    if brackets.is_empty() {
+                        self.source.samplers.push(one);
+                        continue;
                     }
-                    self.source.samplers.push(Sampler { name: name.text.clone(), target, dimensions, shadow, location });
+                    let Some(count) =
+                        number_in_brackets(&brackets).filter(|&count| brackets.len() == 3 && count <= SAMPLERS_MAX)
+                    else {
+                        let what =
+                            format!("the array {} of samplers, whose size is no number up to {SAMPLERS_MAX},", name.text);
+                        return Err(Wrong::at(line, format!("{what} is not supported")));
+                    };
+                    self.arrays.insert(name.text.clone(), (self.source.samplers.len(), count));
+                    self.source.samplers.extend((0..count).map(|k| Sampler {
+                        name: format!("{}[{k}]", name.text),
+                        location: location.map(|first| first + k as u32),
+                        ..one.clone()
+                    }));
                     continue;
                 }
                 if kind.text.contains("sampler") || kind.text.contains("image") {
@@ -413,18 +386,19 @@ impl Rewriter {
                     out.push(Token::new(format!("glx_{name}"), line));
                 }
                 name => {
-                    let first = tokens.get(at + 1).filter(|_| called);
-                    let sampler = first.and_then(|first| self.source.samplers.iter().position(|known| first.is(&known.name)));
-                    match (read_of(name), sampler) {
-                        (Some((read, number)), Some(sampler)) => {
+                    let first = if called { self.sampler_of(&tokens[at + 1..], line)? } else { None };
+                    match (read_of(name), first) {
+                        (Some((read, number)), Some((sampler, length))) => {
                             let end = arguments(at)?;
                             let of = &self.source.samplers[sampler];
                             let one = of.shadow && number;
-                            let name = format!("glx_{read:?}{}_{}x", if one { "One" } else { "" }, of.name);
+                            let word = of.name.replace('[', "_at").replace(']', "_");
+                            let name = format!("glx_{read:?}{}_{word}x", if one { "One" } else { "" });
                             self.source.reads.insert(name.clone(), (sampler, read));
                             out.push(Token::new(name, line));
                             out.push(tokens[at].clone());
-                            let rest = at + 2 + usize::from(tokens[at + 2].is(","));
+                            let rest = at + 1 + length;
+                            let rest = rest + usize::from(tokens[rest].is(","));
                             let inner = self.body(&tokens[rest..=end])?;
                             out.extend(inner);
                             at = end + 1;
@@ -438,6 +412,22 @@ impl Rewriter {
             }
         }
         Ok(out)
+    }
+
+    /// The sampler that these tokens begin with, and how many of them name it.
+    fn sampler_of(&self, tokens: &[Token], line: u32) -> Outcome<Option<(usize, usize)>> {
+        let Some(name) = tokens.first() else { return Ok(None) };
+        if let Some(&(first, count)) = self.arrays.get(&name.text) {
+            let Some(k) = number_in_brackets(&tokens[1..]) else {
+                let what = format!("the array {} of samplers with an index that is no number is not supported", name.text);
+                return Err(Wrong::at(line, what));
+            };
+            if k >= count {
+                return Err(Wrong::at(line, format!("element {k} of the array {} of {count} samplers", name.text)));
+            }
+            return Ok(Some((first + k, 4)));
+        }
+        Ok(self.source.samplers.iter().position(|known| name.is(&known.name)).map(|sampler| (sampler, 1)))
     }
 
     fn builtin(&mut self, name: &str, line: u32) -> Outcome {

@@ -525,15 +525,14 @@ impl Card {
                 layout
             }
         };
-        let target = |format, write_mask| ColorTarget { format, blend: fixed.blend, write_mask };
         let desc = RenderPipelineDesc {
             layout: Some(layout),
             buffers: fixed.buffers.iter().cloned().map(Some).collect(),
             primitive: fixed.primitive,
             depth_stencil: fixed.depth,
             targets: {
-                let first = fixed.color.map(|format| (format, fixed.mask));
-                first.into_iter().chain(fixed.more.iter().copied()).map(|(format, mask)| Some(target(format, mask))).collect()
+                let first = |format| ColorTarget { format, blend: fixed.blend, write_mask: fixed.mask };
+                fixed.color.map(first).into_iter().chain(fixed.more.iter().cloned()).map(Some).collect()
             },
             ..record::render_pipeline(fixed.shader, COLOR)
         };

@@ -5,7 +5,7 @@ use num::float_bytes;
 use trace::record;
 
 use super::call::Outcome;
-use super::card::{COLORS_MAX, Draw, Fixed, Order, VertexRange, kept_channels};
+use super::card::{COLORS_MAX, Draw, Fixed, Order, Surface, VertexRange, kept_channels};
 use super::consts as e;
 use super::machine::Gl;
 use super::state::State;
@@ -19,12 +19,14 @@ pub struct ClearValues {
     pub depth: f32,
     /// Stencil value; only the lowest 8 bits are used.
     pub stencil: i32,
+    /// The only colour buffer that is cleared; none: all.
+    pub buffer: Option<usize>,
 }
 
 impl ClearValues {
     /// The clear values of the state.
     pub fn of(state: &State) -> ClearValues {
-        ClearValues { color: state.clear_color, depth: state.clear_depth, stencil: state.clear_stencil }
+        ClearValues { color: state.clear_color, depth: state.clear_depth, stencil: state.clear_stencil, buffer: None }
     }
 }
 
@@ -65,7 +67,7 @@ impl Gl {
     pub fn mask(&self) -> u8 {
         let Some(target) = self.card.target().filter(|target| target.color.is_some()) else { return 0 };
         let off = self.draw_framebuffer == 0 && self.state.draw_buffer == e::NONE;
-        if off { 0 } else { self.state.color_mask & kept_channels(target.alpha) }
+        if off { 0 } else { self.state.writes[0].mask & kept_channels(target.alpha) }
     }
 
     /// Clears buffers to these values, as far as scissor and masks allow.
@@ -76,16 +78,28 @@ impl Gl {
         let whole = scissor == Rect { x: 0, y: 0, width, height };
         let state = &self.state;
         let wanted = |bit: u32| mask & bit != 0;
-        let channels = if wanted(e::COLOR_BUFFER_BIT) { self.mask() } else { 0 };
+        let on = wanted(e::COLOR_BUFFER_BIT) && !(self.draw_framebuffer == 0 && state.draw_buffer == e::NONE);
+        // The channels of a colour buffer that are cleared, by its number.
+        let written = |k: usize, alpha: bool| {
+            let cleared = on && values.buffer.is_none_or(|only| only == k);
+            if cleared { state.writes[k].mask & kept_channels(alpha) } else { 0 }
+        };
+        let colors: Vec<(usize, Surface, bool)> =
+            target.colors().enumerate().map(|(k, (color, alpha))| (k, color, alpha)).collect();
         let depth = wanted(e::DEPTH_BUFFER_BIT) && state.depth_write && target.has_depth;
         let stencil_mask = if wanted(e::STENCIL_BUFFER_BIT) && target.has_stencil { state.stencil[0].write & 0xff } else { 0 };
         let (color, z, stencil) = (values.color, values.depth, values.stencil as u32 & 0xff);
         // Whether all stored channels of each colour buffer are cleared.
-        let whole_colors =
-            channels != 0 && target.colors().all(|(_, alpha)| state.color_mask & kept_channels(alpha) == kept_channels(alpha));
-        let written = |alpha: bool| if channels == 0 { 0 } else { state.color_mask & kept_channels(alpha) };
-        let more = target.more.iter().flatten().map(|(color, alpha)| (color.format, written(*alpha))).collect();
-        let partial = !whole || channels != 0 && !whole_colors || !matches!(stencil_mask, 0 | 0xff);
+        let whole_colors = !colors.is_empty() && colors.iter().all(|&(k, _, alpha)| written(k, alpha) == kept_channels(alpha));
+        let channels = colors.first().map_or(0, |&(k, _, alpha)| written(k, alpha));
+        let more = |&(k, color, alpha): &(usize, Surface, bool)| ColorTarget {
+            format: color.format,
+            blend: None,
+            write_mask: written(k, alpha),
+        };
+        let some_colors = colors.iter().any(|&(k, _, alpha)| written(k, alpha) != 0);
+        let more = colors.iter().skip(1).map(more).collect();
+        let partial = !whole || some_colors && !whole_colors || !matches!(stencil_mask, 0 | 0xff);
         if !partial {
             self.card.clear(whole_colors.then_some(color), depth.then_some(z), (stencil_mask == 0xff).then_some(stencil));
             return Ok(());

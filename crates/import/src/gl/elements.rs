@@ -111,10 +111,18 @@ pub(super) fn draw_elements<const PARTS: u8>(gl: &mut Gl, call: &Call, _: Shape)
     }
     let mode = call.u32(0)?;
     if PARTS & INSTANCED == 0 {
-        return gl.elements(mode, &vertices);
+        return indexed(gl, mode, &vertices);
     }
     let count = vertices.numbers.len() as u32;
-    instances(gl, call.size(behind)?, count, |gl| gl.elements(mode, &vertices))
+    instances(gl, call.size(behind)?, count, |gl| indexed(gl, mode, &vertices))
+}
+
+/// Draws vertices that indices select.
+fn indexed(gl: &mut Gl, mode: u32, vertices: &Selection) -> Outcome {
+    gl.indexed = true;
+    let outcome = gl.elements(mode, vertices);
+    gl.indexed = false;
+    outcome
 }
 
 fn indices(gl: &Gl, count: u32, kind: u32, data: &Arg) -> Outcome<Selection> {
@@ -172,7 +180,7 @@ pub(super) fn multi_draw_elements(gl: &mut Gl, call: &Call, _: Shape) -> Outcome
         let data = of(k).ok_or_else(|| Fault::Damaged(format!("the indices of draw {k} were not recorded")))?;
         let count = u32::try_from(count as i64).map_err(|_| INVALID_VALUE)?;
         let vertices = indices(gl, count, kind, &data)?;
-        gl.elements(mode, &vertices)?;
+        indexed(gl, mode, &vertices)?;
     }
     Ok(())
 }

@@ -239,8 +239,11 @@ pub(super) fn mesh_2(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
             Ok(())
         }
         e::FILL => {
+            // The diagonals of smooth quadrilaterals are those of Mesa, which draws strips of triangles.
+            let smooth = gl.fills() && !gl.state.flat;
+            let strip = if smooth { e::TRIANGLE_STRIP } else { e::QUAD_STRIP };
             for j in j1..j2 {
-                emit(gl, e::QUAD_STRIP, (i1..=i2).flat_map(|i| [(i, Some(j)), (i, Some(j + 1))]))?;
+                emit(gl, strip, (i1..=i2).flat_map(|i| [(i, Some(j)), (i, Some(j + 1))]))?;
             }
             Ok(())
         }

@@ -2,14 +2,14 @@
 
 use gfx::state::*;
 
-use super::call::{Fault, Outcome};
+use super::call::Outcome;
 use super::card::{Fixed, Target, kept_channels};
 use super::consts as e;
 use super::fragments::{blend_factor, blend_operation, stencil_operation};
 use super::key::{Expand, ShaderKey};
 use super::machine::Gl;
-use super::primitive::{Batch, Class};
-use super::state::Stencil;
+use super::primitive::{Batch, Class, OFFSET_STEPS};
+use super::state::{ColorWrites, Stencil};
 
 /// A comparison of the card.
 pub fn compare(value: u32) -> Compare {
@@ -41,9 +41,30 @@ impl Stencil {
 impl Gl {
     /// Whether blend factors use the constant's alpha and not its colour: then all channels of the card's constant are that alpha.
     pub(super) fn constant_alpha(&self) -> bool {
-        let [source, destination, ..] = self.state.blend;
-        let uses = |factors: [u32; 2]| factors.contains(&source) || factors.contains(&destination);
+        let uses = |factors: [u32; 2]| {
+            let of = |writes: &ColorWrites| writes.factors[..2].iter().any(|factor| factors.contains(factor));
+            self.state.writes.iter().any(of)
+        };
         uses([e::CONSTANT_ALPHA, e::ONE_MINUS_CONSTANT_ALPHA]) && !uses([e::CONSTANT_COLOR, e::ONE_MINUS_CONSTANT_COLOR])
+    }
+
+    /// The blending of a colour buffer.
+    fn blending(&self, writes: &ColorWrites) -> Outcome<Option<Blend>> {
+        if !writes.blended || self.state.is(e::COLOR_LOGIC_OP) {
+            return Ok(None);
+        }
+        let alone = self.constant_alpha();
+        let component = |src: u32, dst: u32, op: u32, alpha: bool| -> Outcome<BlendComponent> {
+            let op = blend_operation(op)?;
+            // The card's rule: minimum and maximum ignore blend factors.
+            if matches!(op, BlendOp::Min | BlendOp::Max) {
+                return Ok(BlendComponent { src: BlendFactor::One, dst: BlendFactor::One, op });
+            }
+            Ok(BlendComponent { src: blend_factor(src, alpha || alone)?, dst: blend_factor(dst, alpha || alone)?, op })
+        };
+        let [source, destination, source_alpha, destination_alpha] = writes.factors;
+        let color = component(source, destination, writes.ops[0], false)?;
+        Ok(Some(Blend { color, alpha: component(source_alpha, destination_alpha, writes.ops[1], true)? }))
     }
 
     /// Whether the stencil test has separate state for back-facing triangles.
@@ -88,18 +109,9 @@ impl Gl {
         // Points and lines have no back face.
         let two_side = triangles && self.stencil_sides();
         let [front, back] = [0, usize::from(two_side)].map(|k| state.stencil[k]);
-        let offset = match class {
-            Class::Triangles => e::POLYGON_OFFSET_FILL,
-            Class::Lines => e::POLYGON_OFFSET_LINE,
-            Class::Points => e::POLYGON_OFFSET_POINT,
-        };
-        let [factor, units] = match state.is(offset) {
-            true if triangles => state.polygon_offset,
-            true if self.state.polygon_modes != [e::FILL; 2] && state.polygon_offset != [0.0; 2] => {
-                return Err(Fault::Unsupported("polygon offset of lines and points".into()));
-            }
-            _ => [0.0; 2],
-        };
+        // The offsets of polygons as lines and points are in their vertices.
+        let [factor, units] = if triangles && state.is(e::POLYGON_OFFSET_FILL) { state.polygon_offset } else { [0.0; 2] };
+        let steps = units * OFFSET_STEPS;
         let [stencil_front, stencil_back] = if stencil { [front.face()?, back.face()?] } else { [StencilFace::default(); 2] };
         let depth = target.depth.map(|surface| DepthStencil {
             format: surface.format,
@@ -109,35 +121,20 @@ impl Gl {
             stencil_back,
             stencil_read_mask: if stencil { front.read & 0xff } else { 0xff },
             stencil_write_mask: if stencil { front.write & 0xff } else { 0xff },
-            bias: if units >= 0.0 { (units + 0.5) as i32 } else { (units - 0.5) as i32 },
+            bias: if steps >= 0.0 { (steps + 0.5) as i32 } else { (steps - 0.5) as i32 },
             bias_slope: factor,
             bias_clamp: 0.0,
         });
         let color = target.color.map(|surface| surface.format);
-        let [source, destination, source_alpha, destination_alpha] = state.blend;
-        let alone = self.constant_alpha();
-        let blend = if state.is(e::BLEND) && !state.is(e::COLOR_LOGIC_OP) {
-            let component = |src: u32, dst: u32, op: u32, alpha: bool| -> Outcome<BlendComponent> {
-                let op = blend_operation(op)?;
-                // The card's rule: minimum and maximum ignore blend factors.
-                if matches!(op, BlendOp::Min | BlendOp::Max) {
-                    return Ok(BlendComponent { src: BlendFactor::One, dst: BlendFactor::One, op });
-                }
-                Ok(BlendComponent { src: blend_factor(src, alpha || alone)?, dst: blend_factor(dst, alpha || alone)?, op })
-            };
-            let color = component(source, destination, state.blend_ops[0], false)?;
-            Some(Blend { color, alpha: component(source_alpha, destination_alpha, state.blend_ops[1], true)? })
-        } else {
-            None
-        };
+        let blend = self.blending(&state.writes[0])?;
         let noop = state.is(e::COLOR_LOGIC_OP) && state.logic == e::NOOP;
         let mask = if noop { 0 } else { self.mask() };
-        let more = |(k, &(color, alpha)): (usize, &(super::card::Surface, bool))| {
-            let kept = kept_channels(alpha);
-            let written = key.colors.written & 2 << k != 0 && !noop;
-            (color.format, if written { state.color_mask & kept } else { 0 })
-        };
-        let more = target.more.iter().flatten().enumerate().map(more).collect();
+        let mut more = Vec::new();
+        for ((color, alpha), (k, writes)) in target.more.iter().flatten().zip(state.writes.iter().enumerate().skip(1)) {
+            let written = key.colors.written & 1 << k != 0 && !noop;
+            let write_mask = if written { writes.mask & kept_channels(*alpha) } else { 0 };
+            more.push(ColorTarget { format: color.format, blend: self.blending(writes)?, write_mask });
+        }
         Ok(Fixed { shader, buffers, primitive, color, more, depth, blend, mask, textures })
     }
 }

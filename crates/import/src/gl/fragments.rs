@@ -5,6 +5,7 @@ use super::clear::ClearValues;
 use super::consts as e;
 use super::machine::{Gl, parameters};
 use super::names;
+use super::state::{COLORS_MAX, ColorWrites};
 
 pub(super) fn scissor(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
     let (width, height) = (call.size(2)? as i32, call.size(3)? as i32);
@@ -159,20 +160,33 @@ pub(super) fn blend_factor(factor: u32, alpha: bool) -> Outcome<gfx::state::Blen
     })
 }
 
-pub(super) fn blend_func(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
-    let (source, destination) = (call.u32(0)?, call.u32(1)?);
-    set_blend(gl, [source, destination, source, destination])
+/// The state of the colour buffers that a call sets: of one, if the call's first argument is its number, or else of all.
+fn writes<'a, const ONE: bool>(gl: &'a mut Gl, call: &Call) -> Outcome<&'a mut [ColorWrites]> {
+    let all = &mut gl.state.writes;
+    if !ONE {
+        return Ok(all);
+    }
+    let k = call.u32(0)? as usize;
+    all.get_mut(k..k + 1).ok_or(INVALID_VALUE)
 }
 
-pub(super) fn blend_func_separate(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
-    set_blend(gl, [call.u32(0)?, call.u32(1)?, call.u32(2)?, call.u32(3)?])
+pub(super) fn blend_func<const ONE: bool>(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
+    let first = usize::from(ONE);
+    let (source, destination) = (call.u32(first)?, call.u32(first + 1)?);
+    set_blend::<ONE>(gl, call, [source, destination, source, destination])
 }
 
-fn set_blend(gl: &mut Gl, factors: [u32; 4]) -> Outcome {
+pub(super) fn blend_func_separate<const ONE: bool>(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
+    let first = usize::from(ONE);
+    let factors = [call.u32(first)?, call.u32(first + 1)?, call.u32(first + 2)?, call.u32(first + 3)?];
+    set_blend::<ONE>(gl, call, factors)
+}
+
+fn set_blend<const ONE: bool>(gl: &mut Gl, call: &Call, factors: [u32; 4]) -> Outcome {
     for factor in factors {
         blend_factor(factor, true)?;
     }
-    gl.state.blend = factors;
+    writes::<ONE>(gl, call)?.iter_mut().for_each(|writes| writes.factors = factors);
     Ok(())
 }
 
@@ -189,19 +203,22 @@ pub(super) fn blend_operation(op: u32) -> Outcome<gfx::state::BlendOp> {
     })
 }
 
-pub(super) fn blend_equation(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
-    let op = call.u32(0)?;
-    blend_operation(op)?;
-    gl.state.blend_ops = [op; 2];
-    Ok(())
+pub(super) fn blend_equation<const ONE: bool>(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
+    let op = call.u32(usize::from(ONE))?;
+    set_operations::<ONE>(gl, call, [op; 2])
 }
 
-pub(super) fn blend_equation_separate(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
-    let ops = [call.u32(0)?, call.u32(1)?];
+pub(super) fn blend_equation_separate<const ONE: bool>(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
+    let first = usize::from(ONE);
+    let ops = [call.u32(first)?, call.u32(first + 1)?];
+    set_operations::<ONE>(gl, call, ops)
+}
+
+fn set_operations<const ONE: bool>(gl: &mut Gl, call: &Call, ops: [u32; 2]) -> Outcome {
     for op in ops {
         blend_operation(op)?;
     }
-    gl.state.blend_ops = ops;
+    writes::<ONE>(gl, call)?.iter_mut().for_each(|writes| writes.ops = ops);
     Ok(())
 }
 
@@ -224,12 +241,12 @@ pub(super) fn logic_op(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
     Ok(())
 }
 
-pub(super) fn color_mask(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
+pub(super) fn color_mask<const ONE: bool>(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
     let mut mask = 0;
     for channel in 0..4 {
-        mask |= u8::from(call.bool(channel)?) << channel;
+        mask |= u8::from(call.bool(channel + usize::from(ONE))?) << channel;
     }
-    gl.state.color_mask = mask;
+    writes::<ONE>(gl, call)?.iter_mut().for_each(|writes| writes.mask = mask);
     Ok(())
 }
 
@@ -257,10 +274,10 @@ pub(super) fn clear_buffer(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
     let mut to = ClearValues::of(&gl.state);
     let bits = match buffer {
         e::COLOR => {
-            let several = gl.aim()?.is_some_and(|target| target.more[0].is_some());
-            if several || index != 0 {
-                return Err(Fault::Unsupported("clears of one of several colour buffers".into()));
+            if index as usize >= COLORS_MAX {
+                return Err(INVALID_VALUE);
             }
+            to.buffer = Some(index as usize);
             if call.function.name.contains("iv") {
                 return Err(Fault::Unsupported(format!("{} of colours", call.function.name)));
             }

@@ -23,6 +23,7 @@ use super::materials::Given;
 use super::pixel_data::PixelMaps;
 use super::primitive::{Batch, Elements};
 use super::rectangles::Source;
+use super::saved::Saved;
 use super::state::{Stack, State, UNITS, Vertex};
 use super::table::{self, Entry, Moment};
 use super::texture::Texture;
@@ -60,7 +61,7 @@ pub struct Gl {
     /// The server's state.
     pub state: State,
     /// Saved states.
-    pub saved: Vec<(u32, Box<State>)>,
+    pub saved: Vec<Saved>,
     /// Matrices.
     pub modelview: Stack,
     /// Matrices.
@@ -103,6 +104,8 @@ pub struct Gl {
     pub renderbuffer: u32,
     /// The clear value of the accumulation buffer.
     pub clear_accum: [f32; 4],
+    /// Whether indices select the vertices of the draw that runs.
+    pub indexed: bool,
     /// The instance that is drawn.
     pub instance: u32,
     /// Whether the window has an accumulation buffer, if the program has chosen the kind of window in the recording.
@@ -202,6 +205,7 @@ impl Gl {
             renderbuffers: NumberMap::new(),
             renderbuffer: 0,
             clear_accum: [0.0; 4],
+            indexed: false,
             instance: 0,
             accumulates: None,
             drawables: Vec::new(),

@@ -57,6 +57,7 @@ mod rectangles;
 mod resident;
 mod s3tc;
 mod samplers;
+mod saved;
 mod state;
 mod stipple;
 mod summary;

@@ -56,6 +56,9 @@ fn layout(key: &ShaderKey, summary: &Summary, sent: Option<Sent>) -> Vec<Attribu
     if key.line_stipple {
         list.push((location::ALONG, 1, |v, _| [v.along; 4]));
     }
+    if key.offset {
+        list.push((location::OFFSET, 1, |v, _| [v.offset; 4]));
+    }
     for unit in (0..UNITS).filter(|&unit| wgsl::reads_coordinates(key, unit) || has(8 + unit)) {
         let count = summary.texture[unit].max(least(8 + unit));
         list.push((location::TEXTURE + unit as u32, count, |v, at| v.texture((at - location::TEXTURE) as usize)));

@@ -227,13 +227,13 @@ pub struct Fixed {
     pub primitive: Primitive,
     /// Format of colours.
     pub color: Option<Format>,
-    /// Formats of further colour buffers, and the channels that are written.
-    pub more: Vec<(Format, u8)>,
+    /// Further colour buffers.
+    pub more: Vec<ColorTarget>,
     /// Depth and stencil.
     pub depth: Option<DepthStencil>,
-    /// Blending.
+    /// Blending of the first colour buffer.
     pub blend: Option<Blend>,
-    /// Channels.
+    /// Channels of the first colour buffer that are written.
     pub mask: u8,
     /// Number of textures.
     pub textures: usize,
@@ -242,7 +242,7 @@ pub struct Fixed {
 impl Fixed {
     /// Buffers that draws may write: bits of [`writes`].
     pub fn writes(&self) -> u8 {
-        let colors = self.color.is_some() && self.mask != 0 || self.more.iter().any(|&(_, mask)| mask != 0);
+        let colors = self.color.is_some() && self.mask != 0 || self.more.iter().any(|target| target.write_mask != 0);
         let mut bits = if colors { writes::COLOR } else { 0 };
         if let Some(depth) = &self.depth {
             bits |= if depth.depth_write { writes::DEPTH } else { 0 };

@@ -1,7 +1,7 @@
 //! Primitives become lists of points, lines or triangles. They are batched into one draw until the state changes.
 
 use gfx::state::Topology;
-use glam::{DVec2, Mat4, Vec4, dvec2};
+use glam::{DVec2, DVec3, Mat4, Vec4, dvec2, dvec3};
 
 use super::arb::Stage;
 use super::call::{Fault, Outcome};
@@ -13,6 +13,11 @@ use super::uniforms::to_clip;
 
 /// A batch is drawn when it has this number of vertices.
 const BATCH_MAX: usize = 1 << 17;
+
+/// Steps of the depth buffer in a unit of polygon offset. The standard asks for a difference that can be resolved; Mesa takes two steps.
+pub(super) const OFFSET_STEPS: f32 = 2.0;
+/// A step of the depth buffer, which has 24 bits.
+const DEPTH_STEP: f64 = 1.0 / 16_777_215.0;
 
 /// The primitive type of a batch.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -215,11 +220,13 @@ impl Gl {
         self.outlines(mode, vertices, &triangles)
     }
 
-    /// Whether shading is smooth and the matrices only translate and scale, without perspective.
+    /// Whether shading is smooth and the matrices keep rectangles that face the screen upright. Such a rectangle may have any depth: all of its
+    /// corners have the same one. Mesa cuts rectangles that have a pattern, or whose corners indices select, as it cuts other
+    /// quadrilaterals.
     pub fn keeps_upright(&self) -> bool {
         let m = to_clip(&self.projection.top, &self.modelview.top);
-        let moves = Mat4::from_cols(Vec4::X * m.x_axis, Vec4::Y * m.y_axis, Vec4::Z * m.z_axis, m.w_axis);
-        !self.state.flat && m == moves
+        let moves = Mat4::from_cols(Vec4::X * m.x_axis, Vec4::Y * m.y_axis, m.z_axis, m.w_axis);
+        !self.state.flat && !self.indexed && !self.state.is(e::POLYGON_STIPPLE) && m == moves
     }
 
     /// Whether the faces that are not culled are filled.
@@ -257,58 +264,92 @@ impl Gl {
                 continue;
             }
             let edged = !matches!(mode, e::TRIANGLES | e::QUADS | e::POLYGON);
-            let is_edge = |i: u32| edged || vertices[i as usize].edge;
-            let count = corners.len();
-            let mut indices = Vec::new();
-            let class = match self.state.polygon_modes[usize::from(back)] {
-                e::POINT => {
-                    indices.extend(corners.iter().copied().filter(|&i| is_edge(i)));
-                    Class::Points
-                }
-                e::LINE => {
-                    for k in (0..count).filter(|&k| is_edge(corners[k])) {
-                        indices.extend([corners[k], corners[(k + 1) % count]]);
-                    }
-                    Class::Lines
-                }
-                _ => {
-                    for k in 2..count {
-                        indices.extend([corners[0], corners[k - 1], corners[k]]);
-                    }
-                    Class::Triangles
-                }
+            let mut own: Vec<Vertex> = corners.iter().map(|&i| vertices[i as usize].clone()).collect();
+            let count = own.len() as u32;
+            // A stippled pattern begins at the edge at which Mesa begins: but for polygons, before the first vertex.
+            let first = match mode {
+                e::POLYGON => 0,
+                e::QUAD_STRIP => 2,
+                _ => count - 1,
             };
+            let order = (0..count).map(|k| (first + k) % count);
+            let edges: Vec<u32> = order.filter(|&k| edged || own[k as usize].edge).collect();
+            let (class, indices) = match self.state.polygon_modes[usize::from(back)] {
+                e::POINT => (Class::Points, edges),
+                e::LINE => (Class::Lines, edges.into_iter().flat_map(|k| [k, (k + 1) % count]).collect()),
+                _ => (Class::Triangles, (2..count).flat_map(|k| [0, k - 1, k]).collect()),
+            };
+            if self.offsets(class) {
+                let offset = self.polygon_offset(&clip, &own);
+                own.iter_mut().for_each(|vertex| vertex.offset = offset);
+            }
             let polygon = (class != Class::Triangles).then_some(back);
             if self.state.flat {
                 // The edges and corners of a polygon have the colour of its provoking vertex.
                 let provoking = match mode {
-                    e::POLYGON => corners[0],
-                    e::QUAD_STRIP => corners[2],
-                    _ => corners[count - 1],
+                    e::POLYGON => 0,
+                    e::QUAD_STRIP => 2,
+                    _ => count as usize - 1,
                 };
-                self.flat_outline(class, back, vertices, &vertices[provoking as usize], &indices)?;
+                self.flat_outline(class, back, own, provoking, &indices)?;
                 continue;
             }
             if class == Class::Lines && self.line_stippled() {
                 // The pattern continues from edge to edge; the indices show which edges are connected.
-                self.add(class, polygon, vertices, &indices)?;
+                self.add(class, polygon, &own, &indices)?;
                 continue;
             }
-            let used: Vec<Vertex> = indices.iter().map(|&i| vertices[i as usize].clone()).collect();
+            let used: Vec<Vertex> = indices.iter().map(|&k| own[k as usize].clone()).collect();
             let all: Vec<u32> = (0..used.len() as u32).collect();
             self.add(class, polygon, &used, &all)?;
         }
         Ok(())
     }
 
+    /// Whether the depths of lines or points of polygons are offset. The card itself offsets triangles.
+    pub(super) fn offsets(&self, class: Class) -> bool {
+        let switch = match class {
+            Class::Triangles => return false,
+            Class::Lines => e::POLYGON_OFFSET_LINE,
+            Class::Points => e::POLYGON_OFFSET_POINT,
+        };
+        self.state.is(switch) && self.state.is(e::DEPTH_TEST) && self.state.polygon_offset != [0.0; 2]
+    }
+
+    /// The depth offset of a polygon (OpenGL 1.5, section 3.5.5), in window coordinates. The slope of a polygon that is not flat is that of
+    /// its mean plane.
+    fn polygon_offset(&self, clip: &Mat4, corners: &[Vertex]) -> f32 {
+        let [factor, units] = self.state.polygon_offset.map(f64::from);
+        let [near, far] = self.state.depth_range.map(f64::from);
+        let [_, _, width, height] = self.state.viewport.map(f64::from);
+        let window = |vertex: &Vertex| {
+            let [x, y, z, w] = matrix::transform(clip, vertex.position).map(f64::from);
+            dvec3(0.5 * width * x, 0.5 * height * y, (far - near) * z) / w
+        };
+        // Twice the area of a polygon that is projected to each of the planes between the axes.
+        let first = window(&corners[0]);
+        let from_first: Vec<DVec3> = corners[1..].iter().map(|vertex| window(vertex) - first).collect();
+        let normal: DVec3 = from_first.windows(2).map(|pair| pair[0].cross(pair[1])).sum();
+        let slope = normal.x.abs().max(normal.y.abs()) / normal.z.abs();
+        // The slope of a polygon that is seen from its edge has no bound.
+        let by_slope = if factor == 0.0 || slope.is_nan() { 0.0 } else { factor * slope };
+        (by_slope + units * f64::from(OFFSET_STEPS) * DEPTH_STEP).clamp(-1.0, 1.0) as f32
+    }
+
     /// Lines, points or triangles of one polygon in the colour of one vertex, which is lit here.
-    fn flat_outline(&mut self, class: Class, back: bool, all: &[Vertex], provoking: &Vertex, indices: &[u32]) -> Outcome {
+    fn flat_outline(
+        &mut self,
+        class: Class,
+        back: bool,
+        mut vertices: Vec<Vertex>,
+        provoking: usize,
+        indices: &[u32],
+    ) -> Outcome {
         if self.active_program(Stage::Vertex)?.is_some() {
             return Err(Fault::Unsupported("flat shading of polygons drawn as lines or points with a vertex program".into()));
         }
         self.flush()?;
-        let (color, secondary) = super::lit::colors_of_side(&self.state, &self.modelview.top, provoking, back);
-        let mut vertices = all.to_vec();
+        let (color, secondary) = super::lit::colors_of_side(&self.state, &self.modelview.top, &vertices[provoking], back);
         vertices.iter_mut().for_each(|vertex| (vertex.color, vertex.secondary) = (color, secondary));
         let enabled = self.state.enabled;
         let bit = |cap: u32| capability(cap).unwrap_or(0);

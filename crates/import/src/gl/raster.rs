@@ -32,7 +32,7 @@ pub(super) fn swap(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
 
 impl Gl {
     /// Writes the tracked colour to the materials: they keep it when colour material is switched off (OpenGL 1.5, section 2.14.3).
-    fn settle_color_material(&mut self) -> Outcome {
+    pub(super) fn settle_color_material(&mut self) -> Outcome {
         if !self.state.is(e::COLOR_MATERIAL) {
             return Ok(());
         }
@@ -69,6 +69,10 @@ fn set(gl: &mut Gl, cap: u32, on: bool) -> Outcome {
         gl.state.programs = if on { gl.state.programs | bit } else { gl.state.programs & !bit };
         return Ok(());
     }
+    if cap == e::BLEND {
+        gl.state.writes.iter_mut().for_each(|writes| writes.blended = on);
+        return Ok(());
+    }
     let unit = &mut gl.state.units[gl.state.active];
     if let Some(k) = TARGETS.iter().position(|&target| target == cap) {
         unit.enabled = unit.enabled & !(1 << k) | u8::from(on) << k;
@@ -91,31 +95,22 @@ fn set(gl: &mut Gl, cap: u32, on: bool) -> Outcome {
     Err(Fault::Unsupported(format!("glEnable({})", names::name(cap))))
 }
 
+/// `glEnablei(capability, buffer)`, `glDisablei`: of one colour buffer.
+pub(super) fn set_of_buffer<const ON: bool>(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
+    let (cap, k) = (call.u32(0)?, call.u32(1)? as usize);
+    if cap != e::BLEND {
+        return Err(Fault::Unsupported(format!("{}({})", call.function.name, names::name(cap))));
+    }
+    gl.state.writes.get_mut(k).ok_or(INVALID_VALUE)?.blended = ON;
+    Ok(())
+}
+
 pub(super) fn enable(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
     set(gl, call.u32(0)?, true)
 }
 
 pub(super) fn disable(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
     set(gl, call.u32(0)?, false)
-}
-
-pub(super) fn push_attrib(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
-    if gl.saved.len() >= 16 {
-        return Err(Fault::Error("GL_STACK_OVERFLOW"));
-    }
-    gl.settle_color_material()?;
-    gl.saved.push((call.u32(0)?, Box::new(gl.state.clone())));
-    Ok(())
-}
-
-pub(super) fn pop_attrib(gl: &mut Gl, _: &Call, _: Shape) -> Outcome {
-    let (mask, saved) = gl.saved.pop().ok_or(Fault::Error("GL_STACK_UNDERFLOW"))?;
-    gl.settle_color_material()?;
-    gl.state.restore(mask, *saved);
-    if mask & e::LIGHTING_BIT != 0 {
-        gl.given.restore();
-    }
-    Ok(())
 }
 
 pub(super) fn shade_model(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {

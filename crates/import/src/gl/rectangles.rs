@@ -89,7 +89,7 @@ impl Gl {
 
     /// The corners of a pixel rectangle in the window; the first is that of its first pixel.
     fn corners(&self, at: [f32; 4], size: [u32; 2]) -> ([f32; 2], [f32; 2]) {
-        let [x, y] = [at[0], at[1]].map(libm::rintf);
+        let [x, y] = [at[0], at[1]].map(libm::roundf);
         let [zx, zy] = self.state.zoom;
         ([x, y], [x + zx * size[0] as f32, y + zy * size[1] as f32])
     }

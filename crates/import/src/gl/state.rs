@@ -2,7 +2,7 @@
 
 use std::rc::Rc;
 
-pub use gl_shader::{LIGHTS, PLANES, TARGETS, UNITS};
+pub use gl_shader::{COLORS_MAX, LIGHTS, PLANES, TARGETS, UNITS};
 use glam::Mat4;
 
 use super::arb::GENERICS;
@@ -41,6 +41,8 @@ pub struct Vertex {
     pub edge: bool,
     /// Distance in pixels along a stippled line.
     pub along: f32,
+    /// Depth offset of the polygon whose edge or corner it is.
+    pub offset: f32,
 }
 
 impl Vertex {
@@ -217,6 +219,25 @@ pub struct Stencil {
     pub write: u32,
 }
 
+/// How a colour buffer is blended and written.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct ColorWrites {
+    /// Whether colours are blended.
+    pub blended: bool,
+    /// Blend factors: source and destination of colour, of alpha.
+    pub factors: [u32; 4],
+    /// Blend equations of colour and alpha.
+    pub ops: [u32; 2],
+    /// Channels that are written.
+    pub mask: u8,
+}
+
+impl Default for ColorWrites {
+    fn default() -> Self {
+        ColorWrites { blended: false, factors: [e::ONE, e::ZERO, e::ONE, e::ZERO], ops: [e::FUNC_ADD; 2], mask: 15 }
+    }
+}
+
 /// The whole server state.
 #[derive(Clone, Debug)]
 pub struct State {
@@ -296,16 +317,12 @@ pub struct State {
     pub clear_stencil: i32,
     /// Alpha test: comparison and reference.
     pub alpha: (u32, f32),
-    /// Blend factors: source and destination of colour, of alpha.
-    pub blend: [u32; 4],
-    /// Blend equations of colour and alpha.
-    pub blend_ops: [u32; 2],
+    /// How each of the colour buffers is blended and written, in the order in which they are drawn to.
+    pub writes: [ColorWrites; COLORS_MAX],
     /// Blend constant.
     pub blend_color: [f32; 4],
     /// Logic operation.
     pub logic: u32,
-    /// Channels that are written.
-    pub color_mask: u8,
     /// Clear colour.
     pub clear_color: [f32; 4],
     /// Colour buffer that is drawn to.
@@ -380,6 +397,7 @@ impl Default for State {
             more: Rc::new(More { texture: [black; UNITS - OWN], generic: [black; GENERICS] }),
             edge: true,
             along: 0.0,
+            offset: 0.0,
         };
         State {
             current: first.clone(),
@@ -420,11 +438,9 @@ impl Default for State {
             stencil_face: None,
             clear_stencil: 0,
             alpha: (e::ALWAYS, 0.0),
-            blend: [e::ONE, e::ZERO, e::ONE, e::ZERO],
-            blend_ops: [e::FUNC_ADD; 2],
+            writes: [ColorWrites::default(); COLORS_MAX],
             blend_color: [0.0; 4],
             logic: e::COPY,
-            color_mask: 15,
             clear_color: [0.0; 4],
             draw_buffer: e::BACK,
             scissor: [0; 4],
@@ -444,7 +460,6 @@ impl Default for State {
 const CAPABILITIES: &[(u32, u32)] = &[
     (e::ALPHA_TEST, e::COLOR_BUFFER_BIT),
     (e::AUTO_NORMAL, e::EVAL_BIT),
-    (e::BLEND, e::COLOR_BUFFER_BIT),
     (e::COLOR_LOGIC_OP, e::COLOR_BUFFER_BIT),
     (e::COLOR_MATERIAL, e::LIGHTING_BIT),
     (e::COLOR_SUM, e::FOG_BIT),
@@ -536,7 +551,12 @@ impl State {
         take!(e::POINT_BIT => point_size, point_limits, point_attenuation, point_sprites, sprites_up);
         take!(e::DEPTH_BUFFER_BIT => depth_func, depth_write, clear_depth);
         take!(e::STENCIL_BUFFER_BIT => stencil, stencil_face, clear_stencil);
-        take!(e::COLOR_BUFFER_BIT => alpha, blend, blend_ops, blend_color, logic, color_mask, clear_color, draw_buffer);
+        take!(e::COLOR_BUFFER_BIT => alpha, writes, blend_color, logic, clear_color, draw_buffer);
+        if has(e::ENABLE_BIT) {
+            for (writes, old) in self.writes.iter_mut().zip(&saved.writes) {
+                writes.blended = old.blended;
+            }
+        }
         take!(e::SCISSOR_BIT => scissor);
         take!(e::LIST_BIT => list_base);
         take!(e::EVAL_BIT => grids);

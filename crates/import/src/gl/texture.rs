@@ -157,6 +157,14 @@ impl Texture {
         std::mem::swap(&mut self.compare_func, &mut other.compare_func);
     }
 
+    /// Takes over the parameters of another texture, but not its images.
+    pub fn take_parameters(&mut self, of: &Texture) {
+        (self.min, self.mag, self.wrap, self.border) = (of.min, of.mag, of.wrap, of.border);
+        (self.lod, self.range, self.bias, self.anisotropy) = (of.lod, of.range, of.bias, of.anisotropy);
+        (self.compare, self.compare_func, self.depth_mode) = (of.compare, of.compare_func, of.depth_mode);
+        (self.generate, self.swizzle) = (of.generate, of.swizzle);
+    }
+
     fn faces(&self) -> u32 {
         if self.kind == Kind::Cube { 6 } else { 1 }
     }

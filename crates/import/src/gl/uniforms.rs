@@ -55,6 +55,22 @@ fn whole_point(size: f32) -> f32 {
     (size - 0.5).ceil().max(1.0)
 }
 
+/// The reference with which alpha is compared, and how much both may differ where they have to be equal. Alpha and the reference have eight
+/// bits (OpenGL 1.5, section 4.1.4): not alpha is rounded, but the reference is moved to where roundings change.
+fn alpha_reference(compare: u32, reference: f32, float: bool) -> [f32; 4] {
+    if float {
+        return [reference, 0.0, 0.0, 0.0];
+    }
+    const HALF: f32 = 0.5 / 255.0;
+    let code = (reference * 255.0).round() / 255.0;
+    let moved = match compare {
+        e::LESS | e::GEQUAL => code - HALF,
+        e::LEQUAL | e::GREATER => code + HALF,
+        _ => code,
+    };
+    [moved, HALF, 0.0, 0.0]
+}
+
 /// Visits all fields of a shader with this key, in order.
 pub fn visit(key: &ShaderKey, source: &Source, field: Visit) {
     let (state, constant) = (source.state, source.constant);
@@ -144,8 +160,8 @@ pub fn visit(key: &ShaderKey, source: &Source, field: Visit) {
             field("scales", Some(k), &[[rgb, rgb, rgb, alpha]]);
         }
     }
-    if key.alpha.is_some() {
-        field("alpha_reference", None, &[[state.alpha.1; 4]]);
+    if let Some(compare) = key.alpha {
+        field("alpha_reference", None, &[alpha_reference(compare, state.alpha.1, key.colors.float)]);
     }
     for plane in 0..state.planes.len() {
         if key.planes & 1 << plane != 0 {
@@ -233,6 +249,31 @@ pub fn bytes(key: &ShaderKey, source: &Source, out: &mut Vec<u8>) {
 
 #[cfg(test)]
 mod tests {
+    #[test]
+    fn alpha_is_compared_in_eight_bits() {
+        use super::{alpha_reference, e};
+        let passes = |compare: u32, alpha: u8, off: f32| {
+            let (alpha, [reference, half, ..]) = ((f32::from(alpha) + off) / 255.0, alpha_reference(compare, 0.5, false));
+            match compare {
+                e::LESS => alpha < reference,
+                e::LEQUAL => alpha <= reference,
+                e::GREATER => alpha > reference,
+                e::GEQUAL => alpha >= reference,
+                _ => (alpha - reference).abs() <= half,
+            }
+        };
+        // 0.5 is 128 of 255.
+        for off in [-0.4, 0.0, 0.4] {
+            let of = |compare: u32| [127, 128, 129].map(|alpha| passes(compare, alpha, off));
+            assert_eq!(of(e::LESS), [true, false, false]);
+            assert_eq!(of(e::LEQUAL), [true, true, false]);
+            assert_eq!(of(e::EQUAL), [false, true, false]);
+            assert_eq!(of(e::GEQUAL), [false, true, true]);
+            assert_eq!(of(e::GREATER), [false, false, true]);
+        }
+        assert_eq!(alpha_reference(e::GREATER, 0.3, true), [0.3, 0.0, 0.0, 0.0]);
+    }
+
     #[test]
     fn points_have_whole_sizes() {
         let sizes = [0.2, 1.0, 1.5, 1.6, 2.0, 2.5, 2.51, 3.4].map(super::whole_point);

@@ -50,6 +50,8 @@ impl Gl {
                 let refused = [
                     (key.line_stipple, "stippled lines"),
                     (faces, "polygons as lines or points, by their face,"),
+                    // An offset without slope is the same for all polygons.
+                    (key.offset && self.state.polygon_offset[0] != 0.0, "polygons as lines or points, offset by their slope,"),
                     (wide && key.planes != 0, "wide lines and clip planes"),
                     (wide && many, "wide lines of many attributes"),
                     (wide && !repeatable, "wide lines, initial values of variables or interpolation without perspective,"),

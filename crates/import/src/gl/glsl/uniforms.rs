@@ -64,7 +64,20 @@ fn set(gl: &mut Gl, name: u32, location: i64, shape: [usize; 2], numbers: &[f64]
     };
     let (root, rest) = root(&path);
     let offset = (location - at) as usize;
-    if linked.stages.iter().flatten().any(|stage| stage.samplers.iter().any(|sampler| sampler.name == root)) {
+    let samplers = || linked.stages.iter().flatten().flat_map(|stage| &stage.samplers);
+    if samplers().any(|sampler| sampler.name.strip_prefix(root).is_some_and(|rest| rest.starts_with('['))) {
+        // An array of samplers: the call sets several from this one on.
+        let index = rest.strip_prefix('[').and_then(|rest| rest.strip_suffix(']')?.parse().ok());
+        let first = offset.saturating_add(index.unwrap_or(0));
+        for (k, &unit) in numbers.iter().enumerate() {
+            let name = format!("{root}[{}]", first.saturating_add(k));
+            if samplers().any(|sampler| sampler.name == name) {
+                object.units.insert(&name, unit as u32);
+            }
+        }
+        return Ok(());
+    }
+    if samplers().any(|sampler| sampler.name == root) {
         if offset != 0 {
             return Err(unnamed());
         }

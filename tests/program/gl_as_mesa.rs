@@ -1,0 +1,108 @@
+//! What the standard leaves open, and what is easily left out: each picture is the one that Mesa's llvmpipe draws.
+
+use super::gl_features::{BLACK, BLUE, GREEN, QUAD, RED, near, shown};
+
+const ORTHO: &str = "glMatrixMode(GL_PROJECTION)\nglOrtho(0,16,0,16,-1,1)\nglMatrixMode(GL_MODELVIEW)\n";
+
+#[test]
+fn parameters_of_textures_are_restored() {
+    // Two texels, red and blue: between them a linear filter shows a mixture.
+    let texture = "glTexParameteri(GL_TEXTURE_2D,GL_TEXTURE_MIN_FILTER,GL_NEAREST)\nglTexParameteri(GL_TEXTURE_2D,GL_TEXTURE_WRAP_S,GL_CLAMP_TO_EDGE)\n\
+        glTexImage2D(GL_TEXTURE_2D,0,GL_RGBA,2,1,0,GL_RGBA,GL_UNSIGNED_BYTE,*1)\nglEnable(GL_TEXTURE_2D)\n";
+    let quad = "glBegin(GL_QUADS)\nglTexCoord2f(0,0)\nglVertex2f(-1,-1)\nglTexCoord2f(1,0)\nglVertex2f(1,-1)\nglTexCoord2f(1,1)\nglVertex2f(1,1)\n\
+        glTexCoord2f(0,1)\nglVertex2f(-1,1)\nglEnd()\n";
+    let texels = [255, 0, 0, 255, 0, 0, 255, 255];
+    let of = |before: &str, group: &str| {
+        let calls = format!(
+            "{before}glPushAttrib({group})\nglTexParameteri(GL_TEXTURE_2D,GL_TEXTURE_MAG_FILTER,GL_NEAREST)\nglPopAttrib()\n{texture}{quad}"
+        );
+        let image = shown(&calls, &[&texels]);
+        [image.at(7, 8), image.at(8, 8)]
+    };
+    for before in ["", "glBindTexture(GL_TEXTURE_2D,7)\n"] {
+        let [left, right] = of(before, "GL_TEXTURE_BIT");
+        assert!(left != RED && right != BLUE && left[0] > right[0], "{left:?} {right:?}");
+        assert_eq!(of(before, "GL_POLYGON_BIT"), [RED, BLUE]);
+    }
+}
+
+#[test]
+fn alpha_is_compared_in_eight_bits() {
+    let drawn = |function: &str, alpha: u8| {
+        shown(&format!("glEnable(GL_ALPHA_TEST)\nglAlphaFunc({function},0.5)\nglColor4ub(255,0,0,{alpha})\n{QUAD}"), &[])
+            .at(8, 8)
+            == RED
+    };
+    let of = |function: &str| [127, 128, 129].map(|alpha| drawn(function, alpha));
+    assert_eq!(of("GL_GREATER"), [false, false, true]);
+    assert_eq!(of("GL_GEQUAL"), [false, true, true]);
+    assert_eq!(of("GL_EQUAL"), [false, true, false]);
+    assert_eq!(of("GL_NOTEQUAL"), [true, false, true]);
+    assert_eq!(of("GL_LEQUAL"), [true, true, false]);
+    assert_eq!(of("GL_LESS"), [true, false, false]);
+}
+
+#[test]
+fn sizes_of_points_that_differ_are_whole() {
+    // The size is divided by the root of 0.25.
+    let lit = |size: f32| {
+        let attenuation = "glPointParameterfv(GL_POINT_DISTANCE_ATTENUATION,{0.25,0,0})\n";
+        shown(&format!("{ORTHO}{attenuation}glPointSize({size})\nglBegin(GL_POINTS)\nglVertex2f(8.1,8.1)\nglEnd()\n"), &[])
+            .lit()
+            .len()
+    };
+    assert_eq!([1.2, 1.3, 1.7, 1.8].map(lit), [4, 9, 9, 16]);
+}
+
+#[test]
+fn inner_parts_of_smooth_points_are_less_transparent() {
+    let image = shown(
+        &format!(
+            "{ORTHO}glEnable(GL_POINT_SMOOTH)\nglEnable(GL_BLEND)\nglBlendFunc(GL_SRC_ALPHA,GL_ZERO)\nglPointSize(8)\nglColor4f(1,0,0,0.25)\n\
+             glBegin(GL_POINTS)\nglVertex2f(8,8)\nglEnd()\n"
+        ),
+        &[],
+    );
+    // At 0.5 and 0.5 from the centre: (1 - 0.5 / 16) / (1 - 9 / 16) of the alpha. At the rim the alpha itself, and nothing outside.
+    let at = |x: usize| image.at(x, 8)[0];
+    assert!(near([at(8), 0, 0], [141, 0, 0]) && near([at(11), 0, 0], [64, 0, 0]), "{} {}", at(8), at(11));
+    assert_eq!((image.at(12, 8), image.at(11, 11)), (BLACK, BLACK));
+}
+
+#[test]
+fn rectangles_have_the_diagonals_of_mesa() {
+    let corner = |color: &str, at: &str| format!("glColor3f({color})\nglVertex3f({at},-2)\n");
+    let corners = [corner("1,0,0", "-2,-2"), corner("0,1,0", "2,-2"), corner("0,0,1", "2,2"), corner("1,1,0", "-2,2")].concat();
+    let frustum = "glMatrixMode(GL_PROJECTION)\nglFrustum(-1,1,-1,1,1,10)\nglMatrixMode(GL_MODELVIEW)\n";
+    let middle = |calls: &str| shown(&format!("{frustum}{calls}"), &[]).at(8, 8);
+    let quads = format!("glBegin(GL_QUADS)\n{corners}glEnd()\n");
+    // From the first to the third corner, between red and blue; from the second to the fourth, between green and yellow.
+    let (first, second) = ([128, 0, 128], [128, 255, 0]);
+    let like = |color: [u8; 3], wanted: [u8; 3]| (0..3).all(|k| color[k].abs_diff(wanted[k]) < 24);
+    let of = |calls: &str| middle(&format!("{calls}{quads}"));
+    assert!(like(of(""), first), "in perspective, too: {:?}", of(""));
+    let pattern = format!("glEnable(GL_POLYGON_STIPPLE)\nglPolygonStipple(*1)\n{quads}");
+    let stippled = shown(&format!("{frustum}{pattern}"), &[&[255; 128]]).at(8, 8);
+    assert!(like(stippled, second), "with a pattern: {stippled:?}");
+    assert!(like(of("glRotatef(1,0,1,0)\n"), second), "one that does not face the screen");
+    let floats = |values: &[f32]| values.iter().flat_map(|value| value.to_le_bytes()).collect::<Vec<u8>>();
+    let arrays = [
+        floats(&[-2.0, -2.0, -2.0, 2.0, -2.0, -2.0, 2.0, 2.0, -2.0, -2.0, 2.0, -2.0]),
+        floats(&[1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0, 1.0, 1.0, 0.0]),
+        vec![0, 1, 2, 3],
+    ];
+    let enabled = "glEnableClientState(GL_VERTEX_ARRAY)\nglVertexPointer(3,GL_FLOAT,0,*1)\nglEnableClientState(GL_COLOR_ARRAY)\nglColorPointer(3,GL_FLOAT,0,*2)\n";
+    let drawn = |call: &str| shown(&format!("{frustum}{enabled}{call}\n"), &[&arrays[0], &arrays[1], &arrays[2]]).at(8, 8);
+    assert!(like(drawn("glDrawArrays(GL_QUADS,0,4)"), first));
+    assert!(like(drawn("glDrawElements(GL_QUADS,4,GL_UNSIGNED_BYTE,*3)"), second));
+}
+
+#[test]
+fn halves_of_raster_positions_are_rounded_up() {
+    let pixel = [0, 255, 0, 255];
+    for (at, expected) in [("2.5,3.5", (3, 4)), ("3.4,4.6", (3, 5))] {
+        let image = shown(&format!("{ORTHO}glRasterPos2f({at})\nglDrawPixels(1,1,GL_RGBA,GL_UNSIGNED_BYTE,*1)\n"), &[&pixel]);
+        assert_eq!(image.lit(), [expected]);
+        assert_eq!(image.at(expected.0, expected.1), GREEN);
+    }
+}
