@@ -14,18 +14,25 @@ macro_rules! host_has {
 
 /// Whether the host has AVX2 and what came with it.
 #[cfg(target_arch = "x86_64")]
-#[inline]
+#[inline(always)]
 pub fn has_avx2() -> bool {
     // Asked once for each batch: the five questions are put together.
-    static KNOWN: AtomicU8 = AtomicU8::new(0);
-    match KNOWN.load(Relaxed) {
-        0 => {
-            let has = host_has!("avx2", "bmi1", "bmi2", "lzcnt", "popcnt");
-            KNOWN.store(if has { 2 } else { 1 }, Relaxed);
-            has
-        }
+    match AVX2.load(Relaxed) {
+        0 => find_avx2(),
         known => known == 2,
     }
+}
+
+/// 2 if the host has AVX2 and what came with it, 1 if not, 0 before that was asked.
+#[cfg(target_arch = "x86_64")]
+static AVX2: AtomicU8 = AtomicU8::new(0);
+
+#[cfg(target_arch = "x86_64")]
+#[cold]
+fn find_avx2() -> bool {
+    let has = host_has!("avx2", "bmi1", "bmi2", "lzcnt", "popcnt");
+    AVX2.store(if has { 2 } else { 1 }, Relaxed);
+    has
 }
 
 /// Defines a function whose body is compiled twice. `wide!` takes the function as it would be written, without `self`:

@@ -6,6 +6,7 @@ use super::fast::QuadLevels;
 use super::general::{lanes_of, locate};
 use super::lod::{Levels, Selection};
 use super::sampler::BORDER;
+use super::squares::Room;
 use super::taps::{Place, gather_taps, taps};
 use super::{Sample, Sampler, View, ellipse};
 use num::{Lanes, Mask, QUADS};
@@ -20,6 +21,8 @@ pub struct Footprint {
     pub(super) operations: [u16; QUADS],
     /// Samples between two levels ask for the second even where it has no weight.
     pub both_levels: bool,
+    /// Where lines are looked for; none before the first time.
+    pub(super) room: Option<Box<Room>>,
 }
 
 impl Footprint {
@@ -61,10 +64,15 @@ impl Footprint {
         self.both_levels && sampler.mip_linear && view.levels.len() > 1
     }
 
+    #[inline(always)]
     pub(super) fn sample(&mut self, view: &View, sampler: &Sampler, args: &Sample<'_>, found: Option<&QuadLevels>, mask: Mask) {
-        if super::squares::record(view, sampler, args, found, mask, self) {
-            return;
+        if !super::squares::record(view, sampler, args, found, mask, self) {
+            self.sample_others(view, sampler, args, mask);
         }
+    }
+
+    #[inline(never)]
+    fn sample_others(&mut self, view: &View, sampler: &Sampler, args: &Sample<'_>, mask: Mask) {
         if ellipse::applies(view, sampler, args) {
             return self.average(view, sampler, args, mask);
         }

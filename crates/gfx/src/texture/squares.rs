@@ -1,18 +1,17 @@
 //! The lines that a linear filter reads of a flat texture of any format: those of the four texels about each lane's place.
 //!
-//! Places are found by the arithmetic of [`super::fast`], all lanes at once. Of the 16 texels of a quad (32 between two levels) the
-//! distinct lines are then taken out one after another: each is compared with all texels at once, which leaves those of other lines.
+//! Places are found by the arithmetic of [`super::fast`], all lanes at once. A line is the sum of what a column and a row say, so that a few
+//! comparisons tell which quads read one line alone. Of the 16 texels of any other quad (32 between two levels) the distinct lines are taken
+//! out one after another: each is compared with all texels at once, which leaves those of other lines.
 
 use super::fast::{QuadLevels, choose, fold, following, is_flat, pair, place};
 use super::lod::quad_rho;
 use super::record::Footprint;
 use super::{Lod, Sample, Sampler, View};
-use crate::simd::wide;
+#[cfg(target_arch = "x86_64")]
+use crate::simd::has_avx2;
 use crate::state::AddressMode;
 use num::{LANES, Lanes, Mask, QUADS};
-
-/// The lines of four texels, row by row.
-type Square = [u32; 4];
 
 /// Records what a linear filter reads of a flat texture of any format; says whether it could. `found` are the levels of the quads, where
 /// sampling has found them.
@@ -31,33 +30,132 @@ pub(super) fn record(
     applies
 }
 
-wide! {
-    fn record_wide(
-        view: &View,
-        sampler: &Sampler,
-        args: &Sample<'_>,
-        found: Option<&QuadLevels>,
-        mask: Mask,
-        out: &mut Footprint,
-    ) = record_body;
+/// Records with the widest vectors of the host.
+fn record_wide(view: &View, sampler: &Sampler, args: &Sample<'_>, found: Option<&QuadLevels>, mask: Mask, out: &mut Footprint) {
+    #[cfg(target_arch = "x86_64")]
+    {
+        #[target_feature(enable = "avx2,bmi1,bmi2,lzcnt,popcnt")]
+        fn vectors(
+            view: &View,
+            sampler: &Sampler,
+            args: &Sample<'_>,
+            found: Option<&QuadLevels>,
+            mask: Mask,
+            out: &mut Footprint,
+        ) {
+            record_body::<true>(view, sampler, args, found, mask, out);
+        }
+        if has_avx2() {
+            // SAFETY: the host has every instruction set that the function is compiled for.
+            return unsafe { vectors(view, sampler, args, found, mask, out) };
+        }
+    }
+    record_body::<false>(view, sampler, args, found, mask, out);
 }
 
+/// `WIDE`: the caller is compiled for AVX2 and its companions.
 #[inline(always)]
-fn record_body(view: &View, sampler: &Sampler, args: &Sample<'_>, found: Option<&QuadLevels>, mask: Mask, out: &mut Footprint) {
+fn record_body<const WIDE: bool>(
+    view: &View,
+    sampler: &Sampler,
+    args: &Sample<'_>,
+    found: Option<&QuadLevels>,
+    mask: Mask,
+    out: &mut Footprint,
+) {
     let both = out.takes_both(view, sampler);
     let (mut level, mut two) = ([0_u32; LANES], 0);
     let layers = alike(args.layer);
     let same = levels(view, sampler, args, found, &mut level, &mut two) && layers == LANES;
     let two = mask & if both { !0 } else { two };
-    let mut first = [[0; 4]; LANES];
-    find(view, sampler, args, same, layers, &level, &mut first);
+    let mut room = out.room.take().unwrap_or_default();
+    let Room { first, second, lines } = &mut *room;
+    find(view, sampler, args, same, layers, &level, first);
     if two == 0 {
-        return out.squares(mask, 0, &first, &first);
+        // The compiler makes less of what it knows to be one level.
+        out.squares::<WIDE>(mask, 0, first, first, lines);
+    } else {
+        level.iter_mut().for_each(|level| *level = following(view, *level));
+        find(view, sampler, args, same, layers, &level, second);
+        out.squares::<WIDE>(mask, two, first, second, lines);
     }
-    level.iter_mut().for_each(|level| *level = following(view, *level));
-    let mut second = [[0; 4]; LANES];
-    find(view, sampler, args, same, layers, &level, &mut second);
-    out.squares(mask, two, &first, &second);
+    out.room = Some(room);
+}
+
+/// Lines of a batch at most: four texels a lane in each of two levels.
+const MOST: usize = 2 * 4 * LANES;
+
+/// What is found of a batch. It is kept from one to the next and need not be cleared: what counts of it has been written.
+#[derive(Clone, Debug)]
+pub(super) struct Room {
+    first: Corners,
+    second: Corners,
+    lines: [u32; MOST],
+}
+
+impl Default for Room {
+    fn default() -> Room {
+        Room { first: Corners::ZERO, second: Corners::ZERO, lines: [0; MOST] }
+    }
+}
+
+/// What the lines of each lane's four texels are sums of.
+#[derive(Clone, Debug)]
+struct Corners {
+    /// Of the left and of the right column.
+    x: [[u32; LANES]; 2],
+    /// Of the upper and of the lower row.
+    y: [[u32; LANES]; 2],
+}
+
+impl Corners {
+    const ZERO: Corners = Corners { x: [[0; LANES]; 2], y: [[0; LANES]; 2] };
+
+    /// The line of a lane's first texel.
+    #[inline(always)]
+    fn line(&self, lane: usize) -> u32 {
+        self.y[0][lane].wrapping_add(self.x[0][lane])
+    }
+
+    /// The quads that read one line alone, whichever of their lanes are live: bit `4 q` each. `WIDE`: the caller is compiled for AVX2.
+    #[inline(always)]
+    fn alike<const WIDE: bool>(&self) -> Mask {
+        #[cfg(target_arch = "x86_64")]
+        if WIDE {
+            // SAFETY: `record_wide` has found the instruction set on this host.
+            return unsafe { self.alike_avx2() };
+        }
+        let mut out = 0;
+        for q in 0..QUADS {
+            let mut different = 0;
+            for i in 4 * q..4 * q + 4 {
+                different |= self.x[0][i] ^ self.x[1][i] | self.y[0][i] ^ self.y[1][i] | self.line(i) ^ self.line(4 * q);
+            }
+            out |= Mask::from(different == 0) << (4 * q);
+        }
+        out
+    }
+
+    /// [`Corners::alike`], two quads at a time.
+    #[cfg(target_arch = "x86_64")]
+    #[target_feature(enable = "avx2")]
+    #[inline]
+    fn alike_avx2(&self) -> Mask {
+        use std::arch::x86_64::*;
+        let mut equal: Mask = 0;
+        for chunk in 0..LANES / 8 {
+            let of = |lanes: &[u32; LANES]| -> __m256i { bytemuck::cast(lanes.as_chunks::<8>().0[chunk]) };
+            let ([left, right], [upper, lower]) = (self.x.each_ref().map(of), self.y.each_ref().map(of));
+            let line = _mm256_add_epi32(upper, left);
+            let of_first_lane = _mm256_shuffle_epi32::<0>(line);
+            let between = _mm256_or_si256(_mm256_xor_si256(left, right), _mm256_xor_si256(upper, lower));
+            let different = _mm256_or_si256(between, _mm256_xor_si256(line, of_first_lane));
+            let lanes = _mm256_movemask_ps(_mm256_castsi256_ps(_mm256_cmpeq_epi32(different, _mm256_setzero_si256())));
+            equal |= Mask::from(lanes as u8) << (8 * chunk);
+        }
+        let pairs = equal & equal >> 1;
+        pairs & pairs >> 2 & 0x1111_1111_1111_1111
+    }
 }
 
 /// How many lanes beside each other read the same layer: all, those of each quad, or one.
@@ -98,6 +196,11 @@ fn levels(
             own.find(view, sampler, &rho);
             &own
         });
+        let beyond = first.iter().zip(weight).fold(0, |any, (first, weight)| any | first | weight.to_bits());
+        if beyond == 0 {
+            // All are in the first level, as `level` says.
+            return true;
+        }
         for q in 0..QUADS {
             different |= first[q] ^ first[0];
             *two |= if weight[q] > 0.0 { 15 << (4 * q) } else { 0 };
@@ -148,15 +251,7 @@ impl<const N: usize> Rows<N> {
 
 /// The lines of each lane's four texels. `same`: all lanes read one slice of one level; `layers`: so many beside each other read one layer.
 #[inline(always)]
-fn find(
-    view: &View,
-    sampler: &Sampler,
-    args: &Sample<'_>,
-    same: bool,
-    layers: usize,
-    level: &[u32; LANES],
-    out: &mut [Square; LANES],
-) {
+fn find(view: &View, sampler: &Sampler, args: &Sample<'_>, same: bool, layers: usize, level: &[u32; LANES], out: &mut Corners) {
     if same {
         find_in(view, sampler, args, &Rows::<1>::new(view, args, level, 1), out);
     } else {
@@ -167,16 +262,10 @@ fn find(
 }
 
 #[inline(always)]
-fn find_in<const N: usize>(view: &View, sampler: &Sampler, args: &Sample<'_>, rows: &Rows<N>, out: &mut [Square; LANES]) {
-    let (mut x, mut y) = ([[0_u32; LANES]; 2], [[0_u32; LANES]; 2]);
+fn find_in<const N: usize>(view: &View, sampler: &Sampler, args: &Sample<'_>, rows: &Rows<N>, out: &mut Corners) {
     let ((across, down), tile) = view.tiled(0).micro_tile();
-    lines_along(sampler.address[0], args.coords[0].f32(), &rows.width, across, (&[0], &[tile]), &mut x);
-    lines_along(sampler.address[1], args.coords[1].f32(), &rows.height, down, (&rows.first, &rows.row), &mut y);
-    let [[left, right], [upper, lower]] = [&x, &y];
-    for i in 0..LANES {
-        let sum = |row: u32, column: u32| row.wrapping_add(column);
-        out[i] = [sum(upper[i], left[i]), sum(upper[i], right[i]), sum(lower[i], left[i]), sum(lower[i], right[i])];
-    }
+    lines_along(sampler.address[0], args.coords[0].f32(), &rows.width, across, (&[0], &[tile]), &mut out.x);
+    lines_along(sampler.address[1], args.coords[1].f32(), &rows.height, down, (&rows.first, &rows.row), &mut out.y);
 }
 
 /// What the two texels that each lane filters along an axis add to their lines: `first`, and `step` for each micro tile.
@@ -216,92 +305,165 @@ fn lines_along<const N: usize, const M: usize>(
     }
 }
 
-/// For each set of a quad's lanes: a bit for each, so many places apart.
-const fn apart(places: u32) -> [u32; 16] {
+/// For each set of a quad's lanes: a bit for each, eight places apart.
+const APART: [u32; 16] = {
     let mut out = [0; 16];
     let mut lanes = 0;
     while lanes < 16 {
         let mut lane = 0;
         while lane < 4 {
-            out[lanes] |= (lanes as u32 >> lane & 1) << (places * lane);
+            out[lanes] |= (lanes as u32 >> lane & 1) << (8 * lane);
             lane += 1;
         }
         lanes += 1;
     }
     out
-}
+};
 
-/// Bit `4 p` for lane `p`: the texels of one level.
-const ONE: [u32; 16] = apart(4);
-
-/// Bit `8 p` for lane `p`: the texels of two levels.
-const TWO: [u32; 16] = apart(8);
+/// Where the texel of each bit of a quad is among words that have lanes of levels of texels.
+#[cfg(target_arch = "x86_64")]
+const WORD: [u8; 32] = {
+    let mut out = [0; 32];
+    let mut at = 0;
+    while at < 32 {
+        out[at] = (at % 4 * 8 + at / 4 % 2 * 4 + at / 8) as u8;
+        at += 1;
+    }
+    out
+};
 
 impl Footprint {
     /// Records quads in order from the lines of each lane's texels in two levels. The lanes of `two`, which are live, read both: first the
-    /// texels of the one, then those of the other.
+    /// texels of the one, then those of the other. `WIDE`: the caller is compiled for AVX2.
     #[inline(always)]
-    fn squares(&mut self, mask: Mask, two: Mask, first: &[Square; LANES], second: &[Square; LANES]) {
-        let (first, second) =
-            (bytemuck::cast_ref::<_, [[Square; 4]; QUADS]>(first), bytemuck::cast_ref::<_, [[Square; 4]; QUADS]>(second));
-        self.bounds[0] = self.lines.len() as u32;
+    fn squares<const WIDE: bool>(&mut self, mask: Mask, two: Mask, first: &Corners, second: &Corners, lines: &mut [u32; MOST]) {
+        let mut alike = first.alike::<WIDE>();
+        if two != 0 {
+            alike &= second.alike::<WIDE>();
+        }
+        // Lines are put where there is room for all, and then added to the others at once.
+        let (start, mut n) = (self.lines.len(), 0);
+        self.bounds[0] = start as u32;
         for q in 0..QUADS {
             let (live, twice) = ((mask >> (4 * q)) as usize & 15, (two >> (4 * q)) as usize & 15);
             self.operations[q] = (live.count_ones() + twice.count_ones()) as u16;
-            let (one, other) = (&first[q], &second[q]);
-            if twice == 0 {
-                let mut left = ONE[live] * 0xf;
-                while left != 0 {
-                    let at = left.trailing_zeros() as usize;
-                    let line = one.as_flattened()[at % 16];
-                    self.lines.push(line);
-                    left &= !equal([&one[0], &one[1], &one[2], &one[3]], line);
-                }
-            } else {
-                let mut left = TWO[live] * 0xf | TWO[twice] * 0xf0;
-                while left != 0 {
-                    let at = left.trailing_zeros() as usize;
-                    let level = if at & 4 == 0 { one } else { other };
-                    let line = level.as_flattened()[at / 2 % 16 / 4 * 4 + at % 4];
-                    self.lines.push(line);
-                    let upper = equal([&one[0], &other[0], &one[1], &other[1]], line);
-                    let lower = equal([&one[2], &other[2], &one[3], &other[3]], line);
-                    left &= !(upper | lower << 16);
-                }
+            if alike >> (4 * q) & 1 == 0 {
+                // Bit `8 p + t` for texel t of lane p in the first level, `8 p + 4 + t` in the second.
+                let wanted = APART[live] * 0xf | APART[twice] * 0xf0;
+                n = distinct::<WIDE>(first, second, q, wanted, lines, n);
+            } else if live != 0 {
+                let (line, other) = (first.line(4 * q), second.line(4 * q));
+                lines[n % MOST] = line;
+                lines[(n + 1) % MOST] = other;
+                n += 1 + usize::from(twice != 0 && other != line);
             }
-            self.bounds[q + 1] = self.lines.len() as u32;
+            self.bounds[q + 1] = (start + n) as u32;
         }
+        self.lines.extend_from_slice(&lines[..n.min(MOST)]);
     }
 }
 
-/// Which of 16 texels lie in a line: a bit each. What the compiler makes of the plain loop below takes 3 to 6 % of the renderer's instructions
-/// more.
+/// Adds the distinct lines of the texels of a quad that have a bit in `left`, in the order of the bits. Returns how many lines there are then.
+/// `WIDE`: the caller is compiled for AVX2.
 #[inline(always)]
-#[cfg(all(target_arch = "x86_64", not(portable)))]
-fn equal(squares: [&Square; 4], line: u32) -> u32 {
+fn distinct<const WIDE: bool>(
+    first: &Corners,
+    second: &Corners,
+    q: usize,
+    mut left: u32,
+    lines: &mut [u32; MOST],
+    mut n: usize,
+) -> usize {
+    #[cfg(target_arch = "x86_64")]
+    if WIDE {
+        // SAFETY: `record_wide` has found the instruction sets on this host.
+        return unsafe { distinct_avx2(first, second, q, left, lines, n) };
+    }
+    let texels: [u32; 32] = std::array::from_fn(|at| {
+        let level = if at & 4 == 0 { first } else { second };
+        let lane = 4 * q + at / 8;
+        level.y[at / 2 % 2][lane].wrapping_add(level.x[at % 2][lane])
+    });
+    while left != 0 {
+        let line = texels[left.trailing_zeros() as usize % 32];
+        lines[n % MOST] = line;
+        n += 1;
+        left &= !texels.iter().enumerate().fold(0, |equal, (at, texel)| equal | u32::from(*texel == line) << at);
+    }
+    n
+}
+
+/// [`distinct`], all texels at once.
+#[cfg(target_arch = "x86_64")]
+#[target_feature(enable = "avx2,bmi1")]
+#[inline]
+fn distinct_avx2(first: &Corners, second: &Corners, q: usize, mut left: u32, lines: &mut [u32; MOST], mut n: usize) -> usize {
     use std::arch::x86_64::*;
-    #[target_feature(enable = "sse2")]
-    #[inline]
-    fn vectors(squares: [&Square; 4], line: u32) -> u32 {
-        let line = _mm_set1_epi32(line as i32);
-        let [a, b, c, d] = squares.map(|square| bytemuck::cast::<Square, __m128i>(*square));
-        let upper = _mm_packs_epi32(_mm_cmpeq_epi32(a, line), _mm_cmpeq_epi32(b, line));
-        let lower = _mm_packs_epi32(_mm_cmpeq_epi32(c, line), _mm_cmpeq_epi32(d, line));
-        _mm_movemask_epi8(_mm_packs_epi16(upper, lower)) as u32
+    // A texel of four lanes in the first level, and behind it in the second.
+    let of = |one: &[u32; LANES], other: &[u32; LANES]| -> __m256i {
+        let [one, other] = [one, other].map(|lanes| bytemuck::cast(lanes.as_chunks::<4>().0[q]));
+        _mm256_set_m128i(other, one)
+    };
+    let (left_column, right_column) = (of(&first.x[0], &second.x[0]), of(&first.x[1], &second.x[1]));
+    let (upper, lower) = (of(&first.y[0], &second.y[0]), of(&first.y[1], &second.y[1]));
+    let texels = [
+        _mm256_add_epi32(upper, left_column),
+        _mm256_add_epi32(upper, right_column),
+        _mm256_add_epi32(lower, left_column),
+        _mm256_add_epi32(lower, right_column),
+    ];
+    let words: [u32; 32] = bytemuck::cast(texels);
+    // From texels of lanes to lanes of texels, and from levels of lanes to lanes of levels.
+    let by_lane = _mm256_broadcastsi128_si256(_mm_setr_epi8(0, 4, 8, 12, 1, 5, 9, 13, 2, 6, 10, 14, 3, 7, 11, 15));
+    let by_level = _mm256_setr_epi32(0, 4, 1, 5, 2, 6, 3, 7);
+    while left != 0 {
+        let at = left.trailing_zeros() as usize;
+        let line = words[usize::from(WORD[at % 32]) % 32];
+        lines[n % MOST] = line;
+        n += 1;
+        let line = _mm256_set1_epi32(line as i32);
+        let [a, b, c, d] = texels.map(|texel| _mm256_cmpeq_epi32(texel, line));
+        let equal = _mm256_packs_epi16(_mm256_packs_epi32(a, b), _mm256_packs_epi32(c, d));
+        let equal = _mm256_permutevar8x32_epi32(_mm256_shuffle_epi8(equal, by_lane), by_level);
+        left &= !(_mm256_movemask_epi8(equal) as u32);
     }
-    // SAFETY: every x86-64 host has SSE2, which is all that the function requires.
-    unsafe { vectors(squares, line) }
+    n
 }
 
-/// Which of 16 texels lie in a line: a bit each.
-#[inline(always)]
-#[cfg(not(all(target_arch = "x86_64", not(portable))))]
-fn equal(squares: [&Square; 4], line: u32) -> u32 {
-    let mut out = 0;
-    for (i, square) in squares.into_iter().enumerate() {
-        for (t, texel) in square.iter().enumerate() {
-            out |= u32::from(*texel == line) << (4 * i + t);
+#[cfg(all(test, target_arch = "x86_64"))]
+mod tests {
+    use super::*;
+    use num::Random;
+
+    #[test]
+    fn vectors_find_the_lines_that_a_loop_finds() {
+        if !has_avx2() {
+            return;
         }
+        let mut random = Random::new(11);
+        let mut most = 0;
+        for round in 0..4000 {
+            let mut room = [Room::default(), Room::default()];
+            let range = 1 + round % 5;
+            let mut corners = || {
+                let mut lanes = || std::array::from_fn(|_| random.bits() % range);
+                Corners { x: [lanes(), lanes()], y: [lanes(), lanes()] }
+            };
+            let (first, second) = (corners(), corners());
+            let mut bits = || u64::from(random.bits()) << 32 | u64::from(random.bits());
+            let mask = bits() | bits();
+            let two = if round % 3 == 0 { 0 } else { mask & bits() };
+            let [mut one, mut other] = [Footprint::new(), Footprint::new()];
+            one.squares::<false>(mask, two, &first, &second, &mut room[0].lines);
+            other.squares::<true>(mask, two, &first, &second, &mut room[1].lines);
+            assert_eq!((&one.lines, one.bounds, one.operations), (&other.lines, other.bounds, other.operations));
+            for q in 0..QUADS {
+                let (lines, operations) = one.quad(q);
+                assert!(lines.iter().enumerate().all(|(i, line)| !lines[..i].contains(line)), "{lines:?}");
+                assert_eq!(lines.is_empty(), operations == 0);
+                most = most.max(lines.len());
+            }
+        }
+        assert!(most > 8, "no quad of both levels had many lines");
     }
-    out
 }

@@ -24,7 +24,7 @@ pub struct Pending {
     /// Sample of each, where the program runs once a sample.
     pub(super) sample: [u8; QUADS],
     /// Place of each among the recorded quads.
-    pub(super) record: [u32; QUADS],
+    pub(super) record: [u32; ROOM],
     /// Bit a quad: of a back face.
     pub(super) back: u16,
     /// Number of triangles that the quads belong to.
@@ -124,37 +124,39 @@ impl Pending {
         left
     }
 
-    /// [`Pending::push_block`] of what is not recorded, all quads at once.
+    /// [`Pending::push_block`], all quads at once.
     ///
     /// # Safety
     /// The host has the instruction sets.
     #[cfg(target_arch = "x86_64")]
     #[target_feature(enable = "avx2,bmi1,bmi2,lzcnt,popcnt")]
     #[inline]
-    pub fn push_block_wide(
+    pub fn push_block_wide<const RECORD: bool>(
         &mut self,
         slot: u32,
         [x, y]: [u16; 2],
         at: u32,
+        (quads, record): (u64, u32),
         [coverage, alive]: [u64; 2],
         left: u64,
         front: bool,
     ) -> u64 {
         use std::arch::x86_64::*;
+        const NUMBERS: u64 = 0xfedc_ba98_7654_3210;
         let n = self.n & (QUADS - 1);
         let room = (QUADS - n) as u32;
         // The first of the quads, their pixels, and what belongs to these side by side, four bits a quad.
         let taken = if left.count_ones() <= room { left } else { _pdep_u64((1 << room) - 1, left) };
         let pixels = taken * 15;
-        let numbers = _pext_u64(0xfedc_ba98_7654_3210, pixels);
+        let numbers = _pext_u64(NUMBERS, pixels);
         let (coverage, alive) = (_pext_u64(coverage, pixels), _pext_u64(alive, pixels));
         // A byte a quad.
         let bytes = |of: u64| {
             const LOW: u64 = 0x0f0f_0f0f_0f0f_0f0f;
             _mm_set_epi64x(_pdep_u64(of >> 32, LOW) as i64, _pdep_u64(of, LOW) as i64)
         };
-        let quads = bytes(numbers);
-        let wide = _mm256_cvtepu8_epi16(quads);
+        let of_block = bytes(numbers);
+        let wide = _mm256_cvtepu8_epi16(of_block);
         let six = _mm256_set1_epi16(6);
         let xs = _mm256_add_epi16(_mm256_set1_epi16(x as i16), _mm256_and_si256(_mm256_slli_epi16::<1>(wide), six));
         let ys = _mm256_add_epi16(_mm256_set1_epi16(y as i16), _mm256_and_si256(_mm256_srli_epi16::<1>(wide), six));
@@ -169,15 +171,22 @@ impl Pending {
             _mm256_permute2x128_si256::<0x31>(a, b),
             _mm256_permute2x128_si256::<0x31>(c, d),
         ]);
-        let first = _mm256_set1_epi32(at as i32);
-        let places: [u32; QUADS] = bytemuck::cast([
-            _mm256_add_epi32(first, _mm256_cvtepu8_epi32(quads)),
-            _mm256_add_epi32(first, _mm256_cvtepu8_epi32(_mm_srli_si128::<8>(quads))),
-        ]);
+        let from = |first: u32, bytes: __m128i| -> [u32; QUADS] {
+            let first = _mm256_set1_epi32(first as i32);
+            bytemuck::cast([
+                _mm256_add_epi32(first, _mm256_cvtepu8_epi32(bytes)),
+                _mm256_add_epi32(first, _mm256_cvtepu8_epi32(_mm_srli_si128::<8>(bytes))),
+            ])
+        };
+        if RECORD {
+            // How many quads are before each of the block's: numbers, spread over those that it has.
+            let before = _pext_u64(_pdep_u64(NUMBERS, quads * 15), pixels);
+            self.record[n..n + QUADS].copy_from_slice(&from(record, bytes(before)));
+        }
         let samples = |of: u64| -> [u16; QUADS] { bytemuck::cast(_mm256_cvtepu8_epi16(bytes(of))) };
         // What is written beyond the ends does not count.
         self.sites[n..n + QUADS].copy_from_slice(&sites);
-        self.at[n..n + QUADS].copy_from_slice(&places);
+        self.at[n..n + QUADS].copy_from_slice(&from(at, of_block));
         self.coverage[n..n + QUADS].copy_from_slice(&samples(coverage));
         self.alive[n..n + QUADS].copy_from_slice(&samples(alive));
         self.active |= alive << (4 * n);
@@ -284,7 +293,8 @@ mod tests {
                     _ => bits(),
                 };
                 let alive = coverage & if bits() % 2 == 0 { u64::MAX } else { bits() };
-                let quads = (alive | alive >> 1 | alive >> 2 | alive >> 3) & 0x1111_1111_1111_1111;
+                let spread = |mask: u64| (mask | mask >> 1 | mask >> 2 | mask >> 3) & 0x1111_1111_1111_1111;
+                let quads = spread(alive);
                 let (place, at) = ([8 * (bits() % 2048) as u16, 8 * (bits() % 2048) as u16], 16 * (bits() % 64) as u32);
                 let front = bits() % 2 == 0;
                 if quads == 0 {
@@ -292,12 +302,14 @@ mod tests {
                 }
                 let slot = one.add_triangle(0, 0);
                 assert_eq!(all.add_triangle(0, 0), slot);
-                let left = one.push_block::<false>(slot, place, at, (0, 0), [coverage, alive], quads, front);
+                let record = (spread(coverage), bits() as u32 / 2);
+                let left = one.push_block::<true>(slot, place, at, record, [coverage, alive], quads, front);
                 // SAFETY: the host has the instruction sets.
-                let also = unsafe { all.push_block_wide(slot, place, at, [coverage, alive], quads, front) };
+                let also = unsafe { all.push_block_wide::<true>(slot, place, at, record, [coverage, alive], quads, front) };
                 assert_eq!((left, one.n, one.active, one.back, one.ends), (also, all.n, all.active, all.back, all.ends));
                 assert_eq!(one.sites[..one.n], all.sites[..one.n]);
                 assert_eq!(one.at[..one.n], all.at[..one.n]);
+                assert_eq!(one.record[..one.n], all.record[..one.n]);
                 assert_eq!(one.coverage[..one.n], all.coverage[..one.n]);
                 assert_eq!(one.alive[..one.n], all.alive[..one.n]);
             }

@@ -14,9 +14,20 @@ use super::tile::quads_in;
 
 /// A quad that is covered and not shaded; it is that of bit `at` of a block's pixels.
 #[inline(always)]
-fn covered(at: u32, coverage: u16) -> work::Quad {
+const fn covered(at: u32, coverage: u16) -> work::Quad {
     work::Quad { coverage, kept: coverage, position: (at / 4) as u8, flags: 0, cost: 0, payload: 0, first_request: 0 }
 }
+
+/// The quads of a block of pixels with one sample that is covered whole.
+const WHOLE: [work::Quad; 16] = {
+    let mut quads = [covered(0, 15); 16];
+    let mut q = 0;
+    while q < 16 {
+        quads[q] = covered(4 * q as u32, 15);
+        q += 1;
+    }
+    quads
+};
 
 /// Notes what shading a quad came to, and where its payload begins.
 #[inline(always)]
@@ -34,7 +45,7 @@ pub struct TileRecord {
     visits: Vec<(u32, u32, u32)>,
 }
 
-/// How much was recorded of tiles: the most, of which an eighth is forgotten with each tile that has less. Neighbours differ, and where a list has to
+/// How much was recorded of tiles: the most, of which a 64th is forgotten with each tile that has less. Neighbours differ, and where a list has to
 /// grow it is copied.
 #[derive(Default)]
 pub struct Room {
@@ -59,15 +70,21 @@ impl TileRecord {
                 quads.extend((0..S).map(|s| mask & 15 << (4 * s)).filter(|m| *m != 0).map(|mask| covered(at, mask)));
             }
         } else {
-            // One after another beside the list, which then grows once.
-            let (mut found, mut n) = ([covered(0, 0); 16], 0);
-            while left != 0 {
-                let at = left.trailing_zeros();
-                left &= left - 1;
-                found[n & 15] = covered(at, block.quad_mask(at as usize / 4));
-                n += 1;
+            // The list gets 16 quads, which takes no call to copy them. Those of most blocks are all covered.
+            quads.extend_from_slice(&WHOLE);
+            if S > 1 || block.samples[0] != !0 {
+                let mut n = 0;
+                for quad in &mut quads[first..] {
+                    if left == 0 {
+                        break;
+                    }
+                    let at = left.trailing_zeros();
+                    left &= left - 1;
+                    *quad = covered(at, block.quad_mask(at as usize / 4));
+                    n += 1;
+                }
+                quads.truncate(first + n);
             }
-            quads.extend_from_slice(&found[..n.min(16)]);
         }
         self.work.blocks.push(work::Block {
             first_quad: first as u32,
@@ -90,9 +107,9 @@ impl TileRecord {
         self.visits.push((batch, number, self.work.blocks.len() as u32));
     }
 
-    /// Begins with room for a little more than other tiles had.
+    /// Begins with room for half as much again as other tiles had: memory that is not written costs nothing, and what is left is given back.
     pub fn begin(&mut self, room: &Room) {
-        let more = |room: usize| room + room / 4;
+        let more = |room: usize| room + room / 2;
         self.work.blocks.reserve_exact(more(room.blocks));
         self.work.quads.reserve_exact(more(room.quads));
         self.work.payload.reserve_exact(more(room.payload));
@@ -104,7 +121,7 @@ impl TileRecord {
         (self.work.costs, self.work.requests, self.work.lines) = recorder.take();
         let work = &self.work;
         let (blocks, quads, payload) = (work.blocks.len(), work.quads.len(), work.payload.len());
-        let most = |had: usize, has: usize| has.max(had - had / 8);
+        let most = |had: usize, has: usize| has.max(had - had / 64);
         *room = Room {
             blocks: most(room.blocks, blocks),
             quads: most(room.quads, quads),

@@ -79,29 +79,18 @@ impl TileRun<'_, '_, '_> {
         let written = if unchanged { self.pending.active } else { lanes(&kept[..n]) }.count_ones();
         self.counts.fragments_written += u64::from(written);
         self.samples_passed += if S == 1 { u64::from(written) } else { kept.iter().map(|k| u64::from(k.count_ones())).sum() };
-        self.write::<S, RECORD>(n, &kept);
+        self.write::<S>(n, &kept);
         self.pending.clear();
     }
 
     /// Blends the outputs into the colour attachments.
     #[inline(always)]
-    fn write<const S: usize, const RECORD: bool>(&mut self, n: usize, kept: &[u16; QUADS]) {
+    fn write<const S: usize>(&mut self, n: usize, kept: &[u16; QUADS]) {
         let Some(bound) = &self.bound else { return };
         let pending = &*self.pending;
         for (target, tile) in self.frame.targets.iter().zip(&mut self.job.colors) {
             let Some(tile) = tile else { continue };
             tile.materialise(target.words);
-            if RECORD && target.packed {
-                // The ROPs' payload has the codes already.
-                let (size, each) = (4 * S * target.words, 4 * self.frame.payload_words);
-                let payload = &self.job.record.work.payload;
-                let quads = payload[payload.len() - each * n..].chunks_exact(each);
-                for (q, payload) in quads.enumerate().take(QUADS).filter(|(q, _)| kept[*q] != 0) {
-                    let packed = &payload[4 * target.payload..][..4 * target.payload_words];
-                    target.state.put_quad(S, kept[q], packed, &mut tile.codes[pending.at[q] as usize * size..][..size]);
-                }
-                continue;
-            }
             let color = colors(bound, target.output);
             let at = pending.places();
             match target.second {
@@ -329,9 +318,19 @@ impl TileRun<'_, '_, '_> {
         let first = record.work.payload.len();
         let (mut payload, each) = (first as u32, 4 * frame.payload_words as u32);
         let (quads, costs) = (&mut record.work.quads[..], &self.recorder.quads);
-        for q in 0..pending.n.min(QUADS) {
-            shaded(&mut quads[pending.record[q] as usize], pending.coverage[q], &costs[q], payload);
-            payload += each;
+        let (n, places) = (pending.n.min(QUADS), &pending.record);
+        let (begin, end) = (places[0] as usize, places[n.max(1) - 1] as usize + 1);
+        if end - begin == n {
+            // Their places rise: so many between the first and the last are all that lie between. Most batches are such.
+            for ((quad, &kept), cost) in quads[begin..end].iter_mut().zip(&pending.coverage).zip(costs) {
+                shaded(quad, kept, cost, payload);
+                payload += each;
+            }
+        } else {
+            for q in 0..n {
+                shaded(&mut quads[places[q] as usize], pending.coverage[q], &costs[q], payload);
+                payload += each;
+            }
         }
         record.work.payload.resize(first + 4 * frame.payload_words * pending.n, 0);
         put_payload::<S>(frame, bound, &mut record.work.payload[first..]);
@@ -377,6 +376,27 @@ fn put_payload<const S: usize>(frame: &PreparedDraw<'_>, bound: &Bound<'_>, out:
 /// Puts `N` values of each pixel into the quads' payloads, which have so many words a pixel, from this word on.
 #[inline(always)]
 fn put<const N: usize>(out: &mut [[u32; 4]], size: usize, word: usize, values: [&Lanes; N]) {
+    match out.as_chunks_mut::<N>().0.first_chunk_mut::<QUADS>() {
+        Some(quads) if size == N => put_whole(quads, values),
+        _ => put_apart(out, size, word, values),
+    }
+}
+
+/// [`put`] of a whole batch with nothing between. By itself, like the other: where it is inlined, places are calculated before it is known that
+/// they are needed, and kept in memory.
+#[inline(never)]
+fn put_whole<const N: usize>(quads: &mut [[[u32; 4]; N]; QUADS], values: [&Lanes; N]) {
+    let values = values.map(|values| values.0.as_chunks::<4>().0);
+    for q in 0..QUADS {
+        for i in 0..N {
+            quads[q][i] = values[i][q];
+        }
+    }
+}
+
+/// [`put`] of any batch.
+#[inline(never)]
+fn put_apart<const N: usize>(out: &mut [[u32; 4]], size: usize, word: usize, values: [&Lanes; N]) {
     let values = values.map(|values| values.0.as_chunks::<4>().0);
     for (q, quad) in out.chunks_exact_mut(size).enumerate().take(QUADS) {
         let quad = &mut quad[word..word + N];

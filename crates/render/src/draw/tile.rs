@@ -397,14 +397,14 @@ impl TileRun<'_, '_, '_> {
             while left != 0 {
                 let slot = self.slot(triangle);
                 let (place, pixels, front) = ([block.x, block.y], [covered, alive], triangle.front);
+                let record = (quads, first_record);
                 #[cfg(target_arch = "x86_64")]
-                if WIDE && !RECORD {
+                if WIDE {
                     // SAFETY: `dispatch` has found the instruction sets on this host.
-                    left = unsafe { self.pending.push_block_wide(slot, place, first, pixels, left, front) };
+                    left = unsafe { self.pending.push_block_wide::<RECORD>(slot, place, first, record, pixels, left, front) };
                     self.flush_if_full::<S, RECORD>();
                     continue;
                 }
-                let record = (quads, first_record);
                 left = self.pending.push_block::<RECORD>(slot, place, first, record, pixels, left, front);
                 self.flush_if_full::<S, RECORD>();
             }

@@ -247,7 +247,7 @@ impl Bound<'_> {
     ///
     /// # Panics
     /// If the interface has no such output.
-    #[inline]
+    #[inline(always)]
     pub fn output(&self, slot: usize, component: usize) -> &Lanes {
         &self.executor.file[usize::from(self.program.outputs[slot][component])]
     }

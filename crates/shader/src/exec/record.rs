@@ -196,7 +196,7 @@ impl Scratch {
     }
 
     /// Accounts the operations from the last place up to `pc` to the quads of the mask.
-    #[inline]
+    #[inline(always)]
     pub(super) fn block(&mut self, body: &Body, pc: usize, mask: Mask) {
         let counts = if self.vectors { &body.vectors } else { &body.counts };
         let (from, to) = (counts[self.last], counts[pc]);
@@ -272,6 +272,7 @@ impl Scratch {
     }
 
     /// Bytes of steps and paths, of which the recorder keeps one of each kind.
+    #[inline(always)]
     fn passing(&self) -> u64 {
         if !self.parted {
             return (self.shares() * size_of_val(&*self.steps[0])) as u64;
@@ -367,6 +368,7 @@ impl Scratch {
     }
 
     /// A texture request of the quads of the mask, which was recorded in the footprint.
+    #[inline(always)]
     pub(super) fn footprint_request(&mut self, mask: Mask) {
         #[inline(always)]
         fn of(footprint: &Footprint, q: usize) -> Request {
@@ -388,8 +390,25 @@ impl Scratch {
 }
 
 impl Recorder {
-    /// Ends all quads of a run and interns their costs.
+    /// Ends all quads of a run and interns their costs, with the host's widest vectors.
+    #[inline(always)]
     pub(super) fn finish(&mut self, run: &mut Scratch) {
+        #[cfg(target_arch = "x86_64")]
+        {
+            #[target_feature(enable = "avx2,bmi1,bmi2,lzcnt,popcnt")]
+            fn wide(recorder: &mut Recorder, run: &mut Scratch) {
+                recorder.finish_here(run);
+            }
+            if gfx::simd::has_avx2() {
+                // SAFETY: the host has every instruction set that the function is compiled for.
+                return unsafe { wide(self, run) };
+            }
+        }
+        self.finish_here(run);
+    }
+
+    #[inline(always)]
+    fn finish_here(&mut self, run: &mut Scratch) {
         self.passed += run.passed();
         if self.lines.capacity() == 0 && !run.footprint.lines.is_empty() {
             let [requests, lines] = self.room.map(|room| room + room / 4);
@@ -427,6 +446,7 @@ impl Recorder {
     }
 
     /// The same where the quads have gone together. Costs get their numbers in the order of the quads.
+    #[inline(always)]
     fn finish_together(&mut self, run: &mut Scratch, first_line: u32) {
         run.step(0, RequestKind::End);
         let together = run.together;

@@ -60,7 +60,7 @@ pub(super) fn dispatch<const RECORD: bool>(
         // SAFETY: the host has all the instruction sets that the function is compiled for.
         return unsafe { run_avx2::<RECORD>(machine, file, masks, recorder) };
     }
-    run::<RECORD>(machine, file, masks, recorder)
+    run::<RECORD, false>(machine, file, masks, recorder)
 }
 
 #[cfg(target_arch = "x86_64")]
@@ -71,7 +71,7 @@ fn run_avx2<const RECORD: bool>(
     masks: &mut [Mask],
     recorder: &mut Scratch,
 ) -> Stop {
-    run::<RECORD>(machine, file, masks, recorder)
+    run::<RECORD, true>(machine, file, masks, recorder)
 }
 
 /// All lanes of the quads that have a lane in the mask.
@@ -89,9 +89,9 @@ fn leave(masks: &mut [Mask], op: &Op, lanes: Mask) {
     }
 }
 
-/// Runs until the end, a barrier or an error.
+/// Runs until the end, a barrier or an error. `WIDE`: the caller is compiled for AVX2 and its companions.
 #[inline(always)]
-pub(super) fn run<const RECORD: bool>(
+fn run<const RECORD: bool, const WIDE: bool>(
     m: &mut Machine<'_>,
     file: &mut [Lanes],
     masks: &mut [Mask],
@@ -168,7 +168,7 @@ pub(super) fn run<const RECORD: bool>(
             Code::Atomic => super::memory::atomic::<RECORD>(m, file, mask, op.imm, recorder),
             Code::ArrayLength => super::memory::array_length(m, file, op),
             Code::Texture | Code::TextureStore | Code::TextureAtomic | Code::TextureQuery => {
-                super::texture::access::<RECORD>(m, file, mask, op.imm, recorder);
+                super::texture::access::<RECORD, WIDE>(m, file, mask, op.imm, recorder);
             }
             Code::Subgroup => super::subgroup::run(m, file, mask, op),
             Code::If => {

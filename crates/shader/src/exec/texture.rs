@@ -20,6 +20,7 @@ use super::run::Machine;
 static ZEROS: Lanes = Lanes::ZERO;
 
 /// A register, or zeros.
+#[inline(always)]
 fn operand(file: File<'_>, r: Reg) -> Lanes {
     if r == NO_REG { Lanes::ZERO } else { get(file, r) }
 }
@@ -31,9 +32,36 @@ fn same_element(elements: &Lanes, mask: Mask) -> (Mask, u32) {
     (same, first)
 }
 
-/// Runs a texture operation; binding arrays element by element.
+/// Runs a texture operation; binding arrays element by element. `WIDE`: the caller is compiled for AVX2 and its companions.
+#[inline(always)]
+pub(super) fn access<const RECORD: bool, const WIDE: bool>(
+    m: &Machine<'_>,
+    file: File<'_>,
+    mask: Mask,
+    entry: u32,
+    recorder: &mut Scratch,
+) {
+    // Not inlined into the loop over operations. Registers that are copied, and the requests of quads, pass in vectors.
+    #[cfg(target_arch = "x86_64")]
+    if WIDE {
+        #[target_feature(enable = "avx2,bmi1,bmi2,lzcnt,popcnt")]
+        #[inline(never)]
+        fn wide<const RECORD: bool>(m: &Machine<'_>, file: File<'_>, mask: Mask, entry: u32, recorder: &mut Scratch) {
+            access_here::<RECORD>(m, file, mask, entry, recorder);
+        }
+        // SAFETY: `dispatch` has found the instruction sets on this host.
+        return unsafe { wide::<RECORD>(m, file, mask, entry, recorder) };
+    }
+    access_plain::<RECORD>(m, file, mask, entry, recorder);
+}
+
 #[inline(never)]
-pub(super) fn access<const RECORD: bool>(m: &Machine<'_>, file: File<'_>, mask: Mask, entry: u32, recorder: &mut Scratch) {
+fn access_plain<const RECORD: bool>(m: &Machine<'_>, file: File<'_>, mask: Mask, entry: u32, recorder: &mut Scratch) {
+    access_here::<RECORD>(m, file, mask, entry, recorder);
+}
+
+#[inline(always)]
+fn access_here<const RECORD: bool>(m: &Machine<'_>, file: File<'_>, mask: Mask, entry: u32, recorder: &mut Scratch) {
     let op = &m.body.textures[entry as usize];
     if op.texture_element == NO_REG && op.sampler_element == NO_REG {
         let texture = m.resources.get(op.texture, 0);
@@ -43,6 +71,12 @@ pub(super) fn access<const RECORD: bool>(m: &Machine<'_>, file: File<'_>, mask: 
         write(file, op, &out);
         return;
     }
+    each_element::<RECORD>(m, file, mask, op, recorder);
+}
+
+/// Runs a texture operation on binding arrays.
+#[inline(never)]
+fn each_element<const RECORD: bool>(m: &Machine<'_>, file: File<'_>, mask: Mask, op: &TextureOp, recorder: &mut Scratch) {
     // Both arrays may be indexed: a pair of elements is one number.
     let (t, s) = (operand(file, op.texture_element), operand(file, op.sampler_element));
     let pairs = Lanes(std::array::from_fn(|i| t.0[i].min(0xffff) << 16 | s.0[i].min(0xffff)));
@@ -65,6 +99,7 @@ pub(super) fn access<const RECORD: bool>(m: &Machine<'_>, file: File<'_>, mask: 
 }
 
 /// Writes results.
+#[inline(always)]
 fn write(file: File<'_>, op: &TextureOp, out: &[Lanes; 4]) {
     if matches!(op.action, TextureAction::Store | TextureAction::Atomic(_)) {
         return;
@@ -76,6 +111,7 @@ fn write(file: File<'_>, op: &TextureOp, out: &[Lanes; 4]) {
     }
 }
 
+#[inline(always)]
 fn one<const RECORD: bool>(
     m: &Machine<'_>,
     file: File<'_>,
