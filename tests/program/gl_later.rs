@@ -46,6 +46,39 @@ fn show(texture: u32, factor: f32) -> String {
 }
 
 #[test]
+fn uniform_blocks_read_buffers() {
+    let fragment = "#version 150 compatibility\nlayout(std140) uniform; uniform Colors { float first; highp vec3 color; mat2 m; vec2 list[2], one; bool on; };\n\
+        layout(binding = 5) uniform More { vec4 tint; } more; uniform float plain;\n\
+        void main() { float color2 = 0.5; vec2 v = m * list[1]; gl_FragColor = on ? vec4(first * color.r, v.y, one.x * color2, 1.0) * more.tint * plain : vec4(1.0); }";
+    let mut colors = [0.0_f32; 28];
+    // The second column of the matrix is at 48, the second element of the list at 80.
+    (colors[0], colors[4], colors[9], colors[13], colors[20], colors[21], colors[24]) = (0.5, 1.0, 0.25, 0.5, 1.0, 0.5, 1.0);
+    let bytes = |values: &[f32]| values.iter().flat_map(|value| value.to_le_bytes()).collect::<Vec<u8>>();
+    let mut colors = bytes(&colors);
+    colors[104] = 3;
+    let tint = bytes(&[0.0, 0.0, 0.0, 0.0, 1.0, 0.5, 1.0, 1.0]);
+    let other = bytes(&[0.0, 0.0, 0.0, 0.0, 0.5, 1.0, 0.25, 1.0]);
+    let bound = "glBindBuffer(35345,1)\nglBufferData(35345,112,*1,35044)\nglBindBufferBase(35345,2,1)\n\
+        glBindBuffer(35345,2)\nglBufferData(35345,32,*2,35044)\nglBindBufferRange(35345,5,2,16,16)\n";
+    let named = "glGetUniformBlockIndex(12,\"Colors\")=0\nglGetUniformBlockIndex(12,\"More\")=1\nglUniformBlockBinding(12,0,2)\n\
+        glGetUniformLocation(12,\"plain\")=0\nglUniform1f(0,1)\n";
+    let drawn = |calls: &str| {
+        let calls = format!("{bound}{}\n{named}{calls}", program(10, PASS, fragment));
+        shown(&calls, &[&colors, &tint, &other])
+    };
+    // 0.25 * 1.0 + 0.5 * 0.5 of the second row of the matrix, times 0.5.
+    assert!(near(drawn("glRectf(-1,-1,1,1)").at(8, 8), [128, 64, 128]));
+    // Contents that change between two draws; and a binding of the program's choice.
+    let image = drawn("glRectf(-1,-1,0,1)\nglBufferSubData(35345,0,32,*3)\nglRectf(0,-1,1,1)");
+    assert!(near(image.at(4, 8), [128, 64, 128]) && near(image.at(12, 8), [64, 128, 32]), "{:?}", image.at(12, 8));
+    let image =
+        drawn("glUniformBlockBinding(12,1,9)\nglBindBufferBase(35345,9,2)\nglBufferSubData(35345,0,16,*3)\nglRectf(-1,-1,1,1)");
+    assert_eq!(image.at(8, 8), BLACK);
+    // A buffer that is deleted, and one that is too short.
+    assert_eq!(drawn("glDeleteBuffers(1,{2})\nglRectf(-1,-1,1,1)").at(8, 8), BLACK);
+}
+
+#[test]
 fn each_colour_buffer_is_blended_and_masked_for_itself() {
     let data = "void main() { gl_FragData[0] = vec4(0.5, 0.25, 0.0, 1.0); gl_FragData[1] = vec4(0.5, 0.25, 0.5, 1.0); }";
     let drawn = |calls: &str, texture: u32| {

@@ -329,7 +329,20 @@ fn what_is_not_supported_is_named_with_its_line() {
         ("void main() {\n gl_FragColor = vec4(nothing); }", "fragment shader, line 2: Unknown variable: nothing"),
         ("void main() { gl_FragColor = vec4(1.0) }", "fragment shader, line 1: Expected Semicolon, found RightBrace"),
         ("\n\nvoid main() { gl_FragColor = gl_Nonsense; }", "fragment shader, line 3: gl_Nonsense is not supported"),
-        ("uniform Block { vec4 a; };\nvoid main() { gl_FragColor = a; }", "line 1: the interface block Block is not supported"),
+        (
+            "#version 150 compatibility\nin Block { vec4 a; };\nvoid main() { gl_FragColor = a; }",
+            "line 2: the interface block Block is not supported",
+        ),
+        (
+            "layout(row_major) uniform Block { mat2 a; };\nvoid main() {}",
+            "line 1: row_major in a uniform block is not supported",
+        ),
+        ("layout(row_major) uniform;\nvoid main() {}", "line 1: row_major in a uniform block is not supported"),
+        (
+            "uniform Block { layout(row_major) mat2 a; };\nvoid main() {}",
+            "line 1: row_major in a uniform block is not supported",
+        ),
+        ("uniform Block { vec4 a; } b[2];\nvoid main() {}", "line 1: the array of the uniform block Block is not supported"),
         (
             "uniform sampler2D t[2];\nvoid main() { for (int i = 0; i < 2; i++) gl_FragColor += texture2D(t[i], vec2(0.0)); }",
             "line 2: the array t of samplers with an index that is no number is not supported",

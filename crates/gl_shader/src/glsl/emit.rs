@@ -8,6 +8,7 @@ use naga::valid::{Capabilities, ValidationFlags, Validator};
 use naga::{AddressSpace, Expression, Handle, Literal, Module, ShaderStage, TypeInner};
 
 use super::access::{Layout, Roots, Substitution};
+use super::blocks::{self, Block, Filled};
 use super::builtins::Role;
 use super::rewrite::{FLIP, Global, Source, Storage};
 use super::sampler::{Read, Sampler};
@@ -88,6 +89,10 @@ pub struct Translated {
     pub defaults: Vec<[f32; 4]>,
     /// Samplers.
     pub samplers: Vec<Sampler>,
+    /// Uniform blocks.
+    pub blocks: Vec<Block>,
+    /// Vectors of uniforms that come from buffers.
+    pub filled: Vec<Filled>,
     /// Functions that read textures.
     pub calls: Vec<Call>,
     /// Variables that come from or go to other stages.
@@ -176,6 +181,8 @@ pub fn translate(stage: Stage, source: &Source, array: &str) -> Outcome<Translat
         slots: Vec::new(),
         defaults: Vec::new(),
         samplers: source.samplers.clone(),
+        blocks: source.blocks.clone(),
+        filled: Vec::new(),
         calls: Vec::new(),
         variables: Vec::new(),
         named: Vec::new(),
@@ -183,6 +190,7 @@ pub fn translate(stage: Stage, source: &Source, array: &str) -> Outcome<Translat
         invariant: source.invariant,
     };
     let mut roots = Roots::new();
+    let mut ends = vec![0; source.blocks.len()];
     let mut variables = String::new();
     for (((_, global), name), &(wgsl, line)) in module.global_variables.iter().zip(&names).zip(&parts.globals) {
         if global.space != AddressSpace::Private {
@@ -197,7 +205,7 @@ pub fn translate(stage: Stage, source: &Source, array: &str) -> Outcome<Translat
         };
         let declared = source.globals.iter().find(|known| known.renamed == *name);
         let builtin = source.builtins.get(name);
-        if let Some(&Global { storage: Storage::Uniform, ref name, location, .. }) = declared {
+        if let Some(&Global { storage: Storage::Uniform, ref name, location, block, .. }) = declared {
             let (layout, first) = (layout()?, out.slots.len());
             let count = layout.slots();
             if first.saturating_add(count) > SLOTS_MAX {
@@ -209,6 +217,12 @@ pub fn translate(stage: Stage, source: &Source, array: &str) -> Outcome<Translat
                 initial(&module, init, &layout, &mut out.defaults[first..]);
             }
             roots.insert(wgsl.to_owned(), (layout.clone(), first));
+            if let Some(block) = block {
+                let (start, end) = blocks::place(&layout, ends[block]);
+                ends[block] = end;
+                blocks::fill(&layout, block, start, &mut first.clone(), &mut out.filled);
+                continue;
+            }
             out.uniforms.push(Uniform { name: name.clone(), layout, first, location });
             continue;
         }

@@ -5,6 +5,7 @@
 //! where fixed-function code does the rest.
 
 mod access;
+pub mod blocks;
 mod builtins;
 mod emit;
 mod rewrite;

@@ -3,6 +3,7 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 
+use super::blocks::{Block, is_row_major, members};
 use super::builtins::{self, Builtin};
 use super::sampler::{Read, Sampler, read_of, sampler, stubs};
 use super::tokens::{self, Dialect, Token, closing, parts};
@@ -34,6 +35,8 @@ pub struct Global {
     pub interpolation: Option<&'static str>,
     /// The location that the source states.
     pub location: Option<u32>,
+    /// The number of the uniform block that it is part of.
+    pub block: Option<usize>,
 }
 
 /// A rewritten stage.
@@ -45,6 +48,8 @@ pub struct Source {
     pub globals: Vec<Global>,
     /// Samplers.
     pub samplers: Vec<Sampler>,
+    /// Uniform blocks.
+    pub blocks: Vec<Block>,
     /// Built-in names that occur, as in the text for naga.
     pub builtins: BTreeMap<String, Builtin>,
     /// Whether the position is that of the fixed-function pipeline.
@@ -82,6 +87,7 @@ pub fn rewrite(stage: Stage, shaders: Vec<(Dialect, Vec<Token>)>) -> Outcome<Sou
         text: String::new(),
         globals: Vec::new(),
         samplers: Vec::new(),
+        blocks: Vec::new(),
         builtins: BTreeMap::new(),
         invariant: false,
         flips: false,
@@ -159,6 +165,7 @@ impl Rewriter {
             let start = at;
             let mut storage = None;
             let (mut interpolation, mut location, mut invariant) = (None, None, false);
+            let (mut binding, mut row_major) = (None, false);
             while let Some(token) = tokens.get(at) {
                 match token.text.as_str() {
                     "attribute" => storage = Some(Storage::In),
@@ -173,12 +180,16 @@ impl Rewriter {
                     "invariant" => invariant = true,
                     "layout" if tokens.get(at + 1).is_some_and(|token| token.is("(")) => {
                         let end = closing(tokens, at + 1).ok_or_else(missing)?;
+                        row_major |= is_row_major(&tokens[at..end]);
                         for part in parts(&tokens[at + 2..end]) {
-                            if let [name, equals, value] = part
-                                && name.is("location")
-                                && equals.is("=")
-                            {
-                                location = value.text.parse().ok();
+                            match part {
+                                [name, equals, value] if name.is("location") && equals.is("=") => {
+                                    location = value.text.parse().ok();
+                                }
+                                [name, equals, value] if name.is("binding") && equals.is("=") => {
+                                    binding = value.text.parse().ok();
+                                }
+                                _ => {}
                             }
                         }
                         at = end;
@@ -195,6 +206,13 @@ impl Rewriter {
                 at = self.own(tokens, start)?;
                 continue;
             };
+            if tokens.get(at).is_some_and(|token| token.is(";")) {
+                // `layout(row_major) uniform;` would change the blocks that follow.
+                if row_major {
+                    return Err(Wrong::at(line, "row_major in a uniform block is not supported"));
+                }
+                continue;
+            }
             let mut kind = tokens
                 .get(at)
                 .filter(|token| token.word)
@@ -213,7 +231,14 @@ impl Rewriter {
                 self.out.push(Token::new(";", tokens[end].line));
                 at = end;
             } else if tokens.get(at + 1).is_some_and(|token| token.is("{")) {
-                return Err(Wrong::at(line, format!("the interface block {} is not supported", kind.text)));
+                if storage != Storage::Uniform {
+                    return Err(Wrong::at(line, format!("the interface block {} is not supported", kind.text)));
+                }
+                if row_major {
+                    return Err(Wrong::at(line, "row_major in a uniform block is not supported"));
+                }
+                at = self.block(tokens, at, Block { name: kind.text, binding })?;
+                continue;
             }
             let end = semicolon(at)?;
             let mut names = &tokens[at + 1..end];
@@ -260,11 +285,55 @@ impl Rewriter {
                 let body = self.body(&declaration)?;
                 self.out.extend(body);
                 let renamed = self.rename(&name.text);
-                self.source.globals.push(Global { name: name.text.clone(), renamed, storage, interpolation, location });
+                let name = name.text.clone();
+                self.source.globals.push(Global { name, renamed, storage, interpolation, location, block: None });
             }
             at = end + 1;
         }
         Ok(())
+    }
+
+    /// Rewrites a uniform block, whose name is at `at`; returns the position after it. Without a name of an instance its members are
+    /// variables of their own, or else those of a structure.
+    fn block(&mut self, tokens: &[Token], at: usize, block: Block) -> Outcome<usize> {
+        let line = tokens[at].line;
+        let missing = || Wrong::at(line, "a declaration without an end");
+        let close = closing(tokens, at + 1).ok_or_else(missing)?;
+        let end = tokens[close..].iter().position(|token| token.is(";")).map(|k| close + k).ok_or_else(missing)?;
+        let members = members(&tokens[at + 2..close])?;
+        let number = self.source.blocks.len();
+        self.members.extend(tokens[at + 2..close].iter().map(|token| token.text.clone()));
+        let (semicolon, part) = (Token::new(";", line), |name: &str| format!("{}.{name}", block.name));
+        let mut variables: Vec<(Vec<Token>, String)> = Vec::new();
+        match &tokens[close + 1..end] {
+            [] => {
+                for (declaration, name) in members {
+                    variables.push(([declaration, vec![semicolon.clone()]].concat(), name.text));
+                }
+            }
+            [instance] if instance.word => {
+                let kind = format!("glx_block{number}");
+                let mut structure: Vec<Token> = ["struct", &kind, "{"].map(|text| Token::new(text, line)).into();
+                for (declaration, _) in members {
+                    structure.extend(declaration);
+                    structure.push(semicolon.clone());
+                }
+                structure.extend(["}", ";", &kind].map(|text| Token::new(text, line)));
+                structure.extend([instance.clone(), semicolon.clone()]);
+                variables.push((structure, instance.text.clone()));
+            }
+            _ => return Err(Wrong::at(line, format!("the array of the uniform block {} is not supported", block.name))),
+        }
+        for (declaration, name) in variables {
+            let body = self.body(&declaration)?;
+            self.out.extend(body);
+            let renamed = self.rename(&name);
+            let (storage, interpolation, location) = (Storage::Uniform, None, None);
+            let name = part(&name);
+            self.source.globals.push(Global { name, renamed, storage, interpolation, location, block: Some(number) });
+        }
+        self.source.blocks.push(block);
+        Ok(end + 1)
     }
 
     /// Rewrites a function, a structure, or a plain global variable; returns the position after it.

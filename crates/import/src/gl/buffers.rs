@@ -143,26 +143,59 @@ pub struct Mapping {
 /// Maximum number of mapped buffers.
 const MAPPINGS_MAX: usize = 1 << 16;
 
-fn target(call: &Call) -> Outcome<usize> {
-    match call.u32(0)? {
-        e::ARRAY_BUFFER => Ok(0),
-        e::ELEMENT_ARRAY_BUFFER => Ok(1),
-        e::PIXEL_UNPACK_BUFFER => Ok(2),
-        e::PIXEL_PACK_BUFFER => Ok(3),
-        _ => Err(INVALID_ENUM),
-    }
+const UNIFORM_BUFFER: u32 = 0x8a11;
+
+/// Targets to which a buffer object may be bound to change it: texture, transform feedback, uniform, copy read and write, draw and dispatch
+/// indirect, shader storage, query and atomic counter buffers. What else they serve for is refused where it is used.
+const OTHER_TARGETS: [u32; 10] = [0x8c2a, 0x8c8e, UNIFORM_BUFFER, 0x8f36, 0x8f37, 0x8f3f, 0x90ee, 0x90d2, 0x9192, 0x92c0];
+
+/// Maximum number of a binding of uniform blocks.
+const BINDING_MAX: u32 = 1 << 10;
+
+/// The part of a buffer object that a uniform block reads.
+#[derive(Clone, Debug)]
+pub struct UniformRange {
+    buffer: u32,
+    offset: usize,
+    /// Bytes; none: up to its end.
+    size: Option<usize>,
 }
 
 pub(super) fn bind(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
-    let name = call.u32(1)?;
-    match target(call)? {
-        2 => gl.unpack.buffer = name,
-        3 => gl.pack_buffer = name,
-        target => gl.arrays.bound[target] = name,
+    let (target, name) = (call.u32(0)?, call.u32(1)?);
+    match target {
+        e::ARRAY_BUFFER => gl.arrays.bound[0] = name,
+        e::ELEMENT_ARRAY_BUFFER => gl.arrays.bound[1] = name,
+        e::PIXEL_UNPACK_BUFFER => gl.unpack.buffer = name,
+        e::PIXEL_PACK_BUFFER => gl.pack_buffer = name,
+        other if OTHER_TARGETS.contains(&other) => {
+            gl.other_buffers.insert(other, name);
+        }
+        _ => return Err(INVALID_ENUM),
     }
     if name != 0 {
         gl.buffers.get_or_insert_with(name, BufferObject::default);
     }
+    Ok(())
+}
+
+/// `glBindBufferBase(target, index, buffer)`, or `glBindBufferRange(target, index, buffer, offset, size)`
+pub(super) fn bind_part<const RANGE: bool>(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
+    let (target, index, buffer) = (call.u32(0)?, call.u32(1)?, call.u32(2)?);
+    if target != UNIFORM_BUFFER {
+        return Err(Fault::Unsupported(format!("{} of {}", call.function.name, super::names::name(target))));
+    }
+    if index > BINDING_MAX {
+        return Err(INVALID_VALUE);
+    }
+    gl.other_buffers.insert(target, buffer);
+    if buffer == 0 {
+        gl.uniform_buffers.remove(index);
+        return Ok(());
+    }
+    gl.buffers.get_or_insert_with(buffer, BufferObject::default);
+    let (offset, size) = if RANGE { (call.f64(3)? as usize, Some(call.f64(4)? as usize)) } else { (0, None) };
+    gl.uniform_buffers.insert(index, UniformRange { buffer, offset, size });
     Ok(())
 }
 
@@ -208,8 +241,8 @@ pub(super) fn delete(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
         if let Some(object) = gl.buffers.remove(name) {
             gl.card.free_copy(object);
         }
-        let pixels = [&mut gl.unpack.buffer, &mut gl.pack_buffer];
-        for bound in gl.arrays.bound.iter_mut().chain(pixels).filter(|bound| **bound == name) {
+        let others = gl.other_buffers.values_mut().chain([&mut gl.unpack.buffer, &mut gl.pack_buffer]);
+        for bound in gl.arrays.bound.iter_mut().chain(others).filter(|bound| **bound == name) {
             *bound = 0;
         }
     }
@@ -357,7 +390,16 @@ impl Gl {
             e::ELEMENT_ARRAY_BUFFER => self.arrays.bound[1],
             e::PIXEL_UNPACK_BUFFER => self.unpack.buffer,
             e::PIXEL_PACK_BUFFER => self.pack_buffer,
+            other if OTHER_TARGETS.contains(&other) => self.other_buffers.get(other).copied().unwrap_or(0),
             _ => return Err(INVALID_ENUM),
         })
+    }
+
+    /// The bytes that uniform blocks of a binding read; none if nothing is bound.
+    pub fn uniform_bytes(&self, binding: u32) -> &[u8] {
+        let Some(range) = self.uniform_buffers.get(binding) else { return &[] };
+        let Some(object) = self.buffers.get(range.buffer) else { return &[] };
+        let bytes = object.bytes.get(range.offset..).unwrap_or(&[]);
+        range.size.and_then(|size| bytes.get(..size)).unwrap_or(bytes)
     }
 }

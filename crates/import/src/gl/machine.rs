@@ -9,7 +9,7 @@ use trace::Trace;
 
 use super::arb::{MATRIX0, Programs};
 use super::arrays::Arrays;
-use super::buffers::{BufferObject, Mapping};
+use super::buffers::{BufferObject, Mapping, UniformRange};
 use super::call::{Arg, Call, Fault, Function, INVALID_OPERATION, Outcome, Shape};
 use super::card::Card;
 use super::consts as e;
@@ -82,6 +82,10 @@ pub struct Gl {
     pub buffers: NumberMap<u32, BufferObject>,
     /// Pixel storage modes for reading the client's pixels.
     pub unpack: PixelStore,
+    /// Buffer objects that uniform blocks read, by binding.
+    pub uniform_buffers: NumberMap<u32, UniformRange>,
+    /// The buffer objects that are bound to targets that no draw reads.
+    pub other_buffers: NumberMap<u32, u32>,
     /// The buffer object that pixels are read back into.
     pub pack_buffer: u32,
     /// Buffer objects that are mapped.
@@ -194,6 +198,8 @@ impl Gl {
             glsl: Glsl::default(),
             buffers: NumberMap::new(),
             unpack: PixelStore::default(),
+            uniform_buffers: NumberMap::new(),
+            other_buffers: NumberMap::new(),
             pack_buffer: 0,
             mappings: Vec::new(),
             pixel_maps: PixelMaps::default(),
@@ -336,6 +342,7 @@ impl Gl {
             self.samplers.len(),
             self.lists.len(),
             self.buffers.len(),
+            self.uniform_buffers.len(),
             self.framebuffers.len(),
             self.renderbuffers.len(),
             self.programs.len(),

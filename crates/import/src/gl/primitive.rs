@@ -98,7 +98,8 @@ impl Gl {
     /// Draws a primitive of these vertices.
     pub fn primitive(&mut self, mode: u32, vertices: &[Vertex]) -> Outcome {
         self.joined(mode, vertices)?;
-        if self.keep_draws { self.flush() } else { Ok(()) }
+        // A call that changes a buffer does not end a batch.
+        if self.keep_draws || self.glsl.reads_blocks() { self.flush() } else { Ok(()) }
     }
 
     /// Appends a primitive of these vertices to those that wait.

@@ -8,6 +8,7 @@ use std::rc::Rc;
 use num::{NameMap, NumberMap};
 
 use gl_shader::glsl::{Linked, Sources, link, stage};
+use naga::ScalarKind;
 
 use super::arb::{Active, Loaded, Stage};
 use super::call::{Arg, Call, Fault, INVALID_OPERATION, INVALID_VALUE, Outcome as CallOutcome, Shape};
@@ -42,6 +43,10 @@ struct Object {
     values: [Vec<[f32; 4]>; 2],
     /// Units of samplers.
     units: NameMap<u32>,
+    /// Names of uniform blocks by index, as the recorded driver has numbered them.
+    block_names: NumberMap<u64, String>,
+    /// Bindings of uniform blocks that the program has chosen.
+    bindings: NameMap<u32>,
 }
 
 /// The key of a stage's translated program: the linked program, the stage, units of samplers, locations of attributes and outputs.
@@ -68,6 +73,14 @@ impl Glsl {
     pub fn has(&self, stage: Stage) -> bool {
         match self.objects.get(self.current).and_then(|object| object.linked.as_ref()) {
             Some(Ok(linked)) => linked.stages[stage as usize - 1].is_some(),
+            _ => false,
+        }
+    }
+
+    /// Whether the current program reads uniform blocks.
+    pub fn reads_blocks(&self) -> bool {
+        match self.objects.get(self.current).and_then(|object| object.linked.as_ref()) {
+            Some(Ok(linked)) => linked.stages.iter().flatten().any(|stage| !stage.blocks.is_empty()),
             _ => false,
         }
     }
@@ -118,7 +131,21 @@ impl Gl {
                 value
             }
         });
-        Ok(Some(Active { number, program, values: values.collect() }))
+        let mut values: Vec<[f32; 4]> = values.collect();
+        for of in &translated.filled {
+            let block = &translated.blocks[of.block];
+            let binding = object.bindings.get(&block.name).copied().or(block.binding).unwrap_or(0);
+            let bytes = self.uniform_bytes(binding);
+            for k in 0..of.components {
+                // What is behind the end of a buffer is zero, as in Mesa.
+                let at = of.offset + 4 * k;
+                let word = bytes.get(at..at + 4).map_or([0; 4], |word| [word[0], word[1], word[2], word[3]]);
+                let word = u32::from_le_bytes(word);
+                let value = if of.kind == ScalarKind::Bool { f32::from(u8::from(word != 0)) } else { f32::from_bits(word) };
+                values[of.slot][k] = value;
+            }
+        }
+        Ok(Some(Active { number, program, values }))
     }
 
     fn glsl_object(&mut self, name: u32) -> CallOutcome<&mut Object> {
@@ -213,6 +240,7 @@ pub(super) fn link_program(gl: &mut Gl, call: &Call, _: Shape) -> CallOutcome {
     let linked = gl.glsl.linked.entry(sources).or_insert_with_key(|sources| link(number, sources, &gl.limits)).clone();
     let object = gl.glsl_object(name)?;
     (object.locations, object.units) = Default::default();
+    (object.block_names, object.bindings) = Default::default();
     if let Ok(linked) = &linked {
         for (values, stage) in object.values.iter_mut().zip(linked.stages()) {
             *values = stage.map(|stage| stage.defaults.clone()).unwrap_or_default();
@@ -297,6 +325,35 @@ pub(super) fn output_location(gl: &mut Gl, call: &Call, _: Shape) -> CallOutcome
     if let Some(location) = answer(call) {
         gl.glsl_object(call.u32(0)?)?.outputs.insert(&name, location as u32);
     }
+    Ok(())
+}
+
+/// `glGetUniformBlockIndex(program, name)`
+pub(super) fn block_index(gl: &mut Gl, call: &Call, _: Shape) -> CallOutcome {
+    let name = text(call, 1)?;
+    // There is no such block if the index is GL_INVALID_INDEX.
+    if let Some(index) = answer(call).and_then(|index| u32::try_from(index).ok()).filter(|&index| index != u32::MAX) {
+        gl.glsl_object(call.u32(0)?)?.block_names.insert(u64::from(index), name);
+    }
+    Ok(())
+}
+
+/// `glGetActiveUniformBlockName(program, index, size, length, name)`
+pub(super) fn block_name(gl: &mut Gl, call: &Call, _: Shape) -> CallOutcome {
+    if let Ok(name) = text(call, 4) {
+        let index = u64::from(call.u32(1)?);
+        gl.glsl_object(call.u32(0)?)?.block_names.insert(index, name);
+    }
+    Ok(())
+}
+
+/// `glUniformBlockBinding(program, index, binding)`
+pub(super) fn block_binding(gl: &mut Gl, call: &Call, _: Shape) -> CallOutcome {
+    let (index, binding) = (u64::from(call.u32(1)?), call.u32(2)?);
+    let object = gl.glsl_object(call.u32(0)?)?;
+    let unnamed = || Fault::Unsupported("uniform blocks at indices that the recording does not name".into());
+    let name = object.block_names.get(index).ok_or_else(unnamed)?;
+    object.bindings.insert(name, binding);
     Ok(())
 }
 

@@ -1,0 +1,162 @@
+//! Uniform blocks: their members become uniforms, whose values come from a buffer in the layout `std140` (OpenGL 4.5, section 7.6.2.2).
+//! Mesa lays out the blocks that state no layout in the same way.
+
+use naga::ScalarKind;
+
+use super::access::Layout;
+use super::tokens::{Token, closing, parts};
+use super::{Outcome, Wrong};
+
+/// A uniform block.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Block {
+    /// Its name.
+    pub name: String,
+    /// The binding that its declaration states.
+    pub binding: Option<u32>,
+}
+
+/// A vector of uniforms that comes from a buffer.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Filled {
+    /// The vector.
+    pub slot: usize,
+    /// The number of its block.
+    pub block: usize,
+    /// Its first byte in the buffer.
+    pub offset: usize,
+    /// Components of four bytes each.
+    pub components: usize,
+    /// Their kind.
+    pub kind: ScalarKind,
+}
+
+/// Alignment of arrays, matrices and structures.
+const WIDE: usize = 16;
+
+/// Whether tokens of a layout ask for rows of matrices one after another.
+pub fn is_row_major(layout: &[Token]) -> bool {
+    layout.iter().any(|token| token.is("row_major"))
+}
+
+/// The variables that the members of a block declare: the tokens of each, from its type on, with its name.
+pub(super) fn members(body: &[Token]) -> Outcome<Vec<(Vec<Token>, Token)>> {
+    let mut all = Vec::new();
+    for declaration in body.split(|token| token.is(";")) {
+        let mut at = 0;
+        while let Some(token) = declaration.get(at) {
+            match token.text.as_str() {
+                "highp" | "mediump" | "lowp" | "uniform" => {}
+                "layout" => {
+                    let end =
+                        closing(declaration, at + 1).ok_or_else(|| Wrong::at(token.line, "a bracket that is not closed"))?;
+                    if is_row_major(&declaration[at..end]) {
+                        return Err(Wrong::at(token.line, "row_major in a uniform block is not supported"));
+                    }
+                    if declaration[at..end].iter().any(|token| token.is("offset") || token.is("align")) {
+                        return Err(Wrong::at(token.line, "offset and align in a uniform block are not supported"));
+                    }
+                    at = end;
+                }
+                _ => break,
+            }
+            at += 1;
+        }
+        let Some(kind) = declaration.get(at) else { continue };
+        let mut names = &declaration[at + 1..];
+        let mut count: &[Token] = &[];
+        if names.first().is_some_and(|token| token.is("[")) {
+            let close = closing(names, 0).ok_or_else(|| Wrong::at(kind.line, "a bracket that is not closed"))?;
+            (count, names) = names.split_at(close + 1);
+        }
+        for declarator in parts(names) {
+            let name = declarator.first().filter(|token| token.word);
+            let name = name.ok_or_else(|| Wrong::at(kind.line, "a member of a block without a name"))?;
+            all.push(([&[kind.clone()], count, declarator].concat(), name.clone()));
+        }
+    }
+    Ok(all)
+}
+
+/// The alignment and the size of a value.
+fn extent(layout: &Layout) -> (usize, usize) {
+    match layout {
+        Layout::Vector(n, _) => ([4, 8, WIDE, WIDE][n - 1], 4 * n),
+        Layout::Matrix(columns, _) => (WIDE, WIDE * columns),
+        Layout::Array(element, count) => (WIDE, stride(element).saturating_mul(*count)),
+        Layout::Struct(_, members) => {
+            let end = members.iter().fold(0_usize, |at, (_, member)| place(member, at).1);
+            (WIDE, end.next_multiple_of(WIDE))
+        }
+    }
+}
+
+/// Bytes from one element of an array to the next.
+fn stride(element: &Layout) -> usize {
+    extent(element).1.next_multiple_of(WIDE)
+}
+
+/// Where a value begins and ends that follows others up to `at`.
+pub fn place(layout: &Layout, at: usize) -> (usize, usize) {
+    let (align, size) = extent(layout);
+    let start = at.next_multiple_of(align);
+    (start, start.saturating_add(size))
+}
+
+/// Appends the vectors of a value that begins at `offset`, in the order of their slots, from `slot` on.
+pub fn fill(layout: &Layout, block: usize, offset: usize, slot: &mut usize, out: &mut Vec<Filled>) {
+    let mut one = |offset: usize, components: usize, kind: ScalarKind| {
+        out.push(Filled { slot: *slot, block, offset, components, kind });
+        *slot += 1;
+    };
+    match layout {
+        Layout::Vector(n, kind) => one(offset, *n, *kind),
+        Layout::Matrix(columns, rows) => (0..*columns).for_each(|k| one(offset + k * WIDE, *rows, ScalarKind::Float)),
+        Layout::Array(element, count) => {
+            (0..*count).for_each(|k| fill(element, block, offset + k * stride(element), slot, out));
+        }
+        Layout::Struct(_, members) => {
+            let mut at = offset;
+            for (_, member) in members {
+                let (start, end) = place(member, at);
+                fill(member, block, start, slot, out);
+                at = end;
+            }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// The example of the standard's section 7.6.2.2.
+    #[test]
+    fn members_lie_where_the_standard_says() {
+        let float = |n| Layout::Vector(n, ScalarKind::Float);
+        let array = |element: Layout, count| Layout::Array(Box::new(element), count);
+        let structure =
+            |members: Vec<Layout>| Layout::Struct("S".into(), members.into_iter().map(|m| ("m".into(), m)).collect());
+        let f = structure(vec![Layout::Vector(1, ScalarKind::Sint), Layout::Vector(2, ScalarKind::Bool)]);
+        let o = structure(vec![
+            Layout::Vector(3, ScalarKind::Uint),
+            float(2),
+            array(float(1), 2),
+            float(2),
+            array(Layout::Matrix(3, 3), 2),
+        ]);
+        let all = [float(1), float(2), float(3), f, float(1), array(float(1), 2), Layout::Matrix(2, 3), array(o, 2)];
+        let (mut at, mut slot, mut filled) = (0, 0, Vec::new());
+        for layout in &all {
+            let (start, end) = place(layout, at);
+            fill(layout, 0, start, &mut slot, &mut filled);
+            at = end;
+        }
+        let offsets: Vec<usize> = filled.iter().map(|of| of.offset).collect();
+        let first = [0, 8, 16, 32, 40, 48, 64, 80, 96, 112];
+        let element = [0, 16, 32, 48, 64, 80, 96, 112, 128, 144, 160];
+        let elements = element.iter().map(|at| 128 + at).chain(element.iter().map(|at| 304 + at));
+        assert_eq!(offsets, first.into_iter().chain(elements).collect::<Vec<_>>());
+        assert!(filled.iter().enumerate().all(|(k, of)| of.slot == k) && slot == filled.len());
+    }
+}
