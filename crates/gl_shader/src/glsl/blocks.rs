@@ -72,10 +72,41 @@ pub(super) fn members(body: &[Token]) -> Outcome<Vec<(Vec<Token>, Token)>> {
         for declarator in parts(names) {
             let name = declarator.first().filter(|token| token.word);
             let name = name.ok_or_else(|| Wrong::at(kind.line, "a member of a block without a name"))?;
-            all.push(([&[kind.clone()], count, declarator].concat(), name.clone()));
+            all.push(([std::slice::from_ref(kind), count, declarator].concat(), name.clone()));
         }
     }
     Ok(all)
+}
+
+/// The variables that stand for a block, by its number, its members, and the tokens after them: declarations and names. One structure if its
+/// instance has a name, or else one variable for each member; none if it is an array.
+pub(super) fn variables(
+    number: usize,
+    members: Vec<(Vec<Token>, Token)>,
+    instance: &[Token],
+) -> Option<Vec<(Vec<Token>, String)>> {
+    let end = |line: u32| Token::new(";", line);
+    match instance {
+        [] => {
+            let one = |(mut declaration, name): (Vec<Token>, Token)| {
+                declaration.push(end(name.line));
+                (declaration, name.text)
+            };
+            Some(members.into_iter().map(one).collect())
+        }
+        [instance] if instance.word => {
+            let (line, kind) = (instance.line, format!("glx_block{number}"));
+            let mut structure: Vec<Token> = ["struct", &kind, "{"].map(|text| Token::new(text, line)).into();
+            for (declaration, name) in members {
+                structure.extend(declaration);
+                structure.push(end(name.line));
+            }
+            structure.extend(["}", ";", &kind].map(|text| Token::new(text, line)));
+            structure.extend([instance.clone(), end(line)]);
+            Some(vec![(structure, instance.text.clone())])
+        }
+        _ => None,
+    }
 }
 
 /// The alignment and the size of a value.

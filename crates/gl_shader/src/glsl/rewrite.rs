@@ -3,7 +3,7 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 
-use super::blocks::{Block, is_row_major, members};
+use super::blocks::{Block, is_row_major, members, variables};
 use super::builtins::{self, Builtin};
 use super::sampler::{Read, Sampler, read_of, sampler, stubs};
 use super::tokens::{self, Dialect, Token, closing, parts};
@@ -303,33 +303,15 @@ impl Rewriter {
         let members = members(&tokens[at + 2..close])?;
         let number = self.source.blocks.len();
         self.members.extend(tokens[at + 2..close].iter().map(|token| token.text.clone()));
-        let (semicolon, part) = (Token::new(";", line), |name: &str| format!("{}.{name}", block.name));
-        let mut variables: Vec<(Vec<Token>, String)> = Vec::new();
-        match &tokens[close + 1..end] {
-            [] => {
-                for (declaration, name) in members {
-                    variables.push(([declaration, vec![semicolon.clone()]].concat(), name.text));
-                }
-            }
-            [instance] if instance.word => {
-                let kind = format!("glx_block{number}");
-                let mut structure: Vec<Token> = ["struct", &kind, "{"].map(|text| Token::new(text, line)).into();
-                for (declaration, _) in members {
-                    structure.extend(declaration);
-                    structure.push(semicolon.clone());
-                }
-                structure.extend(["}", ";", &kind].map(|text| Token::new(text, line)));
-                structure.extend([instance.clone(), semicolon.clone()]);
-                variables.push((structure, instance.text.clone()));
-            }
-            _ => return Err(Wrong::at(line, format!("the array of the uniform block {} is not supported", block.name))),
-        }
+        let Some(variables) = variables(number, members, &tokens[close + 1..end]) else {
+            return Err(Wrong::at(line, format!("the array of the uniform block {} is not supported", block.name)));
+        };
         for (declaration, name) in variables {
             let body = self.body(&declaration)?;
             self.out.extend(body);
             let renamed = self.rename(&name);
             let (storage, interpolation, location) = (Storage::Uniform, None, None);
-            let name = part(&name);
+            let name = format!("{}.{name}", block.name);
             self.source.globals.push(Global { name, renamed, storage, interpolation, location, block: Some(number) });
         }
         self.source.blocks.push(block);
