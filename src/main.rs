@@ -1,5 +1,6 @@
 //! The `fillrate` command.
 
 fn main() -> std::process::ExitCode {
+    host::share_one_heap();
     fillrate::cli::main()
 }

@@ -10,7 +10,6 @@ use run::bound::frames::{Estimated, estimate};
 use run::cycle::{Simulated, simulate};
 use run::frame_sink::{Frame, FrameSink};
 use run::replay::{Fidelity, Options, Outcome, replay_to};
-use run::sample::clusters::Clusters;
 use run::sample::survey::{Count, MISSES, Observers, Survey};
 use run::sample::{Quantity, Sampler, Sampling};
 use stats::Tree;
@@ -104,28 +103,29 @@ fn margins(run: &Outcome, measured: &Values) -> Values {
 }
 
 /// Draws frames again and again, of a sequence that is known whole: `frames` has what was counted in each.
-pub fn resample(survey: &Survey, frames: &[[f64; QUANTITIES.len()]], samples: usize) -> Resampled {
-    let clusters = Clusters::new(&survey.signatures, samples);
+///
+/// # Errors
+/// If what is kept of the survey cannot be read.
+pub fn resample(survey: &Survey, frames: &[[f64; QUANTITIES.len()]], samples: usize) -> Result<Resampled> {
+    let strata = survey.strata(samples)?;
     let mut resampled = Resampled::default();
     for (at, count) in counts().iter().enumerate() {
-        let own: Vec<f64> = frames.iter().map(|counted| counted[at]).collect();
-        let estimates = survey.estimates(count);
-        let truth: f64 = own.iter().sum();
+        let truth: f64 = frames.iter().map(|counted| counted[at]).sum();
         if truth <= 0.0 {
             continue;
         }
         let (mut held, mut errors) = (0, 0.0);
         for seed in 0..RESAMPLINGS {
-            let drawn = clusters.draw(&mut Random::new(seed));
-            let own: Vec<f64> = drawn.iter().map(|&frame| own[frame]).collect();
-            let told = clusters.total(&drawn, &estimates, &own);
+            let drawn = strata.draw(&mut Random::new(seed))?;
+            let own: Vec<f64> = drawn.frames.iter().map(|&frame| frames[frame][at]).collect();
+            let told = drawn.total_of(count, &own);
             held += u64::from(told.covers(truth));
             errors += (told.value / truth - 1.0).abs();
         }
         resampled.covered[at] = Some(held as f64 / RESAMPLINGS as f64);
         resampled.errors[at] = Some(errors / RESAMPLINGS as f64);
     }
-    resampled
+    Ok(resampled)
 }
 
 /// Runs all fidelities on a trace, with so many frames sampled each time, as far as it has frames enough.
@@ -161,7 +161,7 @@ pub fn front(name: &str, trace: &Trace, options: &Options, samples: &[u32], seed
             let times = [run.machine_time, run.clock_time];
             points.push(Point {
                 margins: margins(&run, &measured),
-                resampled: resample(sampler.survey(), &frames, samples as usize),
+                resampled: resample(sampler.survey(), &frames, samples as usize)?,
                 ..point(format!("sampled, {samples} frames"), times, &measured, &truth)
             });
         }

@@ -28,8 +28,11 @@ pub type WarmsUp<'w> = &'w (dyn Fn(u32) -> bool + Sync);
 /// machines side by side one has just begun, one is almost done, and half of a run's work waits for each in the mean. With less, machines wait.
 const WORK_WAITING: u64 = 8 << 20;
 
-/// Bytes of pictures that may wait for the frames in front of them.
-const PICTURES_WAITING: u64 = 8 << 20;
+/// Bytes of frames that may wait for those in front of them.
+const FRAMES_WAITING: u64 = 8 << 20;
+
+/// Bytes of a frame without its picture, about.
+const FRAME: u64 = 16 << 10;
 
 /// Where the machines of runs begin, and which frames are in a run.
 enum Begin<'w> {
@@ -111,7 +114,7 @@ struct Leaving<'e> {
     next: usize,
     /// Frames of later runs, and what these came to where they have ended.
     early: BTreeMap<usize, (Vec<Frame>, Option<Ran>)>,
-    /// Bytes of these frames' pictures.
+    /// Bytes of these frames.
     waiting: u64,
     under_way: usize,
     /// Something has failed: no run begins any more.
@@ -162,7 +165,7 @@ impl Leaving<'_> {
 
 /// Bytes of a frame that waits, about.
 fn bytes(frame: &Frame) -> u64 {
-    frame.shown.as_ref().map_or(0, |(_, bytes)| bytes.len() as u64)
+    FRAME + frame.shown.as_ref().map_or(0, |(_, bytes)| bytes.len() as u64)
 }
 
 impl<'e> Outlet<'e> {
@@ -200,7 +203,7 @@ impl<'e> Outlet<'e> {
     fn put(&self, run: usize, frame: Frame) {
         let mut state = locked(&self.state);
         let bytes = bytes(&frame);
-        while state.next != run && state.waiting > 0 && state.waiting + bytes > PICTURES_WAITING {
+        while state.next != run && state.waiting > 0 && state.waiting + bytes > FRAMES_WAITING {
             state = self.wait(state);
         }
         if state.next == run {

@@ -9,6 +9,7 @@ use zip::{CompressionMethod, ZipArchive};
 use super::COMMANDS_FILE;
 use super::archive_end as end;
 use super::error::TraceError;
+use super::pieces::Source;
 use super::store::{Bytes, Store};
 use super::text::FileEntry;
 use num::Limits;
@@ -57,13 +58,25 @@ impl Package {
         Ok(Package { bytes, archive, folder })
     }
 
-    /// The command list, with its checksum verified.
-    pub fn commands(&mut self, path: &Path, limits: &Limits) -> Result<Bytes, TraceError> {
-        let entry = self.entry(path, COMMANDS_FILE)?;
+    /// Where the command list lies, and its length; `mapped` is what the archive was mapped from, if that is a file.
+    pub fn commands_source(
+        &mut self,
+        path: &Path,
+        mapped: Option<&Path>,
+        limits: &Limits,
+    ) -> Result<(Source, u64), TraceError> {
+        let Entry { size, packed, stored, crc, .. } = self.entry(path, COMMANDS_FILE)?;
         limits
             .trace_bytes
-            .check(entry.size)
+            .check(size)
             .map_err(|error| TraceError::new(path, format!("{COMMANDS_FILE} in the archive: {error}")))?;
+        let (file, archive) = (mapped.map(Path::to_owned), self.bytes.clone());
+        Ok((Source::Entry { file, archive, packed, deflated: stored.is_none(), crc }, size))
+    }
+
+    /// The command list, with its checksum verified.
+    pub fn commands(&mut self, path: &Path) -> Result<Bytes, TraceError> {
+        let entry = self.entry(path, COMMANDS_FILE)?;
         if let Some(bytes) = entry.stored {
             let mut reader = self.archive.by_index(entry.index).map_err(|error| TraceError::new(path, error))?;
             std::io::copy(&mut reader, &mut std::io::sink())
@@ -97,13 +110,13 @@ impl Package {
             .archive
             .by_index_raw(index)
             .map_err(|error| TraceError::new(path, format!("{full} in the archive is damaged: {error}")))?;
-        let (size, packed) = (file.size(), file.compressed_size());
+        let (size, packed, crc) = (file.size(), file.compressed_size(), file.crc32());
+        let start = file.data_start().and_then(|start| usize::try_from(start).ok());
         if file.encrypted() {
             return Err(TraceError::new(path, format!("{full} in the archive is encrypted")));
         }
         let stored = match file.compression() {
             CompressionMethod::Stored => {
-                let start = file.data_start().and_then(|start| usize::try_from(start).ok());
                 let length = usize::try_from(packed).ok().filter(|_| packed == size);
                 let bytes = start.zip(length).and_then(|(start, length)| self.bytes.slice(start, length));
                 let outside = || TraceError::new(path, format!("{full} in the archive reaches outside of it"));
@@ -121,7 +134,9 @@ impl Package {
                 ));
             }
         };
-        Ok(Entry { index, size, stored })
+        let outside = || TraceError::new(path, format!("{full} in the archive reaches outside of it"));
+        let packed = start.zip(usize::try_from(packed).ok()).ok_or_else(outside)?;
+        Ok(Entry { index, size, stored, crc, packed })
     }
 }
 
@@ -130,6 +145,10 @@ struct Entry {
     size: u64,
     /// The bytes, if they lie in the archive as they are.
     stored: Option<Bytes>,
+    /// Its checksum.
+    crc: u32,
+    /// Where it begins in the archive, and how many bytes it has there.
+    packed: (usize, usize),
 }
 
 /// Inflates an entry to the size that it states.

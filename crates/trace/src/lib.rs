@@ -29,6 +29,8 @@ mod build;
 mod error;
 mod geometry;
 mod name;
+mod pieces;
+mod scanner;
 mod store;
 mod stream;
 mod text;
@@ -49,6 +51,7 @@ pub use error::{Place, TraceError};
 pub use geometry::{LinearExtent, copy_block_bytes};
 use host::Links;
 use num::Limits;
+use pieces::{Pieces, Source};
 use store::Store;
 pub use store::check_name;
 pub use store::{Bytes, NAME_MAX};
@@ -103,6 +106,8 @@ impl Reading {
 enum Commands {
     /// The text of a native trace, valid UTF-8.
     Text(Bytes),
+    /// A long one, which is not in memory.
+    Pieces(Pieces),
     /// Commands in memory, and their places in the file that they were read from, if there is one.
     List(Vec<Command>, Vec<Place>),
     /// Commands that are made while they are read, and how far that is.
@@ -129,7 +134,7 @@ impl Trace {
             Trace::open_folder(path.parent().unwrap_or(Path::new("")), path, Links::Follow, reading)
         } else {
             let bytes = Bytes::from_file(path).map_err(|error| TraceError::new(path, error))?;
-            Trace::open_archive_with(path, bytes, &reading.limits)
+            Trace::open_archive_in(path, bytes, Some(path), &reading.limits)
         }
     }
 
@@ -163,7 +168,7 @@ impl Trace {
     fn landmarks(&self) -> Option<MutexGuard<'_, Landmarks>> {
         match &self.commands {
             Commands::Stream(_, landmarks) => Some(landmarks.lock().unwrap_or_else(PoisonError::into_inner)),
-            Commands::Text(_) | Commands::List(..) => None,
+            Commands::Text(_) | Commands::Pieces(_) | Commands::List(..) => None,
         }
     }
 
@@ -184,16 +189,28 @@ impl Trace {
 
     /// As [`Trace::open_archive`], within these limits.
     pub fn open_archive_with(name: &Path, bytes: Bytes, limits: &Limits) -> Result<Trace, TraceError> {
+        Trace::open_archive_in(name, bytes, None, limits)
+    }
+
+    /// Opens an archive that is in memory, or mapped from a file.
+    fn open_archive_in(name: &Path, bytes: Bytes, mapped: Option<&Path>, limits: &Limits) -> Result<Trace, TraceError> {
         let mut package = archive::Package::open(name, bytes, limits)?;
-        let text = package.commands(name, limits)?;
         let file = name.join(COMMANDS_FILE);
-        let header = text::read_header(&file, check_utf8(&file, &text)?)?;
-        header.check(&file, text.len() as u64, limits)?;
+        let (source, size) = package.commands_source(name, mapped, limits)?;
+        let damaged = |error| TraceError::new(name, format!("{COMMANDS_FILE} is damaged: {error}"));
+        let (header, commands) = match Pieces::open(&file, source, size).map_err(damaged)? {
+            Some((header, pieces)) => (header, Commands::Pieces(pieces)),
+            None => {
+                let text = package.commands(name)?;
+                (text::read_header(&file, check_utf8(&file, &text)?)?, Commands::Text(text))
+            }
+        };
+        header.check(&file, size, limits)?;
         let mut store = Store::default();
         for (blob, entry) in &header.files {
             package.add(name, &mut store, blob, entry)?;
         }
-        Ok(Trace { file, commands: Commands::Text(text), store, limits: *limits })
+        Ok(Trace { file, commands, store, limits: *limits })
     }
 
     /// Opens a trace whose files are in memory: the text of `trace.ron`, and the files that it names; `name` is what messages
@@ -223,9 +240,17 @@ impl Trace {
     /// Opens the trace in a folder; `links` is about the file of its commands.
     fn open_folder(folder: &Path, file: &Path, links: Links, reading: &Reading) -> Result<Trace, TraceError> {
         let limits = reading.limits;
-        let text = read_commands_file(file, links, &limits)?;
-        let header = text::read_header(file, check_utf8(file, &text)?)?;
-        header.check(file, text.len() as u64, &limits)?;
+        let fail = |error| TraceError::new(file, error);
+        let size = commands_file_size(file, links, &limits)?;
+        let (header, commands, size) = match Pieces::open(file, Source::File(file.to_owned(), links), size).map_err(fail)? {
+            Some((header, pieces)) => (header, Commands::Pieces(pieces), size),
+            None => {
+                let text = read_commands_file(file, links, &limits)?;
+                let size = text.len() as u64;
+                (text::read_header(file, check_utf8(file, &text)?)?, Commands::Text(text), size)
+            }
+        };
+        header.check(file, size, &limits)?;
         let mut store = Store::default();
         for (name, entry) in header.files {
             let path = folder.join(&name);
@@ -239,7 +264,7 @@ impl Trace {
                 .add_file(&name, path, reading.links(), size, Some(entry.hash))
                 .map_err(|reason| TraceError::new(file, reason))?;
         }
-        Ok(Trace { file: file.to_path_buf(), commands: Commands::Text(text), store, limits })
+        Ok(Trace { file: file.to_path_buf(), commands, store, limits })
     }
 
     /// What messages call the trace: the file that holds its commands.
@@ -322,16 +347,12 @@ impl Trace {
             }
             Commands::Text(text) => {
                 let mut failed = None;
-                text::read_commands(&self.file, check_utf8(&self.file, text)?, &mut |index, command| match visit(
-                    index, &command,
-                ) {
-                    Ok(ControlFlow::Continue(())) => text::Next::Continue,
-                    Ok(ControlFlow::Break(())) => text::Next::Stop,
-                    Err(error) => {
-                        failed = Some(error);
-                        text::Next::Stop
-                    }
-                })?;
+                text::read_commands(&self.file, check_utf8(&self.file, text)?, &mut next(visit, &mut failed))?;
+                failed.map_or(Ok(()), Err)
+            }
+            Commands::Pieces(pieces) => {
+                let mut failed = None;
+                pieces.read(&self.file, &mut next(visit, &mut failed))?;
                 failed.map_or(Ok(()), Err)
             }
         }
@@ -375,6 +396,7 @@ impl Trace {
             Commands::List(_, places) => places.get(usize::try_from(index).ok()?).copied(),
             Commands::Stream(..) => None,
             Commands::Text(text) => text::place_of(std::str::from_utf8(text).ok()?, index),
+            Commands::Pieces(pieces) => text::place_of(std::str::from_utf8(&pieces.whole(&self.file).ok()?).ok()?, index),
         }
     }
 }
@@ -384,9 +406,29 @@ impl Trace {
 /// # Errors
 /// If it is no regular file, cannot be read, or is longer than all files of a trace may be.
 pub fn read_commands_file(file: &Path, links: Links, limits: &Limits) -> Result<Bytes, TraceError> {
-    let fail = |error: std::io::Error| TraceError::new(file, error);
-    limits.trace_bytes.check(host::length(file, links).map_err(fail)?).map_err(|error| TraceError::new(file, error))?;
-    Bytes::read(file, links).map_err(fail)
+    commands_file_size(file, links, limits)?;
+    Bytes::read(file, links).map_err(|error| TraceError::new(file, error))
+}
+
+fn commands_file_size(file: &Path, links: Links, limits: &Limits) -> Result<u64, TraceError> {
+    let size = host::length(file, links).map_err(|error| TraceError::new(file, error))?;
+    limits.trace_bytes.check(size).map_err(|error| TraceError::new(file, error))?;
+    Ok(size)
+}
+
+/// A visitor of commands as the reader of their text takes it: what it fails with is kept for its caller.
+fn next<E>(
+    mut visit: impl FnMut(u64, &Command) -> Result<ControlFlow<()>, E>,
+    failed: &mut Option<E>,
+) -> impl FnMut(u64, Command) -> text::Next {
+    move |index, command| match visit(index, &command) {
+        Ok(ControlFlow::Continue(())) => text::Next::Continue,
+        Ok(ControlFlow::Break(())) => text::Next::Stop,
+        Err(error) => {
+            *failed = Some(error);
+            text::Next::Stop
+        }
+    }
 }
 
 /// The hash of a file's contents as the text of a trace states it: BLAKE3, 64 hexadecimal digits.

@@ -58,7 +58,7 @@ pub(super) enum Next {
 }
 
 /// Takes each command and its number. No type parameter: the reader of fifty commands is compiled once, in this package.
-type Visit<'a> = &'a mut dyn FnMut(u64, Command) -> Next;
+pub(super) type Visit<'a> = &'a mut dyn FnMut(u64, Command) -> Next;
 
 /// Reads the header only.
 pub(super) fn read_header(file: &Path, text: &str) -> Result<Header, TraceError> {
@@ -76,6 +76,39 @@ pub(super) fn read_commands(file: &Path, text: &str, visit: Visit<'_>) -> Result
     let number = Cell::new(None);
     let document = Document { header: None, commands: Some(visit), number: &number, stopped: &stopped };
     finish(file, text, dialect().from_str_seed(text, document), &stopped, &number)
+}
+
+/// What came of a piece of the commands.
+pub(super) enum Piece {
+    /// It was read; the number of the command behind it.
+    Read(u64),
+    /// The visitor stopped.
+    Stopped,
+}
+
+/// Calls `visit` with each command of a list and its number, from that of the first on; nothing where the list is wrong.
+pub(super) fn read_piece(list: &[u8], first: u64, visit: Visit<'_>) -> Option<Piece> {
+    let (stopped, number) = (Cell::new(false), Cell::new(Some(first)));
+    let mut behind = first;
+    let mut each = |index: u64, command: Command| {
+        behind = index + 1;
+        visit(index, command)
+    };
+    let commands = Commands { visit: Some(&mut each), first, number: &number, stopped: &stopped };
+    let read = dialect().from_str_seed(std::str::from_utf8(list).ok()?, commands);
+    if stopped.get() {
+        return Some(Piece::Stopped);
+    }
+    read.ok().map(|()| Piece::Read(behind))
+}
+
+/// Whether a trace may end so behind its commands.
+pub(super) fn ends_with(end: &[u8]) -> bool {
+    let Ok(end) = std::str::from_utf8(end) else { return false };
+    let (stopped, number) = (Cell::new(false), Cell::new(None));
+    let mut none = |_, _| Next::Continue;
+    let document = Document { header: None, commands: Some(&mut none), number: &number, stopped: &stopped };
+    dialect().from_str_seed(&format!("Trace(version: {VERSION}, files: {{}}, commands: []{end}"), document).is_ok()
 }
 
 /// The place of a command: for messages only, as it reads the text up to there.
@@ -205,7 +238,7 @@ impl<'de> Visitor<'de> for Document<'_> {
             Some(Field::Commands) => {}
             _ => return Err(A::Error::custom("`commands` must follow the files")),
         }
-        map.next_value_seed(Commands { visit: self.commands, number: self.number, stopped: self.stopped })?;
+        map.next_value_seed(Commands { visit: self.commands, first: 0, number: self.number, stopped: self.stopped })?;
         match map.next_key::<Field>()? {
             None => Ok(()),
             Some(_) => Err(A::Error::custom("nothing may follow the commands")),
@@ -245,6 +278,8 @@ impl<'de> Deserialize<'de> for Files {
 
 struct Commands<'a> {
     visit: Option<Visit<'a>>,
+    /// The number of the first.
+    first: u64,
     number: &'a Cell<Option<u64>>,
     stopped: &'a Cell<bool>,
 }
@@ -271,7 +306,7 @@ impl<'de> Visitor<'de> for Commands<'_> {
             Err(A::Error::custom("stopped by the reader"))
         };
         let Some(visit) = self.visit else { return stop() };
-        for index in 0.. {
+        for index in self.first.. {
             self.number.set(Some(index));
             match seq.next_element::<Command>()? {
                 Some(command) => {

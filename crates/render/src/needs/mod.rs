@@ -6,11 +6,13 @@
 //! buffers and query sets are taken whole. Only what is overwritten whole ends the life of what was there: where that is not
 //! certain, the earlier contents are taken to be read. What a shader may read or write is found from its bindings, so that no data of the trace decide.
 
+mod notes;
 mod walk;
 
 use std::collections::{BTreeSet, HashSet};
-use std::sync::Arc;
+use std::io;
 
+use notes::Notes;
 use trace::{Trace, TraceError};
 
 /// What is asked of a frame.
@@ -36,6 +38,9 @@ pub enum Need {
     /// Everything.
     Colors,
 }
+
+/// All, in their order.
+const NEEDS: [Need; 4] = [Need::Nothing, Need::Survey, Need::Coverage, Need::Colors];
 
 /// Something that commands read and write.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
@@ -91,41 +96,66 @@ impl Step {
 /// What the passes, dispatches and copies of a trace read and write.
 #[derive(Debug, Default)]
 pub struct Dependencies {
-    /// Different steps; those of most frames are alike.
-    kinds: Vec<Arc<Step>>,
-    /// Each step: which of these, and its frame.
-    steps: Vec<(u32, u32)>,
+    notes: Notes,
     frames: u32,
 }
 
-/// Which passes and dispatches of a trace have to be run.
+/// Which passes and dispatches of a trace have to be run: two bits for a pass, one for a dispatch and for a frame.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Needs {
-    passes: Vec<Need>,
-    dispatches: Vec<bool>,
-    pictures: Vec<bool>,
+    passes: Answers<2>,
+    dispatches: Answers<1>,
+    pictures: Answers<1>,
+}
+
+/// Small numbers of so many bits, the last first.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+struct Answers<const BITS: u32> {
+    words: Vec<u64>,
+    len: u32,
+}
+
+impl<const BITS: u32> Answers<BITS> {
+    const WORD: u32 = u64::BITS / BITS;
+
+    fn add(&mut self, answer: u8) {
+        let shift = self.len % Self::WORD * BITS;
+        if shift == 0 {
+            self.words.push(0);
+        }
+        let word = self.words.len() - 1;
+        self.words[word] |= u64::from(answer) << shift;
+        self.len += 1;
+    }
+
+    /// That of a number, counted from the first, which was added last.
+    fn get(&self, number: u32) -> Option<u8> {
+        let at = self.len.checked_sub(number.checked_add(1)?)?;
+        let word = self.words.get((at / Self::WORD) as usize)?;
+        Some((word >> (at % Self::WORD * BITS)) as u8 & ((1 << BITS) - 1))
+    }
 }
 
 impl Needs {
     /// What is needed of a pass, by its number in the trace.
     pub fn pass(&self, number: u32) -> Need {
-        self.passes.get(number as usize).copied().unwrap_or(Need::Colors)
+        self.passes.get(number).map_or(Need::Colors, |need| NEEDS[need as usize])
     }
 
     /// Whether a dispatch has to be run, by the number of its command among those that dispatch.
     pub fn dispatch(&self, number: u32) -> bool {
-        self.dispatches.get(number as usize).copied().unwrap_or(true)
+        self.dispatches.get(number).is_none_or(|runs| runs == 1)
     }
 
     /// Whether the picture of a frame comes out.
     pub fn picture(&self, frame: u32) -> bool {
-        self.pictures.get(frame as usize).copied().unwrap_or(true)
+        self.pictures.get(frame).is_none_or(|comes| comes == 1)
     }
 
     /// How many passes are left out, surveyed, drawn without colours, and drawn whole.
     pub fn passes(&self) -> [u64; 4] {
-        [Need::Nothing, Need::Survey, Need::Coverage, Need::Colors]
-            .map(|need| self.passes.iter().filter(|&&pass| pass == need).count() as u64)
+        let count = |need: Need| (0..self.passes.len).filter(|&pass| self.pass(pass) == need).count() as u64;
+        NEEDS.map(count)
     }
 }
 
@@ -144,11 +174,19 @@ impl Dependencies {
     }
 
     /// What has to be run for what is wanted of each frame.
-    pub fn needs(&self, want: impl Fn(u32) -> Want) -> Needs {
+    ///
+    /// # Errors
+    /// If what was noted cannot be read.
+    pub fn needs(&self, want: impl Fn(u32) -> Want) -> io::Result<Needs> {
         let mut live: HashSet<Thing> = HashSet::new();
-        let (mut passes, mut dispatches, mut pictures) = (Vec::new(), Vec::new(), Vec::new());
-        for &(kind, frame) in self.steps.iter().rev() {
-            let (step, want) = (&self.kinds[kind as usize], want(frame));
+        let (mut passes, mut dispatches, mut pictures) = (Answers::default(), Answers::default(), Answers::default());
+        // What follows the last frame's end belongs to a frame that does not end.
+        let mut frame = self.frames;
+        self.notes.backwards(|step| {
+            if step.kind == Kind::Present {
+                frame = frame.saturating_sub(1);
+            }
+            let want = want(frame);
             let all = want == Want::All;
             let lives = |things: &BTreeSet<Thing>| things.iter().any(|thing| live.contains(thing));
             let colored = all || lives(&step.color_writes);
@@ -160,17 +198,17 @@ impl Dependencies {
                         false if want == Want::Counts => Need::Survey,
                         false => Need::Nothing,
                     };
-                    passes.push(need);
+                    passes.add(need as u8);
                     (need > Need::Nothing, need > Need::Nothing)
                 }
                 Kind::Dispatch => {
                     let run = all || lives(&step.writes);
-                    dispatches.push(run);
+                    dispatches.add(run.into());
                     (run, want == Want::Counts)
                 }
                 Kind::Copy => (all || lives(&step.writes), false),
                 Kind::Present => {
-                    pictures.push(all);
+                    pictures.add(all.into());
                     (all, false)
                 }
             };
@@ -186,10 +224,22 @@ impl Dependencies {
             if run && colored {
                 live.extend(&step.color_reads);
             }
+        })?;
+        Ok(Needs { passes, dispatches, pictures })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn answers_are_counted_from_the_one_added_last() {
+        let mut answers = Answers::<2>::default();
+        (0..100).for_each(|at| answers.add(at * 7 % 4));
+        for number in 0..100 {
+            assert_eq!(answers.get(number), Some((99 - number as u8) * 7 % 4), "{number}");
         }
-        passes.reverse();
-        dispatches.reverse();
-        pictures.reverse();
-        Needs { passes, dispatches, pictures }
+        assert_eq!((answers.get(100), answers.get(u32::MAX), answers.words.len()), (None, None, 4));
     }
 }

@@ -7,6 +7,7 @@ use shader::Interface;
 use trace::command::*;
 use trace::{Trace, TraceError};
 
+use super::notes::Notes;
 use super::{Dependencies, Kind, Step, Thing};
 use crate::bind;
 use crate::execute::{Fault, Options, Renderer, payload, walk};
@@ -28,8 +29,9 @@ pub(super) fn notes(trace: &Trace, end: u32) -> Result<Dependencies, TraceError>
         Some(command) => walker.command(&mut renderer, command, end),
         None => walker.finish(&renderer),
     })?;
-    let Walker { notes, frame, .. } = walker;
-    Ok(Dependencies { frames: frame, ..notes })
+    let Walker { mut notes, frame, .. } = walker;
+    notes.end();
+    Ok(Dependencies { notes, frames: frame })
 }
 
 /// A pass under way.
@@ -50,8 +52,7 @@ const NOTES: &str = "what passes read and write";
 #[derive(Default)]
 struct Walker {
     claim: Option<Claim>,
-    notes: Dependencies,
-    known: HashMap<Arc<Step>, u32>,
+    notes: Notes,
     frame: u32,
     render: Option<Open>,
     compute: Option<Open>,
@@ -73,19 +74,10 @@ impl Walker {
     }
 
     fn note(&mut self, ledger: &Arc<Ledger>, step: Step) -> Result<(), Fault> {
-        let number = match self.known.get(&step) {
-            Some(&number) => number,
-            None => {
-                self.claim(ledger, step.bytes())?;
-                let (step, number) = (Arc::new(step), self.notes.kinds.len() as u32);
-                self.known.insert(step.clone(), number);
-                self.notes.kinds.push(step);
-                number
-            }
-        };
-        self.claim(ledger, size_of::<(u32, u32)>() as u64)?;
-        self.notes.steps.push((number, self.frame));
-        Ok(())
+        // A limit of memory is one of temporary files, too.
+        let bytes = if self.notes.knows(&step) { 0 } else { step.bytes() };
+        self.claim(ledger, bytes + size_of::<u64>() as u64)?;
+        self.notes.add(step).map_err(|error| Fault::Reason(format!("{NOTES} cannot be kept: {error}")))
     }
 
     /// The end of a trace: one that shows nothing is a frame.

@@ -208,7 +208,7 @@ fn what_is_left_out_changes_nothing_that_is_asked_for() {
         assert_eq!(dependencies.frames(), FRAMES);
         for asked in 0..FRAMES {
             for others in [Want::Nothing, Want::Counts] {
-                let needs = dependencies.needs(|frame| if frame == asked { Want::All } else { others });
+                let needs = dependencies.needs(|frame| if frame == asked { Want::All } else { others }).expect("kept");
                 needs.passes().iter().zip(&mut left_out).for_each(|(n, sum)| *sum += n);
                 let some = rendered(&trace, &Options { needs: Some(needs.into()), areas: true, ..Options::default() });
                 for (at, (some, all)) in some.iter().zip(&all).enumerate() {
@@ -249,7 +249,7 @@ fn only_the_frame_that_is_asked_for_is_drawn_where_none_reads_another() {
         card.present(color);
     }
     let dependencies = Dependencies::of(&card.finish(), u32::MAX).expect("it renders");
-    let needs = dependencies.needs(|frame| if frame == 2 { Want::All } else { Want::Nothing });
+    let needs = dependencies.needs(|frame| if frame == 2 { Want::All } else { Want::Nothing }).expect("kept");
     assert_eq!([0, 1, 2, 3].map(|pass| needs.pass(pass)), [Need::Nothing, Need::Nothing, Need::Colors, Need::Nothing]);
     assert_eq!([1, 2].map(|frame| needs.picture(frame)), [false, true]);
 }

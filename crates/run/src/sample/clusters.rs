@@ -13,8 +13,13 @@
 //! The interval comes from how much the ratios of simulated to estimated differ between clusters, with Student's t for their
 //! number: what differs between clusters, too, is taken for chance, so that the interval is rather too wide.
 
+use std::ops::Range;
+
+use anyhow::Result;
 use num::Random;
-use rayon::prelude::*;
+
+use super::means::Centers;
+use super::table::{self, Table};
 
 /// Level of the intervals.
 pub const LEVEL: f64 = 0.997;
@@ -26,11 +31,8 @@ const STUDENT: [f64; 30] = [
     3.24993, 3.23941, 3.22965,
 ];
 
-/// Most rounds of k-means; it settles in a few.
-const ROUNDS: usize = 50;
-
 /// Most clusters by signature.
-const MEANS: usize = 64;
+pub(super) const MEANS: usize = 64;
 
 /// A value and half the width of its interval.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -65,155 +67,243 @@ pub fn signature(work: impl Iterator<Item = (&'static str, f64)>, units: &mut Ve
 }
 
 /// Clusters of frames: the first frame alone, and those of the others.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Debug)]
 pub struct Clusters {
-    /// The frames of each, by place in the sequence; `[0]` comes first, where there is a frame.
-    pub members: Vec<Vec<usize>>,
+    /// Of each frame, the group that it is in.
+    groups: Table<u32>,
+    /// The clusters: the first is that of the first frame, where there is one.
+    parts: Vec<Part>,
+}
+
+/// Some frames of a group that stand one behind the other in it.
+#[derive(Clone, Debug)]
+struct Part {
+    group: u32,
+    places: Range<u32>,
+}
+
+/// What is estimated of a cluster's frames, by which its drawn frame stands for it.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Share {
+    /// Frames of the cluster.
+    pub frames: usize,
+    /// The sum over them.
+    pub sum: f64,
+    /// The estimate of the frame that is drawn.
+    pub own: f64,
+}
+
+impl Share {
+    /// How much the drawn frame stands for: the estimates of its cluster, by its own.
+    pub fn weight(&self) -> f64 {
+        if self.own > 0.0 { self.sum / self.own } else { self.frames as f64 }
+    }
 }
 
 impl Clusters {
     /// Puts the first frame into a cluster of its own and the others into `count` clusters, or as many as there are; into one if all are alike.
-    pub fn new(signatures: &[Vec<f64>], count: usize) -> Clusters {
-        let width = signatures.iter().map(Vec::len).max().unwrap_or(0);
-        let at = |frame: usize, unit: usize| signatures[frame].get(unit).copied().unwrap_or(0.0);
-        let distance = |frame: usize, center: &[f64]| -> f64 {
-            center.iter().enumerate().map(|(unit, c)| (at(frame, unit) - c) * (at(frame, unit) - c)).sum()
-        };
-        let of = |frame: usize| -> Vec<f64> { (0..width).map(|unit| at(frame, unit)).collect() };
-        let nearest = |centers: &[Vec<f64>], frame: usize| {
-            let mut best = (0, f64::INFINITY);
-            for (place, center) in centers.iter().enumerate() {
-                let mut sum = 0.0;
-                for (unit, c) in center.iter().enumerate() {
-                    sum += (at(frame, unit) - c) * (at(frame, unit) - c);
-                    // It only grows.
-                    if sum >= best.1 {
-                        break;
-                    }
+    /// Frames are rows, and their signatures the first `width` numbers of these.
+    ///
+    /// # Errors
+    /// If the rows cannot be read, or what is kept of the frames cannot be written.
+    pub fn new(signatures: &Table<f64>, width: usize, count: usize) -> Result<Clusters> {
+        let centers = Centers::far_apart(signatures, width, count)?;
+        let alike = centers.alike;
+        let (groups, sizes) = centers.settle(signatures)?;
+        let all = (0..).zip(sizes).filter(|(_, size)| *size > 0);
+        let mut parts: Vec<Part> = all.map(|(group, size)| Part { group, places: 0..size }).collect();
+        // Halves, in the order of frames; where all are alike, there is nothing to tell an error by.
+        while (alike || count > MEANS) && (2..count).contains(&parts.len().saturating_sub(1)) {
+            // The first part is the first frame alone.
+            let largest = (1..parts.len()).rev().max_by_key(|&at| parts[at].places.len()).unwrap_or_default();
+            let Range { start, end } = parts[largest].places;
+            if end - start < 2 {
+                break;
+            }
+            let middle = start + (end - start) / 2;
+            parts[largest].places.end = middle;
+            parts.push(Part { places: middle..end, ..parts[largest] });
+        }
+        Ok(Clusters { groups, parts })
+    }
+
+    /// How many there are.
+    pub fn len(&self) -> usize {
+        self.parts.len()
+    }
+
+    /// Whether there is none.
+    pub fn is_empty(&self) -> bool {
+        self.parts.is_empty()
+    }
+
+    /// How many frames are in each.
+    pub fn sizes(&self) -> impl Iterator<Item = usize> {
+        self.parts.iter().map(|part| part.places.len())
+    }
+
+    /// Goes through all frames in order: the cluster of each, its place in that, and the frame's in the sequence.
+    ///
+    /// # Errors
+    /// If what is kept of the frames cannot be read.
+    pub fn each(&self, mut each: impl FnMut(usize, u32, usize)) -> Result<()> {
+        let mut walk = Walk::new(&self.parts);
+        self.groups.each(|frame, group| {
+            if let Some((cluster, place)) = walk.next(group[0]) {
+                each(cluster, place, frame);
+            }
+        })?;
+        Ok(())
+    }
+
+    /// Goes through all frames in order: the cluster of each, and its row of a table.
+    ///
+    /// # Errors
+    /// If the rows or what is kept of the frames cannot be read.
+    pub fn each_row(&self, rows: &Table<f64>, mut each: impl FnMut(usize, &[f64])) -> Result<()> {
+        let (mut walk, mut groups, mut values) = (Walk::new(&self.parts), Vec::new(), Vec::new());
+        for range in table::parts(rows.rows()) {
+            self.groups.fill(&range, &mut groups)?;
+            rows.fill(&range, &mut values)?;
+            for (&group, row) in groups.iter().zip(values.chunks_exact(rows.width())) {
+                if let Some((cluster, _)) = walk.next(group) {
+                    each(cluster, row);
                 }
-                if sum < best.1 {
-                    best = (place, sum);
-                }
-            }
-            best.0
-        };
-        let mean = |members: &[usize]| -> Vec<f64> {
-            (0..width).map(|unit| members.iter().map(|&f| at(f, unit)).sum::<f64>() / members.len() as f64).collect()
-        };
-
-        // 1. Centres: the frame farthest from the mean, then each that is farthest from those chosen.
-        let all: Vec<usize> = (1..signatures.len()).collect();
-        let mut centers: Vec<Vec<f64>> = Vec::new();
-        let mut from = if all.is_empty() { Vec::new() } else { mean(&all) };
-        // Of each frame, the distance to the nearest.
-        let mut far = vec![f64::INFINITY; all.len()];
-        let mut alike = false;
-        while centers.len() < count.min(MEANS) && !all.is_empty() {
-            far.par_iter_mut().zip(&all).for_each(|(far, &frame)| *far = far.min(distance(frame, &from)));
-            let farthest =
-                all.iter().zip(&far).fold((all[0], -1.0), |best, (&f, &far)| if far > best.1 { (f, far) } else { best });
-            alike = farthest.1 <= 0.0 && !centers.is_empty();
-            if alike {
-                break;
-            }
-            if centers.is_empty() {
-                far.fill(f64::INFINITY);
-            }
-            from = of(farthest.0);
-            centers.push(from.clone());
-        }
-
-        // 2. Frames go to the nearest centre, centres to the mean of their frames, until nothing moves.
-        let mut members: Vec<Vec<usize>> = Vec::new();
-        for _ in 0..ROUNDS {
-            let mut next = vec![Vec::new(); centers.len()];
-            let places: Vec<usize> = all.par_iter().map(|&frame| nearest(&centers, frame)).collect();
-            all.iter().zip(places).for_each(|(&frame, place)| next[place].push(frame));
-            let settled = next == members;
-            members = next;
-            if settled {
-                break;
-            }
-            for (center, members) in centers.iter_mut().zip(&members).filter(|(_, members)| !members.is_empty()) {
-                *center = mean(members);
             }
         }
-        members.retain(|members| !members.is_empty());
-
-        // 3. Halves, in the order of frames; where all are alike, there is nothing to tell an error by.
-        while (alike || count > MEANS) && (2..count).contains(&members.len()) {
-            let largest = (0..members.len()).rev().max_by_key(|&place| members[place].len()).unwrap_or_default();
-            if members[largest].len() < 2 {
-                break;
-            }
-            let half = members[largest].len() / 2;
-            let others = members[largest].split_off(half);
-            members.push(others);
-        }
-        if !signatures.is_empty() {
-            members.insert(0, vec![0]);
-        }
-        Clusters { members }
+        Ok(())
     }
 
     /// A frame of each, drawn at random.
-    pub fn draw(&self, random: &mut Random) -> Vec<usize> {
-        self.members.iter().map(|members| members[random.below(members.len() as u32) as usize]).collect()
+    ///
+    /// # Errors
+    /// If what is kept of the frames cannot be read.
+    pub fn draw(&self, random: &mut Random) -> Result<Vec<usize>> {
+        let places: Vec<u32> = self.parts.iter().map(|part| random.below(part.places.len() as u32)).collect();
+        let mut drawn = vec![0; places.len()];
+        self.each(|cluster, place, frame| {
+            if place == places[cluster] {
+                drawn[cluster] = frame;
+            }
+        })?;
+        Ok(drawn)
+    }
+}
+
+/// A way through all frames in order, which finds the cluster of each.
+struct Walk<'c> {
+    parts: &'c [Part],
+    /// Of each group the clusters that are not behind, the last first.
+    left: Vec<Vec<usize>>,
+    /// Frames of each group that are behind.
+    behind: Vec<u32>,
+}
+
+impl Walk<'_> {
+    fn new(parts: &[Part]) -> Walk<'_> {
+        let groups = parts.iter().map(|part| part.group as usize + 1).max().unwrap_or(0);
+        let mut left: Vec<Vec<usize>> = vec![Vec::new(); groups];
+        parts.iter().enumerate().for_each(|(at, part)| left[part.group as usize].push(at));
+        left.iter_mut().for_each(|own| own.sort_unstable_by_key(|&at| std::cmp::Reverse(parts[at].places.start)));
+        Walk { parts, left, behind: vec![0; groups] }
     }
 
-    /// How much each drawn frame stands for: the estimates of its cluster, by its own.
-    pub fn weights(&self, drawn: &[usize], estimates: &[f64]) -> Vec<f64> {
-        let sum = |members: &[usize]| members.iter().map(|&frame| estimates[frame]).sum::<f64>();
-        let weight = |(members, &frame): (&Vec<usize>, &usize)| {
-            if estimates[frame] > 0.0 { sum(members) / estimates[frame] } else { members.len() as f64 }
-        };
-        self.members.iter().zip(drawn).map(weight).collect()
-    }
-
-    /// The sum over all frames of what was counted in those drawn. The deviations of all clusters count alike, whatever their size; that of the
-    /// first frame, which is known, does not count.
-    pub fn total(&self, drawn: &[usize], estimates: &[f64], counted: &[f64]) -> Interval {
-        let weights = self.weights(drawn, estimates);
-        let parts: Vec<f64> = weights.iter().zip(counted).map(|(weight, counted)| weight * counted).collect();
-        let value: f64 = parts.iter().sum();
-        let clusters = drawn.len().saturating_sub(1);
-        if clusters < 2 {
-            return Interval { value, margin: f64::INFINITY };
+    /// The cluster of the next frame, which is in this group, and its place there.
+    fn next(&mut self, group: u32) -> Option<(usize, u32)> {
+        let group = group as usize;
+        let place = self.behind[group];
+        self.behind[group] += 1;
+        while let Some(&at) = self.left[group].last() {
+            let Range { start, end } = self.parts[at].places;
+            if place < end {
+                return Some((at, place - start));
+            }
+            self.left[group].pop();
         }
-        // What a cluster's frames would count if they were like the average of all clusters, and by how much its frame differs.
-        let share = |members: &Vec<usize>| members.iter().map(|&frame| estimates[frame]).sum::<f64>();
-        let shares: Vec<f64> = self.members[1..].iter().map(share).collect();
-        let (parts, all) = (&parts[1..], shares.iter().sum::<f64>());
-        let ratio = if all > 0.0 { parts.iter().sum::<f64>() / all } else { 0.0 };
-        let own = parts.iter().zip(&shares).map(|(part, share)| if *share > 0.0 { part / share } else { ratio });
-        let squares = own.map(|own| (own - ratio) * (own - ratio));
-        let spread = squares.sum::<f64>() / (clusters - 1) as f64;
-        let parts = shares.iter().zip(&self.members[1..]).map(|(share, m)| share * share * (1.0 - 1.0 / m.len() as f64));
-        let t = STUDENT.get(clusters - 2).copied().unwrap_or(STUDENT[STUDENT.len() - 1]);
-        Interval { value, margin: t * (spread * parts.sum::<f64>()).sqrt() }
+        None
     }
+}
+
+/// The sum over all frames of what was counted in those drawn. The deviations of all clusters count alike, whatever their size; that of the
+/// first frame, which is known, does not count.
+pub fn total(shares: &[Share], counted: &[f64]) -> Interval {
+    let parts: Vec<f64> = shares.iter().zip(counted).map(|(share, counted)| share.weight() * counted).collect();
+    let value: f64 = parts.iter().sum();
+    let clusters = shares.len().saturating_sub(1);
+    if clusters < 2 {
+        return Interval { value, margin: f64::INFINITY };
+    }
+    // What a cluster's frames would count if they were like the average of all clusters, and by how much its frame differs.
+    let shares = &shares[1..];
+    let (parts, all) = (&parts[1..], shares.iter().map(|share| share.sum).sum::<f64>());
+    let ratio = if all > 0.0 { parts.iter().sum::<f64>() / all } else { 0.0 };
+    let own = parts.iter().zip(shares).map(|(part, share)| if share.sum > 0.0 { part / share.sum } else { ratio });
+    let squares = own.map(|own| (own - ratio) * (own - ratio));
+    let spread = squares.sum::<f64>() / (clusters - 1) as f64;
+    let parts = shares.iter().map(|share| share.sum * share.sum * (1.0 - 1.0 / share.frames as f64));
+    let t = STUDENT.get(clusters - 2).copied().unwrap_or(STUDENT[STUDENT.len() - 1]);
+    Interval { value, margin: t * (spread * parts.sum::<f64>()).sqrt() }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
 
+    fn clusters(signatures: &[Vec<f64>], count: usize) -> Clusters {
+        let width = signatures.first().map_or(1, Vec::len);
+        let mut table = Table::new(width);
+        signatures.iter().for_each(|signature| table.add(signature).expect("added"));
+        Clusters::new(&table, width, count).expect("put into clusters")
+    }
+
+    fn members(clusters: &Clusters) -> Vec<Vec<usize>> {
+        let mut members = vec![Vec::new(); clusters.len()];
+        clusters.each(|cluster, _, frame| members[cluster].push(frame)).expect("read");
+        members
+    }
+
+    fn shares(clusters: &Clusters, drawn: &[usize], estimates: &[f64]) -> Vec<Share> {
+        let all = members(clusters);
+        let share = |(members, &frame): (&Vec<usize>, &usize)| Share {
+            frames: members.len(),
+            sum: members.iter().map(|&frame| estimates[frame]).sum(),
+            own: estimates[frame],
+        };
+        all.iter().zip(drawn).map(share).collect()
+    }
+
     #[test]
     fn frames_that_are_alike_share_a_cluster() {
         let signatures: Vec<Vec<f64>> = (0..30).map(|i| vec![f64::from(i % 3) * 100.0 + f64::from(i) * 0.01, 5.0]).collect();
-        let clusters = Clusters::new(&signatures, 3);
-        assert_eq!(clusters.members.len(), 4);
-        assert_eq!(clusters.members[0], [0]);
-        for members in &clusters.members[1..] {
+        let all = members(&clusters(&signatures, 3));
+        assert_eq!(all.len(), 4);
+        assert_eq!(all[0], [0]);
+        for members in &all[1..] {
             let all = if members[0] % 3 == 0 { 9 } else { 10 };
             assert!(members.len() == all && members.iter().all(|frame| frame % 3 == members[0] % 3), "{members:?}");
         }
         // Fewer different frames than clusters, fewer frames, and all alike.
-        let of = |frames: &[f64], count| Clusters::new(&frames.iter().map(|&x| vec![x]).collect::<Vec<_>>(), count).members;
+        let of = |frames: &[f64], count| members(&clusters(&frames.iter().map(|&x| vec![x]).collect::<Vec<_>>(), count));
         assert_eq!(of(&[9.0, 1.0, 1.0, 1.0, 1.0, 2.0], 3), [vec![0], vec![5], vec![1, 2], vec![3, 4]]);
         assert_eq!(of(&[9.0, 1.0, 1.0, 2.0], 7).len(), 4);
         assert_eq!(of(&[9.0, 1.0, 1.0, 1.0], 2), [vec![0], vec![1, 2, 3]]);
-        assert!(Clusters::new(&[], 3).members.is_empty());
+        assert!(clusters(&[], 3).is_empty());
+    }
+
+    #[test]
+    fn halves_follow_each_other_in_their_cluster() {
+        // More than there are means: 300 frames that differ in 70 ways.
+        let signatures: Vec<Vec<f64>> = (0..300).map(|i| vec![f64::from(i * i % 70)]).collect();
+        let clusters = clusters(&signatures, 90);
+        let all = members(&clusters);
+        assert_eq!((all.len(), clusters.len()), (91, 91));
+        let mut frames: Vec<usize> = all.iter().flatten().copied().collect();
+        frames.sort_unstable();
+        assert_eq!(frames, (0..300).collect::<Vec<_>>());
+        assert!(all.iter().all(|members| members.is_sorted()));
+        assert_eq!(clusters.sizes().collect::<Vec<_>>(), all.iter().map(Vec::len).collect::<Vec<_>>());
+        let drawn = clusters.draw(&mut Random::new(5)).expect("drawn");
+        assert!(drawn.iter().zip(&all).all(|(frame, members)| members.contains(frame)));
     }
 
     #[test]
@@ -221,11 +311,12 @@ mod tests {
         // As a user interface whose textures come from DRAM once.
         let estimates = vec![100.0; 40];
         let signatures: Vec<Vec<f64>> = (0..40).map(|i| vec![100.0 + f64::from(i % 5)]).collect();
-        let clusters = Clusters::new(&signatures, 4);
+        let clusters = clusters(&signatures, 4);
         for seed in 0..20 {
-            let drawn = clusters.draw(&mut Random::new(seed));
+            let drawn = clusters.draw(&mut Random::new(seed)).expect("drawn");
             let counted: Vec<f64> = drawn.iter().map(|&frame| if frame == 0 { 5000.0 } else { 0.0 }).collect();
-            assert_eq!(clusters.total(&drawn, &estimates, &counted), Interval { value: 5000.0, margin: 0.0 });
+            let told = total(&shares(&clusters, &drawn, &estimates), &counted);
+            assert_eq!(told, Interval { value: 5000.0, margin: 0.0 });
         }
     }
 
@@ -233,10 +324,10 @@ mod tests {
     fn counts_in_proportion_to_the_estimates_are_told_exactly() {
         let estimates: Vec<f64> = (1..=50).map(f64::from).collect();
         let signatures: Vec<Vec<f64>> = estimates.iter().map(|&x| vec![x]).collect();
-        let clusters = Clusters::new(&signatures, 4);
-        let drawn = clusters.draw(&mut Random::new(1));
+        let clusters = clusters(&signatures, 4);
+        let drawn = clusters.draw(&mut Random::new(1)).expect("drawn");
         let counted: Vec<f64> = drawn.iter().map(|&frame| 3.0 * estimates[frame]).collect();
-        let total = clusters.total(&drawn, &estimates, &counted);
+        let total = total(&shares(&clusters, &drawn, &estimates), &counted);
         assert!((total.value - 3.0 * 1275.0).abs() < 1e-6 && total.margin < 1e-6, "{total:?}");
     }
 
@@ -250,14 +341,14 @@ mod tests {
         let counts: Vec<f64> = estimates.iter().enumerate().map(|(i, x)| x * (1.0 + 0.05 * normal() + 0.1 * kind(i))).collect();
         let signatures: Vec<Vec<f64>> = estimates.iter().enumerate().map(|(i, &x)| vec![x, 60.0 * kind(i)]).collect();
         let truth: f64 = counts.iter().sum();
-        for clusters in [3, 6, 12, 40] {
-            let clusters = Clusters::new(&signatures, clusters);
+        for count in [3, 6, 12, 40] {
+            let clusters = clusters(&signatures, count);
             let covered = (0..1000).filter(|&seed| {
-                let drawn = clusters.draw(&mut Random::new(seed));
+                let drawn = clusters.draw(&mut Random::new(seed)).expect("drawn");
                 let counted: Vec<f64> = drawn.iter().map(|&frame| counts[frame]).collect();
-                clusters.total(&drawn, &estimates, &counted).covers(truth)
+                total(&shares(&clusters, &drawn, &estimates), &counted).covers(truth)
             });
-            assert!(covered.count() >= 990, "{} clusters", clusters.members.len());
+            assert!(covered.count() >= 990, "{} clusters", clusters.len());
         }
     }
 }

@@ -5,8 +5,10 @@
 //! other frames is drawn.
 
 pub mod clusters;
+mod means;
 mod ridge;
 pub mod survey;
+pub mod table;
 
 use std::ops::Range;
 use std::time::{Duration, Instant};
@@ -19,8 +21,8 @@ use super::frame_sink::{Frame, FrameSink};
 use super::host::Stopwatch;
 use super::rendering::{Consumer, Work};
 use super::replay::{Fidelity, Options, Outcome};
-use clusters::{Clusters, Interval, LEVEL};
-use survey::{ACCESSES, Count, DRAM_READ, DRAM_WRITTEN, EVICTIONS, HITS, MISSES, Observers, READ, Survey};
+use clusters::{Interval, LEVEL};
+use survey::{ACCESSES, Count, DRAM_READ, DRAM_WRITTEN, Drawn, EVICTIONS, HITS, MISSES, Observers, READ, Survey};
 
 use machine::Machine;
 use mem::CacheCounts;
@@ -162,7 +164,7 @@ impl<'t> Sampler<'t> {
 
     /// As many samples as the rest of a time limit allows.
     fn samples_within(&self, limit: Duration, sampling: &Sampling, watch: &Stopwatch) -> Result<u32> {
-        let all = self.survey.numbers.len() as u32;
+        let all = self.survey.frames() as u32;
         if all <= 3 {
             return Ok(sampling.samples);
         }
@@ -174,14 +176,13 @@ impl<'t> Sampler<'t> {
     /// Takes a few samples close together, early in the sequence: so what samples share takes a small part of its time there, and what each takes
     /// is not the difference of two long times.
     fn trial(&self, sampling: &Sampling) -> Result<Trial> {
-        let numbers = &self.survey.numbers;
-        let all = numbers.len();
+        let all = self.survey.frames();
         let begin = all / TRIAL_PART;
         // A frame lies between one sample and what warms up for the next, so that each has a machine of its own, as in the replay.
         let apart = sampling.warm_up as usize + 2;
         let drawn: Vec<usize> = (begin..all).skip(sampling.warm_up as usize).step_by(apart).take(TRIAL_SAMPLES).collect();
         let drawn = if drawn.is_empty() { vec![all - 1] } else { drawn };
-        let chosen: Vec<u32> = drawn.iter().map(|&frame| numbers[frame]).collect();
+        let chosen: Vec<u32> = drawn.iter().map(|&frame| self.survey.number(frame)).collect();
 
         let begun = Instant::now();
         let mut arrived = None;
@@ -190,15 +191,16 @@ impl<'t> Sampler<'t> {
         let time = begun.elapsed().as_secs_f64();
         let before = arrived.map_or(time, |at| (at - begun).as_secs_f64());
         // Frames that have more to do take longer.
-        let cycles = self.survey.estimates(&Count::Cycles);
-        let mean = |frames: &mut dyn Iterator<Item = f64>, n: usize| frames.sum::<f64>() / n as f64;
-        let of_drawn = mean(&mut drawn.iter().map(|&frame| cycles[frame]), drawn.len());
-        let of_all = mean(&mut cycles.iter().copied(), all);
+        let (mut of_drawn, mut of_all) = (0.0, 0.0);
+        self.survey.estimates(&Count::Cycles, |frame, cycles| {
+            of_all += cycles / all as f64;
+            of_drawn += if drawn.binary_search(&frame).is_ok() { cycles / drawn.len() as f64 } else { 0.0 };
+        })?;
         let heavier = if of_drawn > 0.0 { (of_all / of_drawn).clamp(0.25, 4.0) } else { 1.0 };
 
         let begun = Instant::now();
-        let clusters = Clusters::new(&self.survey.signatures, TRIAL_SAMPLES);
-        let clustering = begun.elapsed().as_secs_f64() / clusters.members.len().max(1) as f64;
+        let clusters = self.survey.clusters(TRIAL_SAMPLES)?;
+        let clustering = begun.elapsed().as_secs_f64() / clusters.len().max(1) as f64;
         Ok(Trial {
             shared: before * all as f64 / (begin as f64).max(1.0),
             each: (time - before) / drawn.len() as f64 * heavier + clustering,
@@ -268,7 +270,7 @@ fn simulated(
     };
     let (mut machine_time, mut by_estimate) = (Duration::ZERO, Estimated::default());
     let runs = chosen.ranges().to_vec();
-    let needs = dependencies.needs(|frame| if chosen.contains(frame) { Want::All } else { Want::Nothing });
+    let needs = dependencies.needs(|frame| if chosen.contains(frame) { Want::All } else { Want::Nothing })?;
     let mut rendering = options.rendering_of(trace, chosen);
     rendering.needs(needs, None);
     let sink = FrameSink { keeps, progress, per_draw, of: Some(simulated_frames), ..FrameSink::new(count) };
@@ -301,33 +303,33 @@ fn of_survey(
     sink: FrameSink<'_>,
 ) -> Result<Outcome> {
     let watch = Stopwatch::start();
-    let all = survey.numbers.len();
+    let all = survey.frames();
     if sampling.samples < 2 {
         bail!("{} frames to be sampled give no interval: 2 are the least", sampling.samples);
     }
     if all <= sampling.samples as usize + 1 {
         bail!("{all} frames are too few to sample the first and {} others: use cycle", sampling.samples);
     }
-    let clusters = Clusters::new(&survey.signatures, sampling.samples as usize);
-    if clusters.members.len() < 3 {
+    let strata = survey.strata(sampling.samples as usize)?;
+    if strata.clusters().len() < 3 {
         bail!(
             "the {} frames behind the first are all alike, and one cannot give an interval: use cycle with --frames",
             all - 1
         );
     }
-    let drawn = clusters.draw(&mut Random::new(sampling.seed));
-    let numbers: Vec<u32> = drawn.iter().map(|&frame| survey.numbers[frame]).collect();
+    let drawn = strata.draw(&mut Random::new(sampling.seed))?;
+    let numbers: Vec<u32> = drawn.frames.iter().map(|&frame| survey.number(frame)).collect();
     let (counted, simulated_frames, machine_time) =
         simulated(dependencies, (trace, options), (&numbers, sampling.warm_up), sink, None)?;
 
-    let weights = clusters.weights(&drawn, &survey.estimates(&Count::Cycles));
+    let weights = drawn.weights(&Count::Cycles);
     let trees: Vec<(f64, &Tree)> = weights.iter().copied().zip(&counted).collect();
     let mut total = Tree::weighted(&trees);
     let cycles = Count::Cycles.of(&total);
     total.real("seconds", options.config.seconds(cycles));
     let trees: Vec<&Tree> = counted.iter().collect();
-    estimated(&mut total, survey, &clusters, &drawn, &trees);
-    let margins = intervals(survey, &clusters, &drawn, &trees).into_iter().map(|(of, Interval { margin, .. })| {
+    estimated(&mut total, &drawn, &trees);
+    let margins = intervals(&drawn, &trees).into_iter().map(|(of, Interval { margin, .. })| {
         let value = match &of {
             Quantity::Count(count) => count.of(&total),
             Quantity::HitRate(cache) => {
@@ -337,8 +339,12 @@ fn of_survey(
         };
         Margin { of, value, margin }
     });
-    let sampled =
-        Sampled { frames: all as u64, counted: drawn.len() as u64, simulated: simulated_frames, margins: margins.collect() };
+    let sampled = Sampled {
+        frames: all as u64,
+        counted: drawn.frames.len() as u64,
+        simulated: simulated_frames,
+        margins: margins.collect(),
+    };
     sampled.put(&mut total);
     Ok(Outcome {
         cycles: Some(cycles),
@@ -365,9 +371,9 @@ impl Sampled {
 }
 
 /// Puts what caches and DRAM do into the total, by what is estimated of just that.
-fn estimated(total: &mut Tree, survey: &Survey, clusters: &Clusters, drawn: &[usize], frames: &[&Tree]) {
+fn estimated(total: &mut Tree, drawn: &Drawn<'_>, frames: &[&Tree]) {
     let sum = |by: &Count, own: &dyn Fn(&Tree) -> f64| -> f64 {
-        let weights = clusters.weights(drawn, &survey.estimates(by));
+        let weights = drawn.weights(by);
         weights.iter().zip(frames).map(|(weight, tree)| weight * own(tree)).sum()
     };
     for count in [Count::Dram(DRAM_READ), Count::Dram(DRAM_WRITTEN), Count::Client("texture".into(), READ)] {
@@ -393,20 +399,20 @@ fn estimated(total: &mut Tree, survey: &Survey, clusters: &Clusters, drawn: &[us
 
 /// The intervals of the cycles, of the bytes of each client and of DRAM, and of the hit rate of each kind of cache; of the caches of
 /// which misses are estimated, of these too.
-fn intervals(survey: &Survey, clusters: &Clusters, drawn: &[usize], frames: &[&Tree]) -> Vec<(Quantity, Interval)> {
+fn intervals(drawn: &Drawn<'_>, frames: &[&Tree]) -> Vec<(Quantity, Interval)> {
     let mut found = Vec::new();
     let Some(first) = frames.first() else { return found };
     let mut counts = vec![Count::Cycles];
     counts.extend(survey::traffic(first));
     counts.push(Count::DramBytes);
     for count in counts {
-        let interval = survey.total(clusters, drawn, &count, frames);
+        let interval = drawn.total(&count, frames);
         found.push((Quantity::Count(count), interval));
     }
     let Some(Node::Tree(caches)) = first.get("caches") else { return found };
     for (cache, _) in caches.entries() {
         let of = |what| Count::Cache(cache.to_owned(), what);
-        let total = |what| survey.total(clusters, drawn, &of(what), frames);
+        let total = |what| drawn.total(&of(what), frames);
         let accesses = total(ACCESSES);
         if accesses.value <= 0.0 {
             continue;
@@ -425,7 +431,7 @@ fn intervals(survey: &Survey, clusters: &Clusters, drawn: &[usize], frames: &[&T
         let rate = total(HITS).value / accesses.value;
         // A quotient of two totals, linearised: its error is that of what hits are beside the rate.
         let beside: Vec<f64> = hits.iter().zip(&lookups).map(|(hits, lookups)| hits - rate * lookups).collect();
-        let margin = clusters.total(drawn, &survey.estimates(&Count::Cycles), &beside).margin / accesses.value;
+        let margin = drawn.total_of(&Count::Cycles, &beside).margin / accesses.value;
         found.push((hit_rate, Interval { value: rate, margin }));
     }
     found

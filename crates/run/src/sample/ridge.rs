@@ -6,15 +6,43 @@ const PENALTY: f64 = 1e-3;
 /// A known value is not extrapolated below this share of the smallest.
 const LEAST: f64 = 0.25;
 
-/// Counts of all frames, made ready for any number of quantities. Nothing is kept of a frame but its counts: sequences are long.
-pub(super) struct Ridge<'c, const N: usize> {
-    counts: &'c [[f64; N]],
-    /// Their means over all frames.
+/// What is known of the counts of all frames.
+pub(super) struct Summary<const N: usize> {
+    frames: u64,
+    first: [f64; N],
+    sums: [f64; N],
+    /// Which differ between frames.
+    change: [bool; N],
+}
+
+impl<const N: usize> Default for Summary<N> {
+    fn default() -> Self {
+        Summary { frames: 0, first: [0.0; N], sums: [0.0; N], change: [false; N] }
+    }
+}
+
+impl<const N: usize> Summary<N> {
+    /// Adds a frame, behind those before it.
+    pub fn add(&mut self, counts: &[f64; N]) {
+        if self.frames == 0 {
+            self.first = *counts;
+        }
+        self.frames += 1;
+        for at in 0..N {
+            self.sums[at] += counts[at];
+            self.change[at] |= counts[at] != self.first[at];
+        }
+    }
+}
+
+/// Counts of frames, made ready for any number of quantities.
+pub(super) struct Ridge<const N: usize> {
+    /// The means of the counts over all frames.
     means: [f64; N],
     /// Those that change.
     kept: Vec<usize>,
-    /// The frames of which values are known.
-    known: Vec<usize>,
+    /// The counts of the frames of which values are known.
+    known: Vec<[f64; N]>,
     /// The lower triangle of the normal equations' Cholesky factor.
     factor: Vec<Vec<f64>>,
 }
@@ -26,20 +54,18 @@ pub(super) struct Law {
     least: f64,
 }
 
-impl<const N: usize> Ridge<'_, N> {
-    /// Makes ready: counts by frame, and the frames of which values will be known.
-    pub fn new<'c>(counts: &'c [[f64; N]], known: &[usize]) -> Ridge<'c, N> {
-        let frames = counts.len().max(1) as f64;
-        let means: [f64; N] = std::array::from_fn(|at| counts.iter().map(|row| row[at]).sum::<f64>() / frames);
-        let changes = |at: &usize| counts.iter().any(|row| row[*at] != counts[0][*at]);
-        let kept: Vec<usize> = (0..N).filter(changes).collect();
+impl<const N: usize> Ridge<N> {
+    /// Makes ready: what is known of all frames, and the counts of those of which values will be known.
+    pub fn new(all: &Summary<N>, known: Vec<[f64; N]>) -> Ridge<N> {
+        let means = all.sums.map(|sum| sum / all.frames.max(1) as f64);
+        let kept: Vec<usize> = (0..N).filter(|&at| all.change[at]).collect();
         let n = kept.len() + 1;
-        let mut ridge = Ridge { counts, means, kept, known: known.to_vec(), factor: vec![vec![0.0; n]; n] };
+        let mut ridge = Ridge { means, kept, known, factor: vec![vec![0.0; n]; n] };
         for i in 0..n {
             for j in 0..=i {
-                let mut sum: f64 = known.iter().map(|&frame| ridge.input(frame, i) * ridge.input(frame, j)).sum();
+                let mut sum: f64 = ridge.known.iter().map(|counts| ridge.input(counts, i) * ridge.input(counts, j)).sum();
                 // The constant is free.
-                sum += if i == j && i > 0 { PENALTY * known.len() as f64 } else { 0.0 };
+                sum += if i == j && i > 0 { PENALTY * ridge.known.len() as f64 } else { 0.0 };
                 let factor = &mut ridge.factor;
                 let before: f64 = (0..j).map(|k| factor[i][k] * factor[j][k]).sum();
                 let left = sum - before;
@@ -49,17 +75,18 @@ impl<const N: usize> Ridge<'_, N> {
         ridge
     }
 
-    /// An input of the law in a frame: the constant, or a count by its mean, less one.
-    fn input(&self, frame: usize, at: usize) -> f64 {
+    /// An input of the law in a frame of such counts: the constant, or a count by its mean, less one.
+    fn input(&self, counts: &[f64; N], at: usize) -> f64 {
         let Some(&count) = at.checked_sub(1).and_then(|at| self.kept.get(at)) else { return 1.0 };
-        self.counts[frame][count] / self.means[count] - 1.0
+        counts[count] / self.means[count] - 1.0
     }
 
     /// The law by the values of the known frames.
     pub fn fit(&self, values: &[f64]) -> Law {
         let n = self.factor.len();
-        let mut solved: Vec<f64> =
-            (0..n).map(|at| self.known.iter().zip(values).map(|(&frame, value)| self.input(frame, at) * value).sum()).collect();
+        let mut solved: Vec<f64> = (0..n)
+            .map(|at| self.known.iter().zip(values).map(|(counts, value)| self.input(counts, at) * value).sum())
+            .collect();
         for i in 0..n {
             let before: f64 = (0..i).map(|k| self.factor[i][k] * solved[k]).sum();
             solved[i] = (solved[i] - before) / self.factor[i][i];
@@ -72,9 +99,9 @@ impl<const N: usize> Ridge<'_, N> {
         Law { coefficients: solved, least }
     }
 
-    /// What a law says of a frame.
-    pub fn value(&self, law: &Law, frame: usize) -> f64 {
-        let counted = law.coefficients[1..].iter().enumerate().map(|(at, by)| self.input(frame, at + 1) * by);
+    /// What a law says of a frame of such counts.
+    pub fn value(&self, law: &Law, counts: &[f64; N]) -> f64 {
+        let counted = law.coefficients[1..].iter().enumerate().map(|(at, by)| self.input(counts, at + 1) * by);
         (law.coefficients[0] + counted.sum::<f64>()).max(law.least)
     }
 }
@@ -85,9 +112,11 @@ mod tests {
 
     /// The values of all frames.
     fn fitted<const N: usize>(counts: &[[f64; N]], known: &[usize], values: &[f64]) -> Vec<f64> {
-        let ridge = Ridge::new(counts, known);
+        let mut all = Summary::default();
+        counts.iter().for_each(|counts| all.add(counts));
+        let ridge = Ridge::new(&all, known.iter().map(|&frame| counts[frame]).collect());
         let law = ridge.fit(values);
-        (0..counts.len()).map(|frame| ridge.value(&law, frame)).collect()
+        counts.iter().map(|counts| ridge.value(&law, counts)).collect()
     }
 
     #[test]

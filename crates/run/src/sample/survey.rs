@@ -8,17 +8,19 @@ use std::fmt;
 use std::ops::Range;
 use std::time::Duration;
 
-use anyhow::{Context, Result, anyhow};
+use anyhow::{Context, Result, anyhow, ensure};
 use rayon::ThreadPool;
 
-use super::clusters::{Clusters, Interval, signature};
-use super::ridge::{Law, Ridge};
+use super::clusters::{Clusters, Interval, Share, signature, total};
+use super::ridge::{Law, Ridge, Summary};
+use super::table::Table;
 use crate::bound::{Bound, PhaseEstimate};
 use crate::frame_sink::{Ended, Pictures, Progress, pictured};
 use crate::host::Stopwatch;
 use crate::rendering::{Consumer, Work};
 use crate::replay::Options;
 use mem::{CacheCounts, ClientCounts, DramCounts};
+use num::Random;
 use render::{ConsumerMemory, Dependencies, FrameSet, Want};
 use stats::{Counter, FrameCounts, Node, Tree, counter};
 use trace::Trace;
@@ -166,14 +168,13 @@ const ESTIMATES: [fn(&PhaseEstimate) -> f64; 8] = [
     |phase| phase.textures[1],
 ];
 
-/// The estimates of all frames: a few numbers each.
-#[derive(Clone, Debug, Default)]
+/// The estimates of all frames: a few numbers each, which are not kept in memory.
+#[derive(Debug)]
 pub struct Survey {
     /// The trace's own numbers of the frames.
-    pub numbers: Vec<u32>,
-    /// Their signatures.
-    pub signatures: Vec<Vec<f64>>,
-    estimates: Vec<[f64; ESTIMATES.len()]>,
+    pub numbers: Range<u32>,
+    /// Of each frame its signature, then its estimates.
+    rows: Table<f64>,
     /// Host time of profiles and estimates, rendering left out.
     pub time: Duration,
 }
@@ -254,39 +255,37 @@ pub fn survey_in_parts(
             }));
         });
     }
-    let (mut survey, mut counts, mut known) = (Survey::default(), Vec::new(), Vec::new());
-    let (mut bound, mut units) = (Bound::proxy(&options.config), Vec::new());
+    let (mut time, mut parts, mut summary) = (Duration::ZERO, Vec::new(), Summary::default());
+    let (mut known, mut bound, mut units, mut end) = (Vec::new(), Bound::proxy(&options.config), Vec::new(), range.start);
     for part in read {
-        let Read { frames, time } = part?;
-        survey.time += time;
+        let Read { first, counts, profiles, time: of_part } = part?;
         let watch = Stopwatch::start();
-        for Counted { number, counts: of_frame, profile } in frames {
-            if let Some(profile) = profile {
-                let estimate = bound.frame(&profile);
-                let work = estimate.phases.iter().flat_map(|phase| phase.units.iter().copied());
-                let signature = signature(work, &mut units);
-                known.push((counts.len(), signature, ESTIMATES.map(|of| estimate.phases.iter().map(of).sum())));
-            }
-            survey.numbers.push(number);
-            counts.push(of_frame.0.map(|count| count as f64));
+        ensure!(first == end, "frame {first} was surveyed where frame {end} was to be");
+        for (number, counts, profile) in profiles {
+            let estimate = bound.frame(&profile);
+            let work = estimate.phases.iter().flat_map(|phase| phase.units.iter().copied());
+            let signature = signature(work, &mut units);
+            let estimates = ESTIMATES.map(|of| estimate.phases.iter().map(of).sum());
+            known.push(Known { number, counts, signature, estimates });
         }
-        survey.time += watch.elapsed();
+        counts.each(|_, counts| summary.add(&std::array::from_fn(|at| counts[at])))?;
+        end += counts.rows() as u32;
+        parts.push(counts);
+        time += of_part + watch.elapsed();
     }
-    predict(&mut survey, &counts, known, units.len());
-    Ok(survey)
-}
-
-/// A frame as its part was read.
-struct Counted {
-    number: u32,
-    counts: Counts,
-    /// The profile, if the frame is recorded; few are.
-    profile: Option<Box<FrameProfile>>,
+    let watch = Stopwatch::start();
+    let rows = predict(range.start, &parts, &summary, known, units.len())?;
+    Ok(Survey { numbers: range.start..end, rows, time: time + watch.elapsed() })
 }
 
 /// A part that was read.
 struct Read {
-    frames: Vec<Counted>,
+    /// The number of its first frame.
+    first: u32,
+    /// The counts of its frames.
+    counts: Table<f64>,
+    /// Frames that are recorded: their numbers, counts and profiles. They are few.
+    profiles: Vec<(u32, [f64; COUNTS], Box<FrameProfile>)>,
     /// Host time of profiles.
     time: Duration,
 }
@@ -303,13 +302,13 @@ fn read_part(
 ) -> Result<Read> {
     let key = options.config.render_key();
     let (mut profiler, mut counts, mut number) = (Profiler::new(key.shade), Counts::default(), frames.start);
-    let mut read = Read { frames: Vec::new(), time: Duration::ZERO };
+    let mut read = Read { first: frames.start, counts: Table::new(COUNTS), profiles: Vec::new(), time: Duration::ZERO };
     let of = u64::from(options.frames.end.min(dependencies.frames()) - options.frames.start);
     let needs = dependencies.needs(|frame| match () {
         _ if !frames.contains(&frame) => Want::Nothing,
         _ if recorded.contains(frame) || observers.pictures.is_some() => Want::All,
         _ => Want::Counts,
-    });
+    })?;
     let mut rendering = options.rendering_of(trace, frames.clone().into());
     rendering.needs(needs, Some(recorded.clone()));
     rendering.areas();
@@ -324,11 +323,10 @@ fn read_part(
             if let Event::EndFrame(end) = &event {
                 (observers.progress)(Ended { frame: end.number, surveyed: true, of: Some(of) });
                 observers.pictures.map_or(Ok(()), |pictures| pictures(pictured(end)))?;
-                read.frames.push(Counted {
-                    number: end.number,
-                    counts: std::mem::take(&mut counts),
-                    profile: profile.map(Box::new),
-                });
+                ensure!(end.number == number, "frame {} ended where frame {number} was to end", end.number);
+                let counts = std::mem::take(&mut counts).0.map(|count| count as f64);
+                read.counts.add(&counts)?;
+                read.profiles.extend(profile.map(|profile| (number, counts, Box::new(profile))));
                 if records {
                     // A profile knows nothing of the frames before, which may be in another part.
                     profiler = Profiler::new(key.shade);
@@ -343,24 +341,41 @@ fn read_part(
     Ok(read)
 }
 
-/// Frames that were estimated: place in the sequence, signature, estimates.
-type Known = (usize, Vec<f64>, [f64; ESTIMATES.len()]);
+/// A frame that was estimated.
+struct Known {
+    number: u32,
+    counts: [f64; COUNTS],
+    signature: Vec<f64>,
+    estimates: [f64; ESTIMATES.len()],
+}
 
 /// Estimates all frames: those that are known by what is known, the others by their counts.
-fn predict(survey: &mut Survey, counts: &[[f64; COUNTS]], known: Vec<Known>, units: usize) {
-    let places: Vec<usize> = known.iter().map(|(place, ..)| *place).collect();
-    let ridge = Ridge::new(counts, &places);
+fn predict(first: u32, parts: &[Table<f64>], summary: &Summary<COUNTS>, known: Vec<Known>, units: usize) -> Result<Table<f64>> {
+    let ridge = Ridge::new(summary, known.iter().map(|known| known.counts).collect());
     let fit = |of: &dyn Fn(&Known) -> f64| ridge.fit(&known.iter().map(of).collect::<Vec<f64>>());
-    let signatures: Vec<Law> =
-        (0..units).map(|unit| fit(&|(_, signature, _)| signature.get(unit).copied().unwrap_or(0.0))).collect();
-    let estimates: [Law; ESTIMATES.len()] = std::array::from_fn(|at| fit(&|(_, _, estimates)| estimates[at]));
-    // By frame, with no other copy of all of them: sequences are long.
-    let frames = 0..counts.len();
-    survey.signatures = frames.clone().map(|frame| signatures.iter().map(|law| ridge.value(law, frame)).collect()).collect();
-    survey.estimates = frames.map(|frame| std::array::from_fn(|at| ridge.value(&estimates[at], frame))).collect();
-    for (place, signature, estimates) in known {
-        (survey.signatures[place], survey.estimates[place]) = (signature, estimates);
+    let mut laws: Vec<Law> = (0..units).map(|unit| fit(&|known| known.signature.get(unit).copied().unwrap_or(0.0))).collect();
+    laws.extend((0..ESTIMATES.len()).map(|at| fit(&|known| known.estimates[at])));
+    let (mut rows, mut number, mut row) = (Table::new(laws.len()), first, vec![0.0; laws.len()]);
+    let mut known = known.iter().peekable();
+    for part in parts {
+        let mut failed = Ok(());
+        part.each(|_, counts| {
+            let counts = std::array::from_fn(|at| counts[at]);
+            row.iter_mut().zip(&laws).for_each(|(value, law)| *value = ridge.value(law, &counts));
+            if let Some(known) = known.next_if(|known| known.number == number) {
+                let (signature, estimates) = row.split_at_mut(units);
+                signature.fill(0.0);
+                signature[..known.signature.len()].copy_from_slice(&known.signature);
+                estimates.copy_from_slice(&known.estimates);
+            }
+            number += 1;
+            if failed.is_ok() {
+                failed = rows.add(&row);
+            }
+        })?;
+        failed?;
     }
+    Ok(rows)
 }
 
 /// What is counted in a frame without its work: draws, passes, samples of attachments, vertices read, vertices shaded, primitives, clipped
@@ -409,14 +424,115 @@ impl Counts {
 }
 
 impl Survey {
-    /// What is estimated by frame, of what a count is in proportion to.
-    pub fn estimates(&self, count: &Count) -> Vec<f64> {
-        self.estimates.iter().map(|frame| frame[count.by()]).collect()
+    /// Frames of the sequence.
+    pub fn frames(&self) -> usize {
+        self.rows.rows()
     }
 
-    /// The sum over all frames of what was counted in those drawn.
-    pub fn total(&self, clusters: &Clusters, drawn: &[usize], count: &Count, frames: &[&Tree]) -> Interval {
+    /// The trace's own number of a frame.
+    pub fn number(&self, frame: usize) -> u32 {
+        self.numbers.start + frame as u32
+    }
+
+    /// What is known of a frame: its signature, then its estimates.
+    ///
+    /// # Errors
+    /// If it cannot be read.
+    pub fn row(&self, frame: usize) -> Result<Vec<f64>> {
+        Ok(self.rows.row(frame)?)
+    }
+
+    /// Calls `each` with every frame in order and what is estimated of what a count is in proportion to.
+    ///
+    /// # Errors
+    /// If the rows cannot be read.
+    pub fn estimates(&self, count: &Count, mut each: impl FnMut(usize, f64)) -> Result<()> {
+        let at = self.rows.width() - ESTIMATES.len() + count.by();
+        Ok(self.rows.each(|frame, row| each(frame, row[at]))?)
+    }
+
+    /// Clusters of frames that are alike: the first, and so many others.
+    ///
+    /// # Errors
+    /// If what is kept of the frames cannot be read or written.
+    pub fn clusters(&self, count: usize) -> Result<Clusters> {
+        Clusters::new(&self.rows, self.rows.width() - ESTIMATES.len(), count)
+    }
+
+    /// Clusters, with what their frames come to by estimate.
+    ///
+    /// # Errors
+    /// As [`Survey::clusters`].
+    pub fn strata(&self, count: usize) -> Result<Strata<'_>> {
+        let clusters = self.clusters(count)?;
+        let mut sums = vec![[0.0; ESTIMATES.len()]; clusters.len()];
+        clusters.each_row(&self.rows, |cluster, row| {
+            let estimates = &row[row.len() - ESTIMATES.len()..];
+            sums[cluster].iter_mut().zip(estimates).for_each(|(sum, own)| *sum += own);
+        })?;
+        Ok(Strata { survey: self, clusters, sums })
+    }
+}
+
+/// Clusters of frames, with what these come to by estimate.
+#[derive(Debug)]
+pub struct Strata<'s> {
+    survey: &'s Survey,
+    clusters: Clusters,
+    sums: Vec<[f64; ESTIMATES.len()]>,
+}
+
+/// A frame of each cluster, drawn at random.
+#[derive(Debug)]
+pub struct Drawn<'s> {
+    strata: &'s Strata<'s>,
+    /// The frames, by place in the sequence.
+    pub frames: Vec<usize>,
+    own: Vec<[f64; ESTIMATES.len()]>,
+}
+
+impl Strata<'_> {
+    /// The clusters.
+    pub fn clusters(&self) -> &Clusters {
+        &self.clusters
+    }
+
+    /// Draws frames.
+    ///
+    /// # Errors
+    /// If what is kept of the frames cannot be read.
+    pub fn draw(&self, random: &mut Random) -> Result<Drawn<'_>> {
+        let frames = self.clusters.draw(random)?;
+        let own = |&frame: &usize| {
+            let row = self.survey.row(frame)?;
+            let estimates = row.len() - ESTIMATES.len();
+            Ok(std::array::from_fn(|at| row[estimates + at]))
+        };
+        let own = frames.iter().map(own).collect::<Result<_>>()?;
+        Ok(Drawn { strata: self, frames, own })
+    }
+}
+
+impl Drawn<'_> {
+    fn shares(&self, count: &Count) -> Vec<Share> {
+        let Strata { clusters, sums, .. } = self.strata;
+        let (at, each) = (count.by(), clusters.sizes().zip(sums).zip(&self.own));
+        each.map(|((frames, sums), own)| Share { frames, sum: sums[at], own: own[at] }).collect()
+    }
+
+    /// How much each drawn frame stands for, of what a count is in proportion to.
+    pub fn weights(&self, count: &Count) -> Vec<f64> {
+        self.shares(count).iter().map(Share::weight).collect()
+    }
+
+    /// The sum over all frames of what was counted in those drawn, and is in proportion to what a count is.
+    pub fn total_of(&self, by: &Count, counted: &[f64]) -> Interval {
+        total(&self.shares(by), counted)
+    }
+
+    /// The sum of a count over all frames, by the statistics of those drawn.
+    pub fn total(&self, count: &Count, frames: &[&Tree]) -> Interval {
         let own: Vec<f64> = frames.iter().map(|tree| count.of(tree)).collect();
-        clusters.total(drawn, &self.estimates(count), &own)
+        self.total_of(count, &own)
     }
 }
