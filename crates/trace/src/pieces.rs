@@ -108,7 +108,7 @@ impl Pieces {
                 if begun {
                     break;
                 }
-                header.push(byte);
+                add(&mut header, byte)?;
                 match scanner.step(byte) {
                     Mark::Begin => begun = true,
                     Mark::Unknown => return Ok(None),
@@ -171,7 +171,7 @@ impl Pieces {
             let mut end = None;
             for &byte in &bytes[..got] {
                 if begun {
-                    piece.push(byte);
+                    add(&mut piece, byte)?;
                 }
                 match if ended { Mark::Nothing } else { scanner.step(byte) } {
                     Mark::Nothing => {}
@@ -202,6 +202,16 @@ impl Pieces {
         }
         Ok(ended && read == self.length && text::ends_with(&piece))
     }
+}
+
+/// Adds a byte to what is held: a command, or what lies between two, has any length.
+fn add(held: &mut Vec<u8>, byte: u8) -> io::Result<()> {
+    if held.len() == held.capacity() {
+        let fail = |_| io::Error::new(io::ErrorKind::OutOfMemory, "there is no memory for a part of the text of this length");
+        held.try_reserve(1).map_err(fail)?;
+    }
+    held.push(byte);
+    Ok(())
 }
 
 /// Reads some bytes; none at the end.
