@@ -236,9 +236,9 @@ mod tests {
     #[test]
     fn answers_are_counted_from_the_one_added_last() {
         let mut answers = Answers::<2>::default();
-        (0..100).for_each(|at| answers.add(at * 7 % 4));
+        (0..100).for_each(|at| answers.add(at % 4 * 3 % 4));
         for number in 0..100 {
-            assert_eq!(answers.get(number), Some((99 - number as u8) * 7 % 4), "{number}");
+            assert_eq!(answers.get(number), Some((99 - number as u8) % 4 * 3 % 4), "{number}");
         }
         assert_eq!((answers.get(100), answers.get(u32::MAX), answers.words.len()), (None, None, 4));
     }
