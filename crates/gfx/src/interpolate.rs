@@ -320,6 +320,27 @@ pub fn centroids(coverage: &[u16], out: &mut [u8; LANES]) {
     }
 }
 
+impl Weights {
+    /// Whether no lane has an infinity or what is no number.
+    #[inline(always)]
+    pub fn are_finite(&self) -> bool {
+        let most = |lanes: &Lanes| lanes.0.iter().fold(0, |most, bits| (bits & !SIGN).max(most));
+        most(&self.one).max(most(&self.two)) < INFINITY
+    }
+}
+
+/// The sign of the bits of a number.
+const SIGN: u32 = 1 << 31;
+/// The bits of infinity: those of finite numbers without a sign are less.
+const INFINITY: u32 = 0x7f80_0000;
+
+/// Whether interpolation gives the first of these values, bit for bit, wherever weights are finite: all differences are 0 then, to which
+/// nothing but a negative 0 is added that is not left as it is.
+#[inline(always)]
+pub fn is_constant([a, b, c]: [u32; 3]) -> bool {
+    a == b && a == c && a != SIGN && a & INFINITY != INFINITY
+}
+
 /// What an attribute of one triangle becomes before it is spread over lanes: its value at vertex 0, the differences to it, and
 /// what rounding took from the differences.
 #[inline(always)]

@@ -132,6 +132,15 @@ impl ColorState {
         !self.is_idle() && (!self.whole || self.blends())
     }
 
+    /// Whether a batch is written two quads at a time, so that to have its codes already saves nothing.
+    #[inline(always)]
+    pub fn takes_pairs(&self) -> bool {
+        #[cfg(target_arch = "x86_64")]
+        return self.pairs.is_some();
+        #[cfg(not(target_arch = "x86_64"))]
+        false
+    }
+
     /// Blends a quad into its stored codes (one run, see [`super`]).
     ///
     /// `src` and `src1` are the outputs of the fragment shader, channel by channel (bits of `f32`, or integers for integer

@@ -69,7 +69,7 @@ pub struct Sample<'a> {
 
 impl View {
     /// Samples the lanes of `mask`. `out` receives the bits of four `f32`; a comparison gives its result in the first. Lanes
-    /// outside the mask may be written too. Implicit levels of detail read the coordinates of all lanes of a quad, masked or not.
+    /// outside the mask are written too, with what they would read or zeros. Implicit levels of detail read the coordinates of all lanes of a quad, masked or not.
     pub fn sample(&self, sampler: &Sampler, args: &Sample<'_>, mask: Mask, out: &mut [Lanes; 4]) {
         self.sample_finding(sampler, args, mask, &mut None, out);
     }
@@ -97,7 +97,11 @@ impl View {
         found: &mut Option<fast::QuadLevels>,
         out: &mut [Lanes; 4],
     ) {
-        if !fast::sample(self, sampler, args, found, out) && !staged::sample(self, sampler, args, mask, out) {
+        if fast::sample(self, sampler, args, found, out) {
+            return;
+        }
+        *out = [Lanes::ZERO; 4];
+        if !staged::sample(self, sampler, args, mask, out) {
             general::sample(self, sampler, args, mask, out);
         }
     }

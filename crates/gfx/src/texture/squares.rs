@@ -15,6 +15,7 @@ use num::{LANES, Lanes, Mask, QUADS};
 
 /// Records what a linear filter reads of a flat texture of any format; says whether it could. `found` are the levels of the quads, where
 /// sampling has found them.
+#[inline(always)]
 pub(super) fn record(
     view: &View,
     sampler: &Sampler,
@@ -31,6 +32,7 @@ pub(super) fn record(
 }
 
 /// Records with the widest vectors of the host.
+#[inline(always)]
 fn record_wide(view: &View, sampler: &Sampler, args: &Sample<'_>, found: Option<&QuadLevels>, mask: Mask, out: &mut Footprint) {
     #[cfg(target_arch = "x86_64")]
     {

@@ -72,6 +72,40 @@ fn runs_of_quads(weights: &Weights, values: [f32; 3], random: &mut Random) {
     }
 }
 
+/// What is filled in without interpolation is what interpolation gives.
+#[test]
+fn an_attribute_that_is_the_same_at_all_vertices_is_constant() {
+    let mut random = Random::new(5);
+    let mut weights = Weights::default();
+    let (mut constant, mut other) = (0, 0);
+    for round in 0..2000 {
+        for lane in 0..LANES {
+            // Any bits of a finite number.
+            let mut bits = || Some(random.bits()).filter(|bits| f32::from_bits(*bits).is_finite()).unwrap_or(0);
+            (weights.one.0[lane], weights.two.0[lane]) = (bits(), bits());
+        }
+        assert!(weights.are_finite());
+        let value = match round % 4 {
+            0 => [0, 1 << 31, 1, 0x3f80_0000, 0xff7f_ffff, 0x7f80_0000, 0x7fc0_0000][round / 4 % 7],
+            _ => random.bits(),
+        };
+        let values = if round % 8 == 7 { [value, value, value ^ 1] } else { [value; 3] };
+        if !interpolate::is_constant(values) {
+            other += 1;
+            continue;
+        }
+        constant += 1;
+        let mut out = Lanes::ZERO;
+        interpolate::attribute_uniform(&weights, values.map(f32::from_bits), &mut out);
+        assert_eq!(out, Lanes::splat(value), "{values:x?}");
+    }
+    assert!(constant > 1000 && other > 200, "{constant}, {other}");
+    weights.two.f32_mut()[7] = f32::NEG_INFINITY;
+    assert!(!weights.are_finite());
+    weights.two.f32_mut()[7] = f32::NAN;
+    assert!(!weights.are_finite());
+}
+
 #[test]
 fn mixed_batches_and_uniform_ones_give_the_same_bits() {
     let mut random = Random::new(3);

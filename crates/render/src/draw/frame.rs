@@ -116,6 +116,15 @@ pub struct PreparedDraw<'a> {
 }
 
 impl<'a> PreparedDraw<'a> {
+    /// The colour output of which payloads have four components and nothing else, if they are such.
+    #[inline(always)]
+    pub fn sole_color(&self) -> Option<(usize, usize)> {
+        match &*self.targets {
+            [target] if !target.packed && self.payload_words == 4 => Some(target.output),
+            _ => None,
+        }
+    }
+
     /// Resolves a call against the attachments of its pass.
     ///
     /// # Errors

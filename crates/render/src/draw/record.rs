@@ -29,6 +29,9 @@ const WHOLE: [work::Quad; 16] = {
     quads
 };
 
+/// Quads of a block up to which they are noted one after another.
+pub const FEW: u32 = 3;
+
 /// Notes what shading a quad came to, and where its payload begins.
 #[inline(always)]
 pub fn shaded(quad: &mut work::Quad, kept: u16, cost: &QuadCost, payload: u32) {
@@ -70,20 +73,28 @@ impl TileRecord {
                 quads.extend((0..S).map(|s| mask & 15 << (4 * s)).filter(|m| *m != 0).map(|mask| covered(at, mask)));
             }
         } else {
-            // The list gets 16 quads, which takes no call to copy them. Those of most blocks are all covered.
-            quads.extend_from_slice(&WHOLE);
-            if S > 1 || block.samples[0] != !0 {
-                let mut n = 0;
-                for quad in &mut quads[first..] {
-                    if left == 0 {
-                        break;
+            if S == 1 && left.count_ones() > FEW {
+                // The list gets 16 quads, which takes no call to copy them. Those of most blocks are all covered.
+                quads.extend_from_slice(&WHOLE);
+                if block.samples[0] != !0 {
+                    let mut n = 0;
+                    for quad in &mut quads[first..] {
+                        if left == 0 {
+                            break;
+                        }
+                        let at = left.trailing_zeros();
+                        left &= left - 1;
+                        *quad = covered(at, block.quad_mask(at as usize / 4));
+                        n += 1;
                     }
+                    quads.truncate(first + n);
+                }
+            } else {
+                while left != 0 {
                     let at = left.trailing_zeros();
                     left &= left - 1;
-                    *quad = covered(at, block.quad_mask(at as usize / 4));
-                    n += 1;
+                    quads.push(covered(at, block.quad_mask(at as usize / 4)));
                 }
-                quads.truncate(first + n);
             }
         }
         self.work.blocks.push(work::Block {

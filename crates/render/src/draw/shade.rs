@@ -1,5 +1,7 @@
 //! Shading: up to 16 quads at a time, whatever triangles they belong to, from interpolation to the attachments.
 
+use std::mem::MaybeUninit;
+
 use gfx::interpolate::{self, Place, Weights};
 use gfx::rop;
 use num::{LANES, Lanes, QUADS};
@@ -10,6 +12,9 @@ use super::frame::{FragmentWeights, PreparedDraw};
 use super::pending::{lanes, pixels};
 use super::record::shaded;
 use super::tile::TileRun;
+
+/// Triangles of a batch up to which attributes that are the same at all vertices are looked for.
+const FEW: usize = 4;
 
 impl TileRun<'_, '_, '_> {
     /// Shades what waits and writes it, with the host's widest vectors.
@@ -79,18 +84,29 @@ impl TileRun<'_, '_, '_> {
         let written = if unchanged { self.pending.active } else { lanes(&kept[..n]) }.count_ones();
         self.counts.fragments_written += u64::from(written);
         self.samples_passed += if S == 1 { u64::from(written) } else { kept.iter().map(|k| u64::from(k.count_ones())).sum() };
-        self.write::<S>(n, &kept);
+        self.write::<S, RECORD>(n, &kept);
         self.pending.clear();
     }
 
     /// Blends the outputs into the colour attachments.
     #[inline(always)]
-    fn write<const S: usize>(&mut self, n: usize, kept: &[u16; QUADS]) {
+    fn write<const S: usize, const RECORD: bool>(&mut self, n: usize, kept: &[u16; QUADS]) {
         let Some(bound) = &self.bound else { return };
         let pending = &*self.pending;
         for (target, tile) in self.frame.targets.iter().zip(&mut self.job.colors) {
             let Some(tile) = tile else { continue };
             tile.materialise(target.words);
+            if RECORD && target.packed && !target.state.takes_pairs() {
+                // The ROPs' payload has the codes already.
+                let (size, each) = (4 * S * target.words, 4 * self.frame.payload_words);
+                let payload = &self.job.record.work.payload;
+                let quads = payload[payload.len() - each * n..].chunks_exact(each);
+                for (q, payload) in quads.enumerate().take(QUADS).filter(|(q, _)| kept[*q] != 0) {
+                    let packed = &payload[4 * target.payload..][..4 * target.payload_words];
+                    target.state.put_quad(S, kept[q], packed, &mut tile.codes[pending.at[q] as usize * size..][..size]);
+                }
+                continue;
+            }
             let color = colors(bound, target.output);
             let at = pending.places();
             match target.second {
@@ -187,6 +203,8 @@ impl TileRun<'_, '_, '_> {
             } else if !flat {
                 interpolate::linear(triangles, sites, place, weights);
             }
+            // Colours of many programs are those of a whole triangle. Where triangles are small, to find that out takes longer than to interpolate.
+            let fills = !flat && pending.owners <= FEW && weights.are_finite();
             let mut start = 0;
             for (&(batch, number), &end) in pending.names.iter().zip(ends) {
                 let end = usize::from(end);
@@ -210,8 +228,13 @@ impl TileRun<'_, '_, '_> {
                 } else {
                     let [a, b, c] = corners.vertices.map(words);
                     for &(register, word) in &class.inputs {
-                        let values = [a[word], b[word], c[word]].map(f32::from_bits);
-                        attribute::<WIDE>(weights, start..end, values, bound.register_mut(register));
+                        let values = [a[word], b[word], c[word]];
+                        let register = bound.register_mut(register);
+                        if fills && interpolate::is_constant(values) {
+                            register.0[4 * start..4 * end].fill(values[0]);
+                        } else {
+                            attribute::<WIDE>(weights, start..end, values.map(f32::from_bits), register);
+                        }
                     }
                 }
                 start = end;
@@ -320,17 +343,24 @@ impl TileRun<'_, '_, '_> {
         let (quads, costs) = (&mut record.work.quads[..], &self.recorder.quads);
         let (n, places) = (pending.n.min(QUADS), &pending.record);
         let (begin, end) = (places[0] as usize, places[n.max(1) - 1] as usize + 1);
-        if end - begin == n {
-            // Their places rise: so many between the first and the last are all that lie between. Most batches are such.
-            for ((quad, &kept), cost) in quads[begin..end].iter_mut().zip(&pending.coverage).zip(costs) {
-                shaded(quad, kept, cost, payload);
-                payload += each;
+        // Their places rise: where there are so many between the first and the last, they follow each other.
+        if end - begin == QUADS
+            && n == QUADS
+            && let Some(quads) = quads[begin..].first_chunk_mut::<QUADS>()
+        {
+            for q in 0..QUADS {
+                shaded(&mut quads[q], pending.coverage[q], &costs[q], payload + q as u32 * each);
             }
         } else {
             for q in 0..n {
                 shaded(&mut quads[places[q] as usize], pending.coverage[q], &costs[q], payload);
                 payload += each;
             }
+        }
+        if n == QUADS
+            && let Some(color) = frame.sole_color()
+        {
+            return append_whole(&mut record.work.payload, colors(bound, color));
         }
         record.work.payload.resize(first + 4 * frame.payload_words * pending.n, 0);
         put_payload::<S>(frame, bound, &mut record.work.payload[first..]);
@@ -373,30 +403,28 @@ fn put_payload<const S: usize>(frame: &PreparedDraw<'_>, bound: &Bound<'_>, out:
     }
 }
 
-/// Puts `N` values of each pixel into the quads' payloads, which have so many words a pixel, from this word on.
-#[inline(always)]
-fn put<const N: usize>(out: &mut [[u32; 4]], size: usize, word: usize, values: [&Lanes; N]) {
-    match out.as_chunks_mut::<N>().0.first_chunk_mut::<QUADS>() {
-        Some(quads) if size == N => put_whole(quads, values),
-        _ => put_apart(out, size, word, values),
-    }
-}
-
-/// [`put`] of a whole batch with nothing between. By itself, like the other: where it is inlined, places are calculated before it is known that
-/// they are needed, and kept in memory.
+/// Appends the payloads of a whole batch that have four values of each pixel and nothing else. By itself: where it is inlined, places are
+/// calculated before it is known that they are needed.
 #[inline(never)]
-fn put_whole<const N: usize>(quads: &mut [[[u32; 4]; N]; QUADS], values: [&Lanes; N]) {
+fn append_whole(payload: &mut Vec<u32>, values: [&Lanes; 4]) {
+    const WORDS: usize = 4 * LANES;
+    payload.reserve(WORDS);
     let values = values.map(|values| values.0.as_chunks::<4>().0);
+    let room = payload.spare_capacity_mut().as_chunks_mut::<4>().0;
+    let room = room.first_chunk_mut::<{ WORDS / 4 }>().expect("room that was reserved");
     for q in 0..QUADS {
-        for i in 0..N {
-            quads[q][i] = values[i][q];
+        for i in 0..4 {
+            room[4 * q + i] = values[i][q].map(MaybeUninit::new);
         }
     }
+    // SAFETY: so many words behind the last one are in the capacity, and all of them have been written. (To clear them first takes a hundredth of
+    // the renderer's instructions on `traces/sprites`.)
+    unsafe { payload.set_len(payload.len() + WORDS) };
 }
 
-/// [`put`] of any batch.
+/// Puts `N` values of each pixel into the quads' payloads, which have so many words a pixel, from this word on.
 #[inline(never)]
-fn put_apart<const N: usize>(out: &mut [[u32; 4]], size: usize, word: usize, values: [&Lanes; N]) {
+fn put<const N: usize>(out: &mut [[u32; 4]], size: usize, word: usize, values: [&Lanes; N]) {
     let values = values.map(|values| values.0.as_chunks::<4>().0);
     for (q, quad) in out.chunks_exact_mut(size).enumerate().take(QUADS) {
         let quad = &mut quad[word..word + N];

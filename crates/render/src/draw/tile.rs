@@ -15,7 +15,7 @@ use super::batch::{Batch, NUMBER, SMALL, WHOLE};
 use super::frame::{FragmentWeights, PreparedDraw, Worker};
 use super::pending::{Pending, PendingQuad};
 use super::plan::Piece;
-use super::record::TileRecord;
+use super::record::{FEW, TileRecord};
 use super::vertex::Vertices;
 
 /// Colour attachments of a pass, at most.
@@ -399,7 +399,7 @@ impl TileRun<'_, '_, '_> {
                 let (place, pixels, front) = ([block.x, block.y], [covered, alive], triangle.front);
                 let record = (quads, first_record);
                 #[cfg(target_arch = "x86_64")]
-                if WIDE {
+                if WIDE && (!RECORD || n > FEW) {
                     // SAFETY: `dispatch` has found the instruction sets on this host.
                     left = unsafe { self.pending.push_block_wide::<RECORD>(slot, place, first, record, pixels, left, front) };
                     self.flush_if_full::<S, RECORD>();

@@ -5,7 +5,7 @@ use std::collections::HashMap;
 use super::RECORDED_PAUSE;
 use crate::program::Body;
 use gfx::texture::Footprint;
-use num::{Mask, QUADS};
+use num::{Lanes, Mask, QUADS};
 use work::{Class, Cost, CostId, CostTable, LINE, Point, RenderKey, Request, RequestKind, Span, Step};
 
 /// What one quad of the last recorded run cost.
@@ -91,6 +91,8 @@ pub(super) struct Scratch {
     spans: Vec<Span>,
     /// The lines of all requests, and the texture instruction being recorded.
     pub(super) footprint: Footprint,
+    /// What the last texture access gave; none before the first.
+    pub(super) texels: Option<Box<[Lanes; 4]>>,
 }
 
 /// No request.

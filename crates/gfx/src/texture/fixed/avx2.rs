@@ -31,8 +31,8 @@ pub(super) fn sample(view: &View, sampler: &Sampler, args: &Sample<'_>, found: &
     if needs_rho(view, args) {
         quad_rho(view, args, &mut rho);
     }
-    let mut each = None;
-    let plan = plan(view, sampler, args, &rho, found, &mut each);
+    let (mut each, mut weight) = (None, [0.0; LANES]);
+    let plan = plan(view, sampler, args, &rho, found, &mut each, &mut weight);
     let address = [sampler.address[0], sampler.address[1]];
     let coords = [args.coords[0].f32(), args.coords[1].f32()];
     match (&view.texels, &plan.places) {
@@ -131,7 +131,7 @@ fn filter<const SRGB: bool, const OF: u8>(
             let weight = if plan.by_quad {
                 _mm256_set_m128(_mm_set1_ps(weights[1]), _mm_set1_ps(weights[0]))
             } else {
-                floats(&plan.weight, chunk)
+                floats(plan.weight, chunk)
             };
             value = mix(value, second, fixed(weight));
         }

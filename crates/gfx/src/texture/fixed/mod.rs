@@ -32,7 +32,7 @@ enum Places<'a> {
 struct Plan<'a> {
     places: Places<'a>,
     /// Weight of the second level: of each quad, or lane by lane.
-    weight: [f32; LANES],
+    weight: &'a [f32; LANES],
     by_quad: bool,
     /// Whether any lane reads a second level.
     blend: bool,
@@ -55,8 +55,8 @@ fn needs_rho(view: &View, args: &Sample<'_>) -> bool {
     view.levels.len() > 1 && matches!(args.lod, Lod::Auto)
 }
 
-/// Finds levels and weights; `rho` is [`quad_rho`] where [`needs_rho`] says so. `found` receives those of quads, `each` the geometry of lanes:
-/// it would be copied in what is returned.
+/// Finds levels and weights; `rho` is [`quad_rho`] where [`needs_rho`] says so. `found` receives those of quads, `each` the geometry of lanes,
+/// `weight`, which is zeros, weights: they would be copied in what is returned.
 #[inline(always)]
 fn plan<'a>(
     view: &'a View,
@@ -65,48 +65,49 @@ fn plan<'a>(
     rho: &[f32; QUADS],
     found: &mut Option<QuadLevels>,
     each: &'a mut Option<[Geometry; 2]>,
+    weight: &'a mut [f32; LANES],
 ) -> Plan<'a> {
-    let mut plan = Plan { places: Places::Same([&view.levels[0]; 2]), weight: [0.0; LANES], by_quad: true, blend: false };
+    let (mut places, mut by_quad, mut blend) = (Places::Same([&view.levels[0]; 2]), true, false);
     let mut first = [0_u32; LANES];
     if needs_rho(view, args) {
         // A quad has one level of detail.
         let found = found.insert(QuadLevels::default());
         if args.layer.is_none() && sampler.lod_min <= 0.0 && enlarged(rho) {
-            return plan;
+            return Plan { places, weight, by_quad, blend };
         }
         found.find(view, sampler, rho);
-        let QuadLevels { first: level, weight } = &*found;
-        plan.weight[..QUADS].copy_from_slice(weight);
+        let QuadLevels { first: level, weight: of_quads } = &*found;
+        weight[..QUADS].copy_from_slice(of_quads);
         let (mut most, mut different) = (0.0_f32, 0);
         for q in 0..QUADS {
             different |= level[q] ^ level[0];
-            most = if weight[q] > most { weight[q] } else { most };
+            most = if of_quads[q] > most { of_quads[q] } else { most };
         }
-        plan.blend = most > 0.0;
+        blend = most > 0.0;
         if args.layer.is_none() {
             let second = following(view, level[0]);
-            plan.places = match different {
+            places = match different {
                 0 => Places::Same([&view.levels[level[0] as usize], &view.levels[second as usize]]),
                 _ => Places::Quads(*level),
             };
-            return plan;
+            return Plan { places, weight, by_quad, blend };
         }
         for i in 0..LANES {
             first[i] = level[i / 4];
         }
     } else if view.levels.len() > 1 {
-        plan.by_quad = false;
-        plan.blend = choose(view, sampler, args, &mut first, &mut plan.weight);
+        by_quad = false;
+        blend = choose(view, sampler, args, &mut first, weight);
     } else if args.layer.is_none() {
-        return plan;
+        return Plan { places, weight, by_quad, blend };
     }
     let mut second = first;
     for level in &mut second {
         *level = following(view, *level);
     }
-    let geometry = |level: &[u32; LANES]| Geometry::new(view, args, level, plan.by_quad);
-    plan.places = Places::Each(each.insert([geometry(&first), geometry(&second)]));
-    plan
+    let geometry = |level: &[u32; LANES]| Geometry::new(view, args, level, by_quad);
+    places = Places::Each(each.insert([geometry(&first), geometry(&second)]));
+    Plan { places, weight, by_quad, blend }
 }
 
 /// Whether a texture is enlarged in all quads: their levels of detail are below 0 by more than a logarithm can be off, and all of them read the
@@ -134,8 +135,8 @@ pub(super) fn sample_lanes(
     if needs_rho(view, args) {
         quad_rho(view, args, &mut rho);
     }
-    let mut each = None;
-    let plan = plan(view, sampler, args, &rho, found, &mut each);
+    let (mut each, mut weight) = (None, [0.0; LANES]);
+    let plan = plan(view, sampler, args, &rho, found, &mut each, &mut weight);
     let address = [sampler.address[0], sampler.address[1]];
     for i in 0..LANES {
         let at = [fold(address[0], args.coords[0].f32()[i]), fold(address[1], args.coords[1].f32()[i])];
