@@ -1,11 +1,13 @@
 #!/bin/sh
 # What sequences take on 1, 2, 4, ... processors, of the time on one: a table in Markdown. The whole command, without pictures. A share of 1.25/n
-# on n processors is what is wanted: the column `x n` at most 1.25.
-#   tests/scaling.sh [REPETITIONS]      medians of so many, else of one
-# Needs util-linux (taskset, lscpu) and a quiet host. FILLRATE=PROGRAM takes that program, else the release build.
+# on n processors is what is wanted: the column `x n` at most 1.25. Kinds of runs take turns, so that a slow minute of the host meets all of them.
+#   tests/scaling.sh [REPETITIONS [FRAMES...]]      medians of so many repetitions, else of one
+# With FRAMES also the peak memory and the rate of replays of so many frames of `interface`, on all processors: neither should depend on how many.
+# Needs util-linux (taskset, lscpu), with FRAMES GNU time, and a quiet host. FILLRATE=PROGRAM takes that program, else the release build.
 set -eu
 root=$(cd -P "$(dirname "$0")/.." && pwd -P)
 repetitions=${1:-1}
+[ $# -lt 1 ] || shift
 program=${FILLRATE:-$root/target/release/fillrate}
 work=$(mktemp -d)
 trap 'rm -rf "$work"' EXIT
@@ -53,5 +55,25 @@ for trace in flight interface swarm shadow-once; do
     done
     echo "$(median "$work/$trace.$last") $(median "$work/$trace.sampled")" | awk '{ printf " %.1f |\n", $1 / $2 }'
 done
+if [ $# -gt 0 ]; then
+    printf '\n| `interface` |'
+    printf ' %s frames: MB | a second |' "$@"
+    printf '\n|---|'
+    printf -- '--:|--:|%.0s' "$@"
+    printf '\n'
+    for frames; do
+        "$program" accuracy runs --record "$work/$frames" --frames "$frames" > "$work/log" 2>&1 || { cat "$work/log" >&2; exit 1; }
+    done
+    for options in functional bound 'bound --samples 32' 'sampled --samples 32' cycle 'cycle --frames-per-run all'; do
+        printf '| `%s` |' "$options"
+        for frames; do
+            # shellcheck disable=SC2086 # words of options
+            /usr/bin/time -o "$work/time" -f '%M %e' "$program" replay "$work/$frames/interface.zip" --images none --out "$work/out" --fidelity $options \
+                > "$work/log" 2>&1 || { cat "$work/log" >&2; exit 1; }
+            awk -v frames="$frames" '{ printf " %.1f | %.0f |", $1 * 1024 / 1e6, frames / $2 }' "$work/time"
+        done
+        printf '\n'
+    done
+fi
 printf '\nMeasured on %s, %s processors of %s cores, medians of %s, %s\n' \
     "$(lscpu | sed -n 's/^Model name: *//p' | head -n 1)" "$all" "$cores" "$repetitions" "$(date +%F)"
