@@ -4,6 +4,7 @@ use super::channels::{
     blends_codes, distinct_run, floats, join, lanes, limit, names_second, pack, quantize, range, split, unpack, write_bits,
 };
 use super::codes::Equation;
+use super::equation::blend_channel;
 use super::number::Number;
 #[cfg(target_arch = "x86_64")]
 use super::pairs::Pairs;
@@ -503,116 +504,6 @@ impl ColorState {
         for w in 0..self.words {
             let word = &mut stored[4 * w + p];
             *word = *word & !self.bits[w] | new[w] & self.bits[w];
-        }
-    }
-}
-
-/// One channel of the blend equation for `N` pixels.
-#[inline(always)]
-fn blend_channel<T: Number, const N: usize>(
-    c: usize,
-    blend: BlendComponent,
-    constant: &[T; 4],
-    src: &Colors<N, T>,
-    src1: &Colors<N, T>,
-    dst: &Colors<N, T>,
-    out: &mut [T; N],
-) {
-    // Plain loops rather than array adaptors: they take on the instruction set of the function they are inlined into.
-    let (s, d) = (&src[c], &dst[c]);
-    match blend.op {
-        BlendOp::Min => {
-            for i in 0..N {
-                out[i] = if s[i] < d[i] { s[i] } else { d[i] };
-            }
-        }
-        BlendOp::Max => {
-            for i in 0..N {
-                out[i] = if s[i] > d[i] { s[i] } else { d[i] };
-            }
-        }
-        _ => {
-            let mut other = [T::ZERO; N];
-            weigh(blend.src, s, c, constant, src, src1, dst, out);
-            weigh(blend.dst, d, c, constant, src, src1, dst, &mut other);
-            match blend.op {
-                BlendOp::Subtract => {
-                    for i in 0..N {
-                        out[i] = out[i].minus(other[i]);
-                    }
-                }
-                BlendOp::ReverseSubtract => {
-                    for i in 0..N {
-                        out[i] = other[i].minus(out[i]);
-                    }
-                }
-                _ => {
-                    for i in 0..N {
-                        out[i] = out[i].plus(other[i]);
-                    }
-                }
-            }
-        }
-    }
-}
-
-/// A channel times its factor. Factors 0 and 1 are exact even for infinities and NaN, as if the term were absent or bare.
-#[inline(always)]
-fn weigh<T: Number, const N: usize>(
-    factor: BlendFactor,
-    x: &[T; N],
-    c: usize,
-    constant: &[T; 4],
-    src: &Colors<N, T>,
-    src1: &Colors<N, T>,
-    dst: &Colors<N, T>,
-    out: &mut [T; N],
-) {
-    let constant = [constant[c]; N];
-    let mut saturated = [T::ZERO; N];
-    // Which numbers, and whether what they lack to 1.
-    let (numbers, rest) = match factor {
-        BlendFactor::Zero => {
-            *out = [T::ZERO; N];
-            return;
-        }
-        BlendFactor::One => {
-            *out = *x;
-            return;
-        }
-        BlendFactor::SrcAlphaSaturated => {
-            if c == 3 {
-                *out = *x;
-                return;
-            }
-            for i in 0..N {
-                let (a, rest) = (src[3][i], dst[3][i].complement());
-                saturated[i] = if a < rest { a } else { rest };
-            }
-            (&saturated, false)
-        }
-        BlendFactor::Src => (&src[c], false),
-        BlendFactor::OneMinusSrc => (&src[c], true),
-        BlendFactor::SrcAlpha => (&src[3], false),
-        BlendFactor::OneMinusSrcAlpha => (&src[3], true),
-        BlendFactor::Dst => (&dst[c], false),
-        BlendFactor::OneMinusDst => (&dst[c], true),
-        BlendFactor::DstAlpha => (&dst[3], false),
-        BlendFactor::OneMinusDstAlpha => (&dst[3], true),
-        BlendFactor::Constant => (&constant, false),
-        BlendFactor::OneMinusConstant => (&constant, true),
-        BlendFactor::Src1 => (&src1[c], false),
-        BlendFactor::OneMinusSrc1 => (&src1[c], true),
-        BlendFactor::Src1Alpha => (&src1[3], false),
-        BlendFactor::OneMinusSrc1Alpha => (&src1[3], true),
-    };
-    if rest {
-        for i in 0..N {
-            out[i] = x[i].times(numbers[i].complement());
-        }
-    } else {
-        for i in 0..N {
-            out[i] = x[i].times(numbers[i]);
         }
     }
 }

@@ -1,6 +1,7 @@
 //! The blend equation in 8-bit codes ([`super::number`]) over the pixels of a group, factors as data and not as branches.
 
 use super::Colors;
+use super::equation::{Operand, Weight};
 use super::number::Number;
 use crate::state::{BlendComponent, BlendFactor, BlendOp};
 use crate::texel::unorm;
@@ -25,28 +26,22 @@ struct Factor {
 impl Factor {
     /// The factor of a channel; none where it is the lesser of two numbers.
     fn of(factor: BlendFactor, channel: usize) -> Option<Factor> {
-        let row = |row: usize, flip| Some(Factor { row: row as u8, keep: !0, flip });
-        match factor {
+        Some(match Weight::new(factor, channel == 3) {
             // Times 255 is exact: the nearest integer to `255 x / 255`.
-            BlendFactor::Zero => Some(Factor { row: 0, keep: 0, flip: 0 }),
-            BlendFactor::One => Some(Factor { row: 0, keep: 0, flip: 255 }),
-            BlendFactor::SrcAlphaSaturated if channel == 3 => Factor::of(BlendFactor::One, channel),
-            BlendFactor::SrcAlphaSaturated => None,
-            BlendFactor::Src => row(channel, 0),
-            BlendFactor::OneMinusSrc => row(channel, 255),
-            BlendFactor::SrcAlpha => row(3, 0),
-            BlendFactor::OneMinusSrcAlpha => row(3, 255),
-            BlendFactor::Dst => row(STORED + channel, 0),
-            BlendFactor::OneMinusDst => row(STORED + channel, 255),
-            BlendFactor::DstAlpha => row(STORED + 3, 0),
-            BlendFactor::OneMinusDstAlpha => row(STORED + 3, 255),
-            BlendFactor::Constant => row(CONSTANT + channel, 0),
-            BlendFactor::OneMinusConstant => row(CONSTANT + channel, 255),
-            BlendFactor::Src1 => row(SECOND + channel, 0),
-            BlendFactor::OneMinusSrc1 => row(SECOND + channel, 255),
-            BlendFactor::Src1Alpha => row(SECOND + 3, 0),
-            BlendFactor::OneMinusSrc1Alpha => row(SECOND + 3, 255),
-        }
+            Weight::Zero => Factor { row: 0, keep: 0, flip: 0 },
+            Weight::One => Factor { row: 0, keep: 0, flip: 255 },
+            Weight::Saturated => return None,
+            Weight::Of { operand, alpha, rest } => {
+                let first = match operand {
+                    Operand::Source => 0,
+                    Operand::Stored => STORED,
+                    Operand::Second => SECOND,
+                    Operand::Constant => CONSTANT,
+                };
+                let row = first + if alpha { 3 } else { channel };
+                Factor { row: row as u8, keep: !0, flip: if rest { 255 } else { 0 } }
+            }
+        })
     }
 }
 

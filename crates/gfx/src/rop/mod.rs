@@ -12,6 +12,7 @@ mod channels;
 mod codes;
 mod compose;
 mod depth;
+mod equation;
 mod number;
 #[cfg(target_arch = "x86_64")]
 mod pairs;

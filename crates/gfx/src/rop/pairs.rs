@@ -6,6 +6,7 @@
 
 use std::arch::x86_64::*;
 
+use super::equation::{Operand, Weight};
 use super::{Colors, select_mask};
 use crate::state::{BlendComponent, BlendFactor, BlendOp};
 use num::{Lanes, QUADS};
@@ -38,26 +39,20 @@ impl Factor {
     fn of([color, alpha]: [BlendFactor; 2]) -> Option<Factor> {
         // A row, whether it is kept, whether what it lacks is meant.
         let one = |factor: BlendFactor, is_alpha: bool| {
-            Some(match factor {
+            Some(match Weight::new(factor, is_alpha) {
                 // Times 255 is exact: the nearest integer to `255 x / 255`.
-                BlendFactor::Zero => (SOURCE, false, false),
-                BlendFactor::One => (SOURCE, false, true),
-                BlendFactor::SrcAlphaSaturated if is_alpha => (SOURCE, false, true),
-                BlendFactor::Src => (SOURCE, true, false),
-                BlendFactor::OneMinusSrc => (SOURCE, true, true),
-                BlendFactor::SrcAlpha => (SOURCE + 1, true, false),
-                BlendFactor::OneMinusSrcAlpha => (SOURCE + 1, true, true),
-                BlendFactor::Dst => (STORED, true, false),
-                BlendFactor::OneMinusDst => (STORED, true, true),
-                BlendFactor::DstAlpha => (STORED + 1, true, false),
-                BlendFactor::OneMinusDstAlpha => (STORED + 1, true, true),
-                BlendFactor::Constant => (CONSTANT, true, false),
-                BlendFactor::OneMinusConstant => (CONSTANT, true, true),
-                BlendFactor::SrcAlphaSaturated
-                | BlendFactor::Src1
-                | BlendFactor::OneMinusSrc1
-                | BlendFactor::Src1Alpha
-                | BlendFactor::OneMinusSrc1Alpha => return None,
+                Weight::Zero => (SOURCE, false, false),
+                Weight::One => (SOURCE, false, true),
+                Weight::Saturated => return None,
+                Weight::Of { operand, alpha, rest } => {
+                    let first = match operand {
+                        Operand::Source => SOURCE,
+                        Operand::Stored => STORED,
+                        Operand::Constant => CONSTANT,
+                        Operand::Second => return None,
+                    };
+                    (first + u8::from(alpha), true, rest)
+                }
             })
         };
         let (color, alpha) = (one(color, false)?, one(alpha, true)?);
