@@ -23,6 +23,12 @@ pub fn config(name: &str, changes: &[&str]) -> Config {
     config
 }
 
+/// Whether a case, known by its place on each axis, is among those that the usual suite takes: one in `n`, and all where `FILLRATE_SLOW` is set.
+/// Each value of each axis meets some of every other's.
+pub fn is_chosen(n: usize, places: &[usize]) -> bool {
+    std::env::var_os("FILLRATE_SLOW").is_some() || places.iter().sum::<usize>().is_multiple_of(n)
+}
+
 /// What is in a folder, in order.
 pub fn entries(folder: &Path) -> Vec<PathBuf> {
     let read = std::fs::read_dir(folder).unwrap_or_else(|error| panic!("{}: {error}", folder.display()));

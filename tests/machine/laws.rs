@@ -2,7 +2,7 @@
 //! of ticks.
 
 use crate::common::{
-    Figures, accounts_add_up, config, conserved, dispatch, dispatch_of, everything, frames_add_up, rendered, run,
+    Figures, accounts_add_up, config, conserved, dispatch, dispatch_of, everything, frames_add_up, is_chosen, rendered, run,
 };
 use std::sync::Arc;
 
@@ -144,10 +144,10 @@ const DISPLAY: [&str; 2] = ["scanout.line_cycles=300", "scanout.blank_lines=3"];
 
 #[test]
 fn every_knob_at_its_ends_makes_a_lawful_machine() {
-    // Some hundreds of machines.
+    // Some hundreds of machines, of which the usual suite takes one in three.
     let work = [mixture(false, true), mixture(true, true)];
     let baseline = Config::built_in("baseline").unwrap();
-    let (mut ran, mut refused) = (0, Vec::new());
+    let (mut number, mut ran, mut refused) = (0, 0, Vec::new());
     for (section, knobs) in baseline.sections() {
         for knob in knobs.knobs() {
             let path = if section.is_empty() { knob.name.to_owned() } else { format!("{section}.{}", knob.name) };
@@ -179,11 +179,16 @@ fn every_knob_at_its_ends_makes_a_lawful_machine() {
                         changed.set(setting).unwrap();
                     }
                 }
+                number += 1;
                 // A value that conflicts with other knobs is refused by name, and no machine is built.
                 if let Err(error) = changed.check() {
                     assert!(error.to_string().contains(knob.name), "{path}={value}: {error}");
                     assert!(Machine::new(&changed).is_err());
                     refused.push(changed.name);
+                    continue;
+                }
+                // As a rule two values a knob: one in three takes lower and upper ends in turn.
+                if !is_chosen(3, &[number]) {
                     continue;
                 }
                 let clocks = if LONG.iter().any(|(end, _)| *end == changed.name) { &[][..] } else { &[Clock::EveryCycle] };
@@ -197,7 +202,8 @@ fn every_knob_at_its_ends_makes_a_lawful_machine() {
         lawful(&config("baseline", &[ideal, shorter]), &work, ran, &[Clock::EveryCycle]);
         ran += 1;
     }
-    assert!(ran > 250 && refused.len() < 20, "{ran} ran; refused: {refused:?}");
+    assert!(number > 250 && ran >= number / 3 - refused.len(), "{ran} of {number} ran");
+    assert!(refused.len() < 20, "refused: {refused:?}");
 }
 
 /// A value that a knob takes, near the lower end as a rule: there queues are full, caches miss, and units wait for each other.
@@ -229,7 +235,9 @@ fn machines_made_at_random_are_lawful() {
         if config.check().is_err() {
             continue;
         }
-        lawful(&config, &work, made, &[Clock::Shuffled(made as u64)]);
+        if is_chosen(2, &[made]) {
+            lawful(&config, &work, made, &[Clock::Shuffled(made as u64)]);
+        }
         made += 1;
     }
 }

@@ -3,7 +3,7 @@
 
 use std::sync::Arc;
 
-use crate::common::{accounts_add_up, frames_add_up};
+use crate::common::{accounts_add_up, frames_add_up, is_chosen};
 use fillrate::gfx::format::Format;
 use fillrate::gfx::state::Compare;
 use fillrate::machine::{Config, Machine, MachineReport};
@@ -56,9 +56,9 @@ fn in_order(report: &MachineReport) -> bool {
 
 #[test]
 fn every_class_draws_what_api_order_draws_on_any_number_of_pipelines() {
-    let mut unordered = 0;
-    for class in ALL {
-        for (pipelines, more) in [
+    let (mut unordered, mut expected) = (0, 0);
+    for (at, class) in ALL.into_iter().enumerate() {
+        for (other, (pipelines, more)) in [
             (1, &[][..]),
             (2, &["distribute.pattern=rows", "distribute.tile=16"][..]),
             (4, &["distribute.pattern=balanced", "distribute.tile=8"]),
@@ -68,10 +68,18 @@ fn every_class_draws_what_api_order_draws_on_any_number_of_pipelines() {
             (5, &["distribute.pattern=morton", "distribute.tile=8", "assembly.batch=3", "core.warp_width=8"]),
             (8, &["assembly.deal=least-loaded", "bin.tile=8", "core.unified=false", "core.vertex_cores=8"]),
             (16, &["memory.kind=ideal", "bin.tile=64", "route.mode=immediate"]),
-        ] {
+        ]
+        .into_iter()
+        .enumerate()
+        {
             let (sort, pipes) = (format!("sort={class}"), format!("pipelines={pipelines}"));
             let config = config(&[&[sort.as_str(), pipes.as_str()], more].concat());
-            for scene in scenes() {
+            for (number, scene) in scenes().into_iter().enumerate() {
+                if !is_chosen(2, &[at, other, number]) {
+                    continue;
+                }
+                // Blended scenes, on all numbers of pipelines but one.
+                expected += u32::from(scene.blend && class == ALL[4] && pipelines > 1);
                 let report = run(&config, &scene, Clock::SkipIdle);
                 assert!(in_order(&report) || scene.blend && class == ALL[4], "{class} on {pipelines} pipelines: {scene:?}");
                 if in_order(&report) {
@@ -83,18 +91,21 @@ fn every_class_draws_what_api_order_draws_on_any_number_of_pipelines() {
             }
         }
     }
-    // Two blended scenes, on all numbers of pipelines but one.
-    assert_eq!(unordered, 2 * 8);
+    assert_eq!(unordered, expected);
+    assert!(expected >= 8, "{expected}");
 }
 
 #[test]
 fn every_class_draws_it_over_any_network() {
-    for class in ALL {
-        for topology in ["point-to-point", "bus", "crossbar", "ring", "mesh", "butterfly"] {
-            for queue in ["network.receive_queue=2", "network.receive_queue=32"] {
+    for (at, class) in ALL.into_iter().enumerate() {
+        for (other, topology) in ["point-to-point", "bus", "crossbar", "ring", "mesh", "butterfly"].into_iter().enumerate() {
+            for (more, queue) in ["network.receive_queue=2", "network.receive_queue=32"].into_iter().enumerate() {
                 let (sort, network) = (format!("sort={class}"), format!("network.topology={topology}"));
                 let config = config(&[&sort, "pipelines=6", &network, queue, "network.link_bytes=32"]);
-                for scene in &scenes()[1..4] {
+                for (number, scene) in scenes()[1..4].iter().enumerate() {
+                    if !is_chosen(3, &[at, other, more, number]) {
+                        continue;
+                    }
                     let report = run(&config, scene, Clock::SkipIdle);
                     assert!(!in_order(&report) || wrong(&report) == 0, "{class}, {topology}, {queue}: {scene:?}");
                 }

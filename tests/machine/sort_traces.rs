@@ -4,7 +4,7 @@
 
 use std::path::{Path, PathBuf};
 
-use crate::common::{config, entries, run};
+use crate::common::{config, entries, is_chosen, run};
 use fillrate::import;
 use fillrate::machine::Config;
 use fillrate::render::{self, Options};
@@ -47,9 +47,9 @@ fn work(trace: &Path, shade: Shade) -> Vec<Event> {
     events
 }
 
-/// Draws each trace on every machine; gives those whose passes need an order that sort-last-image does not keep, with their wrong pixels.
+/// Draws each trace on every machine, or in the usual suite on every second one and by images; gives those whose passes need an order that sort-last-image does not keep, with their wrong pixels.
 fn drawn(traces: &[PathBuf]) -> Vec<(String, u64, u64)> {
-    let each = |trace: &PathBuf| {
+    let each = |(number, trace): (usize, &PathBuf)| {
         let name = trace.file_stem().expect("a name").to_string_lossy().into_owned();
         let works = [work(trace, Shade::Visible), work(trace, Shade::Covered)];
         let quads = |event: &Event| if let Event::Segment(segment) = event { segment.funnel.quads_rasterized } else { 0 };
@@ -58,8 +58,14 @@ fn drawn(traces: &[PathBuf]) -> Vec<(String, u64, u64)> {
         if large {
             machines.dedup_by_key(|&mut (class, _)| class);
         }
-        let machines: Vec<Config> =
-            machines.iter().map(|(class, changes)| config(class, &[&ROOM, *changes].concat())).collect();
+        let chosen = |&(at, (class, _)): &(usize, &(&str, &[&str]))| *class == "sort-last-image" || is_chosen(2, &[number, at]);
+        let machines: Vec<Config> = machines
+            .iter()
+            .enumerate()
+            .filter(chosen)
+            .map(|(_, machine)| machine)
+            .map(|(class, changes)| config(class, &[&ROOM, *changes].concat()))
+            .collect();
         let found: Vec<Option<(String, u64, u64)>> = machines
             .par_iter()
             .map(|machine| {
@@ -75,7 +81,7 @@ fn drawn(traces: &[PathBuf]) -> Vec<(String, u64, u64)> {
             .collect();
         found.into_iter().flatten().collect::<Vec<_>>()
     };
-    traces.par_iter().flat_map_iter(each).collect()
+    traces.par_iter().enumerate().flat_map_iter(each).collect()
 }
 
 #[test]

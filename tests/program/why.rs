@@ -45,7 +45,9 @@ fn a_scarce_resource_of_commands_is_found_and_the_gain_is_that_of_a_replay() {
 }
 
 fn found(machines: &[(&str, &[&str], &str)]) {
-    for (name, scarce, title) in machines {
+    // Each asks some thirty machines: the usual suite takes every second.
+    let step = if std::env::var_os("FILLRATE_SLOW").is_some() { 1 } else { 2 };
+    for (name, scarce, title) in machines.iter().step_by(step) {
         let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("traces").join(name);
         let trace = Trace::open(path).expect("the trace is there");
         let mut config = Config::built_in("baseline").expect("it is built in");
