@@ -68,6 +68,38 @@ fn outlines_and_corners_of_polygons_are_offset_and_other_lines_are_not() {
 }
 
 #[test]
+fn an_outline_that_a_clip_plane_cuts_has_an_edge_along_it() {
+    let square = |mode: &str, calls: &str| {
+        shown(
+            &format!(
+                "{ORTHO}glColor3f(1,0,0)\nglPolygonMode(GL_FRONT_AND_BACK,{mode})\nglClipPlane(GL_CLIP_PLANE0,{{-1,0,0,8.5}})\n\
+                 glClipPlane(GL_CLIP_PLANE1,{{0,1,0,-4.5}})\nglEnable(GL_CLIP_PLANE0)\n{calls}\nglBegin(GL_QUADS)\nglVertex2f(2.5,2.5)\n\
+                 glVertex2f(13.5,2.5)\nglVertex2f(13.5,12.5)\nglVertex2f(2.5,12.5)\nglEnd()\n"
+            ),
+            &[],
+        )
+    };
+    let red = |mode: &str, calls: &str| {
+        let image = square(mode, calls);
+        let all = (0..16).flat_map(|y| (0..16).map(move |x| (x, y)));
+        let red: Vec<(u32, u32)> = all.filter(|&(x, y)| image.at(x, y) == RED).collect();
+        move |x: u32, y: u32| red.contains(&(x, y))
+    };
+    for calls in ["", "glShadeModel(GL_FLAT)", "glEnable(GL_LINE_STIPPLE)\nglLineStipple(1,65535)"] {
+        let lines = red("GL_LINE", calls);
+        assert!((3..12).all(|y| lines(8, y) && lines(2, y)) && lines(5, 2) && lines(5, 12), "{calls}");
+        assert!((0..16).all(|y| (9..16).all(|x| !lines(x, y))) && !lines(5, 7), "{calls}");
+    }
+    // The edge along one plane ends at the other, which has an edge of its own.
+    let both = red("GL_LINE", "glEnable(GL_CLIP_PLANE1)");
+    assert!((5..12).all(|y| both(8, y)) && (3..8).all(|x| both(x, 4)) && (0..4).all(|y| (0..16).all(|x| !both(x, y))));
+    // Its ends are corners.
+    let corners = red("GL_POINT", "");
+    assert!(corners(2, 2) && corners(2, 12) && corners(8, 2) && corners(8, 12) && !corners(8, 7) && !corners(13, 2));
+    assert!(!red("GL_FILL", "")(9, 7) && red("GL_FILL", "")(7, 7));
+}
+
+#[test]
 fn the_pattern_of_an_outline_begins_at_the_closing_edge() {
     let outline = |mode: &str| {
         shown(
