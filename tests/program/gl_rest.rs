@@ -81,8 +81,8 @@ fn an_outline_that_a_clip_plane_cuts_has_an_edge_along_it() {
     };
     let red = |mode: &str, calls: &str| {
         let image = square(mode, calls);
-        let all = (0..16).flat_map(|y| (0..16).map(move |x| (x, y)));
-        let red: Vec<(u32, u32)> = all.filter(|&(x, y)| image.at(x, y) == RED).collect();
+        let all = (0..16_u32).flat_map(|y| (0..16).map(move |x| (x, y)));
+        let red: Vec<(u32, u32)> = all.filter(|&(x, y)| image.at(x as usize, y as usize) == RED).collect();
         move |x: u32, y: u32| red.contains(&(x, y))
     };
     for calls in ["", "glShadeModel(GL_FLAT)", "glEnable(GL_LINE_STIPPLE)\nglLineStipple(1,65535)"] {
