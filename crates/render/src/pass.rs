@@ -57,6 +57,8 @@ pub(super) struct ActivePass {
     timestamps: Option<PassTimestamps>,
     /// What has to be done of it.
     need: Need,
+    /// What its draws have done, where they hand on nothing else.
+    counted: Option<Funnel>,
 }
 
 impl ActivePass {
@@ -203,6 +205,7 @@ impl ActivePass {
             open_statistics: None,
             timestamps,
             need,
+            counted: None,
         })
     }
 
@@ -434,13 +437,14 @@ impl ActivePass {
         })?;
         stopped?;
         renderer.overwritten += outcome.overwritten;
-        if !renderer.recording() {
-            // Without recorded work the funnel is all that there is to hand on.
-            renderer.emit(Event::Segment(Arc::new(Segment {
-                funnel: outcome.funnel,
-                areas: outcome.areas,
-                ..Segment::default()
-            })))?;
+        if !renderer.options.record && !renderer.options.areas {
+            // Sums are all that there is to hand on, and once a pass is enough: to wake a reader for each draw took longer than to draw
+            // few pixels.
+            *self.counted.get_or_insert_default() += outcome.funnel;
+        } else if !renderer.recording() {
+            // Without recorded work the funnel is all that there is to hand on; who reads it counts draws, too.
+            let counts = Segment { funnel: outcome.funnel, areas: outcome.areas, ..Segment::default() };
+            renderer.emit(Event::Segment(Arc::new(counts)))?;
         }
         if let Some((_, passed)) = &mut self.open_occlusion {
             *passed += outcome.samples_passed;
@@ -460,6 +464,9 @@ impl ActivePass {
     pub fn end(self, renderer: &mut Renderer<'_, '_>) -> Result<(), Fault> {
         if self.open_occlusion.is_some() || self.open_statistics.is_some() {
             return Err("the pass ends inside a query".into());
+        }
+        if let Some(funnel) = self.counted {
+            renderer.emit(Event::Segment(Arc::new(Segment { funnel, ..Segment::default() })))?;
         }
         let ended = self.pass.end();
         for (bound, tiles) in self.color.iter().zip(ended.color) {

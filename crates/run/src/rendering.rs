@@ -228,6 +228,9 @@ fn render(
             };
             let rendered = match pool {
                 Some(pool) => pool.install(|| render::render(trace, options, &mut hand_on)),
+                // A thread of the pool shares its work with those that are free, and goes on with it itself; one that is not of the pool
+                // sleeps until others have done all. Who reads counts asks nothing of the pool, which may have one thread only.
+                None if !options.record => rayon::scope(|_| render::render(trace, options, &mut hand_on)),
                 None => render::render(trace, options, &mut hand_on),
             };
             rendered.map(|_| begin.elapsed().saturating_sub(waited))

@@ -232,6 +232,13 @@ impl Card {
     /// Fills a part of the accumulation buffer.
     pub fn clear_accumulation(&mut self, color: [f32; 4], area: Rect) {
         let Some(to) = self.accumulation() else { return };
+        let [width, height] = self.size();
+        if area == (Rect { x: 0, y: 0, width, height }) {
+            // As the card clears other images: programs that clear all buffers in each frame need not accumulate anything.
+            self.end_pass();
+            drop(self.recorder.begin_render_pass([record::clear(to.view, color.map(f64::from))], None));
+            return;
+        }
         let Some(source) = self.window_target(Buffer::Back).and_then(|target| target.color) else { return };
         // One draw for each of the four channels: a pipeline has one number.
         for (channel, value) in color.into_iter().enumerate() {

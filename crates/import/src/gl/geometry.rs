@@ -95,9 +95,12 @@ impl Gl {
             return self.settled(outcome);
         }
         let few = self.vertices_read(geometry.vertices.len());
-        let current = self.state.current.clone();
-        let filled: Vec<Vertex> = geometry.vertices[..few].iter().map(|vertex| vertex.over(&current, geometry.own)).collect();
-        self.primitive(geometry.mode, &filled)
+        let (current, mut filled) = (self.state.current.clone(), std::mem::take(&mut self.spare));
+        filled.extend(geometry.vertices[..few].iter().map(|vertex| vertex.over(&current, geometry.own)));
+        let outcome = self.primitive(geometry.mode, &filled);
+        filled.clear();
+        self.spare = filled;
+        outcome
     }
 
     /// Whether a primitive can be drawn from the card's memory: none of its vertices depends on the state.

@@ -21,6 +21,7 @@
 mod accumulate;
 mod arb;
 mod arrays;
+mod begun;
 mod buffers;
 mod call;
 mod card;
@@ -126,6 +127,11 @@ const IN_MEMORY: u64 = 16 << 20;
 /// The bytes that may stay in memory, divided by the size of a part of a stream.
 const PARTS: u64 = 16;
 
+/// Bytes of a part of a stream, of which so many may stay in memory.
+fn part_of(most: u64) -> u64 {
+    (most / PARTS).max(1 << 10)
+}
+
 /// How much is known of a recording before its first command.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Survey {
@@ -166,7 +172,10 @@ pub fn open(
     if survey == Survey::Start && long() {
         return Ok((Trace::from_stream(path, Box::new(recording), reading.limits), None));
     }
-    let (trace, report) = recording.import(Keep::All { most, survey })?;
+    if survey == Survey::Start {
+        return begun::open(recording, most);
+    }
+    let (trace, report) = recording.import(Keep::All { most, survey, longer: None })?;
     Ok((trace.unwrap_or_else(|| Trace::from_stream(path, Box::new(recording), reading.limits)), report))
 }
 
@@ -186,6 +195,13 @@ struct Recording {
 impl Recording {
     fn in_memory(&self) -> u64 {
         self.reading.in_memory.unwrap_or(IN_MEMORY)
+    }
+
+    /// Notes what was left out of commands that were made to their end.
+    fn note(&self, report: Option<Report>) {
+        if let Some(report) = report {
+            *self.left_out.lock().unwrap_or_else(PoisonError::into_inner) = report.refusal();
+        }
     }
 
     fn import(&self, keep: Keep<'_>) -> Result<(Option<Trace>, Option<Report>), TraceError> {
@@ -217,10 +233,8 @@ impl Read for Counted {
 
 impl Stream for Recording {
     fn make(&self, take: &mut dyn FnMut(Part) -> ControlFlow<()>) -> Result<(), TraceError> {
-        let (_, report) = self.import(Keep::Parts { part: (self.in_memory() / PARTS).max(1 << 10), take })?;
-        if let Some(report) = report {
-            *self.left_out.lock().unwrap_or_else(PoisonError::into_inner) = report.refusal();
-        }
+        let (_, report) = self.import(Keep::Parts { part: part_of(self.in_memory()), take })?;
+        self.note(report);
         Ok(())
     }
 
@@ -241,15 +255,20 @@ enum Keep<'a> {
         most: u64,
         /// Whether the report is made in that case.
         survey: Survey,
+        /// Takes them in that case, part by part: the one that was to be kept first.
+        longer: Option<Take<'a>>,
     },
     /// They are handed over.
     Parts {
         /// Approximate bytes of a part.
         part: u64,
         /// The function that takes each part.
-        take: &'a mut dyn FnMut(Part) -> ControlFlow<()>,
+        take: Take<'a>,
     },
 }
+
+/// Takes parts.
+type Take<'a> = &'a mut dyn FnMut(Part) -> ControlFlow<()>;
 
 /// Imports a recording that is in memory; messages use `path` as its name. `memory` has the two files that accompany a text recording.
 ///
@@ -281,7 +300,7 @@ pub fn import_frames(
         Opened { path, input, read: Rc::default(), start, apitrace, memory },
         reading,
         frames,
-        Keep::All { most: u64::MAX, survey: Survey::Whole },
+        Keep::All { most: u64::MAX, survey: Survey::Whole, longer: None },
     )?;
     let (Some(trace), Some(report)) = (trace, report) else { return Err(fail("takes more memory than there is".into())) };
     Ok((trace, report))
@@ -336,12 +355,18 @@ fn import(
         reader.done(call);
         let bytes = gl.card.recorder.bytes();
         match &mut keep {
-            Keep::All { most, survey } => {
+            Keep::All { most, survey, longer } => {
                 if bytes > *most {
-                    drop(gl.card.drain());
+                    let made = Part { read: read.get(), ..gl.card.drain() };
                     let refused = !reading.lenient && !gl.unsupported.is_empty();
                     if kept && *survey == Survey::Start && !refused {
-                        return Ok((None, None));
+                        let Some(take) = longer.take() else { return Ok((None, None)) };
+                        if take(made).is_break() {
+                            return Ok((None, None));
+                        }
+                        gl.card.recorder.keep_each();
+                        keep = Keep::Parts { part: part_of(*most), take };
+                        continue;
                     }
                     (kept, *most, gl.survey) = (false, *most / PARTS, true);
                 }

@@ -74,38 +74,34 @@ impl Vertex {
 
     /// This vertex, with the attributes whose bit is not in `arrays` taken from `current`: bit 1 normal, 2 colour, 3 secondary colour,
     /// 4 fog coordinate, 5 edge flag, from 8 on texture coordinates, from 16 on generic attributes.
+    #[inline]
     pub fn over(&self, current: &Vertex, arrays: u32) -> Vertex {
-        let mut vertex = self.clone();
+        let from = |bit: usize| if arrays & 1 << bit != 0 { self } else { current };
+        let vertex = Vertex {
+            position: self.position,
+            normal: from(1).normal,
+            color: from(2).color,
+            secondary: from(3).secondary,
+            fog: from(4).fog,
+            edge: from(5).edge,
+            own: std::array::from_fn(|unit| from(8 + unit).own[unit]),
+            more: if arrays & MORE == 0 { current.more.clone() } else { self.more.clone() },
+            along: self.along,
+            offset: self.offset,
+        };
+        if arrays & MORE == 0 { vertex } else { vertex.with_more(current, arrays) }
+    }
+
+    /// The part of [`Vertex::over`] that few vertices need.
+    fn with_more(mut self, current: &Vertex, arrays: u32) -> Vertex {
         let has = |bit: usize| arrays & 1 << bit != 0;
-        if !has(1) {
-            vertex.normal = current.normal;
+        for unit in (OWN..UNITS).filter(|&unit| !has(8 + unit)) {
+            self.set_texture(unit, current.texture(unit));
         }
-        if !has(2) {
-            vertex.color = current.color;
+        for k in (1..GENERICS).filter(|&k| !has(16 + k)) {
+            self.set_generic(k, current.generic(k));
         }
-        if !has(3) {
-            vertex.secondary = current.secondary;
-        }
-        if !has(4) {
-            vertex.fog = current.fog;
-        }
-        if !has(5) {
-            vertex.edge = current.edge;
-        }
-        for unit in (0..OWN).filter(|&unit| !has(8 + unit)) {
-            vertex.own[unit] = current.own[unit];
-        }
-        if arrays & MORE == 0 {
-            vertex.more = current.more.clone();
-        } else {
-            for unit in (OWN..UNITS).filter(|&unit| !has(8 + unit)) {
-                vertex.set_texture(unit, current.texture(unit));
-            }
-            for k in (1..GENERICS).filter(|&k| !has(16 + k)) {
-                vertex.set_generic(k, current.generic(k));
-            }
-        }
-        vertex
+        self
     }
 
     /// Whether both vertices point to the same shared attributes; values are not compared. The shared attributes are the generic ones, and

@@ -30,47 +30,94 @@ fn components([_, _, z, w]: [f32; 4]) -> usize {
     }
 }
 
-/// Whether two attributes differ. All components are compared: that takes less time than to stop at the first.
-fn differ<const N: usize>(a: [f32; N], b: [f32; N]) -> bool {
-    (0..N).fold(false, |differ, k| differ | (a[k] != b[k]))
+/// Components that differ from those of a given value in at least one vertex. Nothing is skipped where that is known already: all
+/// components are compared at once, which takes less time than to ask.
+#[derive(Clone, Copy)]
+struct Differing<const N: usize>([u32; N]);
+
+impl<const N: usize> Differing<N> {
+    const NONE: Self = Differing([0; N]);
+
+    #[inline(always)]
+    fn compare(&mut self, a: &[f32; N], b: &[f32; N]) {
+        for k in 0..N {
+            self.0[k] |= u32::from(a[k] != b[k]);
+        }
+    }
+
+    fn any(self) -> bool {
+        self.0.iter().any(|&differs| differs != 0)
+    }
 }
+
+impl Differing<4> {
+    /// The number of components that vectors need, if this has been compared with [`MISSING`].
+    fn components(self) -> usize {
+        match self.0 {
+            [.., 1] => 4,
+            [.., 1, _] => 3,
+            _ => 2,
+        }
+    }
+}
+
+/// What stands for missing components.
+const MISSING: [f32; 4] = [0.0, 0.0, 0.0, 1.0];
 
 impl Summary {
     /// The summary of these vertices, at least one.
     pub fn of(vertices: &[Vertex]) -> Summary {
         let first = &vertices[0];
-        let mut varying = Varying::default();
         let mut summary = Summary {
-            varying,
+            varying: Varying::default(),
             position: 2,
             opaque: true,
             texture: std::array::from_fn(|unit| components(first.texture(unit))),
             generic: std::array::from_fn(|k| components(first.generic(k))),
         };
+        let own = |vertex: &Vertex| -> [[f32; 4]; Vertex::UNSHARED] { std::array::from_fn(|unit| vertex.texture(unit)) };
+        let first_own = own(first);
+        let (mut position, mut color, mut alpha) = (Differing::NONE, Differing::NONE, false);
+        let (mut normal, mut secondary, mut fog) = (Differing::NONE, Differing::NONE, false);
+        let (mut differ, mut needs) = ([Differing::NONE; Vertex::UNSHARED], [Differing::NONE; Vertex::UNSHARED]);
         for vertex in vertices {
-            summary.position = summary.position.max(components(vertex.position));
-            summary.opaque &= vertex.color[3] == 1.0;
-            // What has been found to differ is not compared again.
-            varying.color = varying.color || differ(vertex.color, first.color);
-            varying.normal = varying.normal || differ(vertex.normal, first.normal);
-            varying.secondary = varying.secondary || differ(vertex.secondary, first.secondary);
-            varying.fog = varying.fog || vertex.fog != first.fog;
-            let shared = vertex.shares(first);
-            for unit in 0..if shared { Vertex::UNSHARED } else { UNITS } {
-                let coordinates = vertex.texture(unit);
-                varying.texture[unit] = varying.texture[unit] || differ(coordinates, first.texture(unit));
-                summary.texture[unit] = summary.texture[unit].max(components(coordinates));
+            position.compare(&vertex.position, &MISSING);
+            color.compare(&vertex.color, &first.color);
+            alpha |= vertex.color[3] != 1.0;
+            normal.compare(&vertex.normal, &first.normal);
+            secondary.compare(&vertex.secondary, &first.secondary);
+            fog |= vertex.fog != first.fog;
+            for (unit, coordinates) in own(vertex).iter().enumerate() {
+                differ[unit].compare(coordinates, &first_own[unit]);
+                needs[unit].compare(coordinates, &MISSING);
             }
-            if shared {
-                continue;
-            }
-            for k in 1..GENERICS {
-                let value = vertex.generic(k);
-                varying.generic |= u16::from(value != first.generic(k)) << k;
-                summary.generic[k] = summary.generic[k].max(components(value));
+            if !vertex.shares(first) {
+                summary.add_shared(vertex, first);
             }
         }
-        Summary { varying, ..summary }
+        (summary.position, summary.opaque) = (position.components(), !alpha);
+        let varying = &mut summary.varying;
+        (varying.color, varying.normal, varying.secondary, varying.fog) = (color.any(), normal.any(), secondary.any(), fog);
+        for unit in 0..Vertex::UNSHARED {
+            varying.texture[unit] = differ[unit].any();
+            summary.texture[unit] = needs[unit].components();
+        }
+        summary
+    }
+
+    /// Adds the attributes that most vertices share, of one that does not.
+    #[inline(never)]
+    fn add_shared(&mut self, vertex: &Vertex, first: &Vertex) {
+        for unit in Vertex::UNSHARED..UNITS {
+            let coordinates = vertex.texture(unit);
+            self.varying.texture[unit] |= coordinates != first.texture(unit);
+            self.texture[unit] = self.texture[unit].max(components(coordinates));
+        }
+        for k in 1..GENERICS {
+            let value = vertex.generic(k);
+            self.varying.generic |= u16::from(value != first.generic(k)) << k;
+            self.generic[k] = self.generic[k].max(components(value));
+        }
     }
 
     /// Whether a texture coordinate q other than 1 occurs.

@@ -220,14 +220,13 @@ fn lighting(key: &ShaderKey, source: &Source, field: Visit) {
         let [x, y, z, w] = light.position;
         let position =
             if of.directional { vec3(x, y, z).normalize_or_zero().extend(0.0) } else { (vec3(x, y, z) / w).extend(1.0) };
-        let mut vectors = vec![light.ambient, light.diffuse, light.specular, position.to_array()];
         // The half vector for a viewer at infinity.
-        vectors.push((position.truncate() + Vec3::Z).normalize_or_zero().extend(0.0).to_array());
+        let half = (position.truncate() + Vec3::Z).normalize_or_zero().extend(0.0).to_array();
         let [a, b, c] = light.attenuation;
-        vectors.push([light.spot_exponent, a, b, c]);
         let [x, y, z] = Vec3::from(light.spot_direction).normalize_or_zero().to_array();
-        vectors.push([x, y, z, libm::cos(f64::from(light.spot_cutoff).to_radians()) as f32]);
-        field("light", Some(k), &vectors);
+        let spot = [x, y, z, libm::cos(f64::from(light.spot_cutoff).to_radians()) as f32];
+        let terms = [light.spot_exponent, a, b, c];
+        field("light", Some(k), &[light.ambient, light.diffuse, light.specular, position.to_array(), half, terms, spot]);
     }
 }
 
@@ -240,9 +239,11 @@ pub fn fields(key: &ShaderKey, source: &Source) -> Vec<Field> {
 
 /// The bytes of the block.
 pub fn bytes(key: &ShaderKey, source: &Source, out: &mut Vec<u8>) {
+    // As many as most blocks have: a vector that grows field by field is copied again and again.
+    out.reserve(1024);
     visit(key, source, &mut |_, _, vectors| {
-        for value in vectors.as_flattened() {
-            out.extend_from_slice(&value.to_le_bytes());
+        for vector in vectors {
+            out.extend_from_slice(vector.map(f32::to_le_bytes).as_flattened());
         }
     });
 }

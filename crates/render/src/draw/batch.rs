@@ -289,6 +289,8 @@ impl Batch {
         pairs: &mut Vec<(u32, u32)>,
     ) {
         let reference = self.corners.len() as u32 | if small { SMALL } else { 0 };
+        // Half the box: whether other threads are worth it needs no more.
+        self.quads_estimate += u64::from(bounds.x1 - bounds.x0) * u64::from(bounds.y1 - bounds.y0) / 8;
         if input.areas {
             self.areas += areas::of_triangle(screen, bounds);
         }

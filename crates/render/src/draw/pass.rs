@@ -86,6 +86,11 @@ struct Scratch {
 /// Tiles that are not worth other threads.
 const FEW_TILES: usize = 2;
 
+/// Quads and triangles of tiles that are not worth other threads either: to wake them, and to wait for them where the host is busy, takes
+/// longer than to draw these.
+const FEW_QUADS: u64 = 1024;
+const FEW_REFERENCES: u64 = 256;
+
 /// Does something with every item, on this thread alone where there is only one.
 fn each<T: Send>(items: &mut [T], work: impl Fn(&mut T) + Sync + Send) {
     match items {
@@ -329,7 +334,10 @@ impl RenderPass {
             (call.need != Need::Survey || areas::surveys([x, y])) && batches.iter().any(|batch| batch.touches(tile))
         };
         let touched: Vec<usize> = (0..(tiles[0] * tiles[1]) as usize).filter(|&tile| drawn_here(tile)).collect();
-        call.ledger.quads.charge(batches.iter().map(Batch::references).sum())?;
+        let references = batches.iter().map(Batch::references).sum();
+        call.ledger.quads.charge(references)?;
+        let quads: u64 = batches.iter().map(|batch| batch.quads_estimate).sum();
+        let few = touched.len() <= FEW_TILES || references <= FEW_REFERENCES && quads <= FEW_QUADS;
         let input = SegmentInput { frame, pieces, batches, vertices: &scratch.vertices, growth };
         let workers = &scratch.workers;
         let one = |job: &mut TileJob<'_>| workers.with(|worker| tile::draw(&input, worker, job, call.record));
@@ -340,7 +348,7 @@ impl RenderPass {
             }
         };
         let mut result = Ok(());
-        if frame.tiles_in_order || touched.len() <= FEW_TILES {
+        if frame.tiles_in_order || few {
             for index in touched {
                 let mut job = self.job(frame, tiles, index);
                 result = one(&mut job);

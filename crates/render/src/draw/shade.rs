@@ -227,14 +227,20 @@ impl TileRun<'_, '_, '_> {
                     }
                 } else {
                     let [a, b, c] = corners.vertices.map(words);
-                    for &(register, word) in &class.inputs {
+                    let mut inputs = class.inputs.iter();
+                    // With a loop of its own: the other one is the tighter for it.
+                    while fills && let Some(&(register, word)) = inputs.next() {
                         let values = [a[word], b[word], c[word]];
                         let register = bound.register_mut(register);
-                        if fills && interpolate::is_constant(values) {
+                        if interpolate::is_constant(values) {
                             register.0[4 * start..4 * end].fill(values[0]);
                         } else {
                             attribute::<WIDE>(weights, start..end, values.map(f32::from_bits), register);
                         }
+                    }
+                    for &(register, word) in inputs {
+                        let values = [a[word], b[word], c[word]].map(f32::from_bits);
+                        attribute::<WIDE>(weights, start..end, values, bound.register_mut(register));
                     }
                 }
                 start = end;

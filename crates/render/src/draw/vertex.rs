@@ -1,5 +1,7 @@
 //! Vertex shading: 64 vertices at a time, each once a segment.
 
+use std::ops::Range;
+
 use crate::parallel;
 use gfx::clip::Outcode;
 use gfx::setup::ScreenVertex;
@@ -144,7 +146,9 @@ fn shade_task<const SPREAD: usize>(
         if used == 0 {
             continue;
         }
-        stream.identify(first, &mut index[..step], &mut instance[..step]);
+        // Draws of few vertices leave most lanes empty: what is done lane by lane ends with the last that is used.
+        let n = LANES - used.leading_zeros() as usize;
+        stream.identify(first, &mut index[..n], &mut instance[..n]);
         let mask = if SPREAD > 1 { (0..step).fold(0, |wide, i| wide | (used >> i & 1) << (SPREAD * i)) } else { used };
         shaded += u64::from(mask.count_ones());
         for (attribute, source) in pipeline.attributes.iter().zip(&frame.attribute_sources) {
@@ -152,7 +156,7 @@ fn shade_task<const SPREAD: usize>(
                 StepMode::Vertex => &index,
                 StepMode::Instance => &instance,
             };
-            source.fetch(attribute.format, attribute.offset, by, step, &mut fetched);
+            source.fetch(attribute.format, attribute.offset, by, n, &mut fetched);
             for c in 0..attribute.components {
                 if let Some(input) = bound.input_mut(attribute.input, c) {
                     spread::<SPREAD>(&fetched[c].0, &mut input.0);
@@ -191,22 +195,22 @@ fn shade_task<const SPREAD: usize>(
         }
         let at = first - start;
         let position: [&Lanes; 4] = std::array::from_fn(|c| bound.output(pipeline.position, c));
-        place(frame, position, SPREAD, at, task);
+        place(frame, position, SPREAD, at..at + n, task);
         let stride = pipeline.varying_words;
         for varying in &pipeline.varyings {
             for c in 0..varying.components {
-                let value = bound.output(varying.output, c).0.iter().step_by(SPREAD);
+                let value = bound.output(varying.output, c).0.iter().step_by(SPREAD).take(n);
                 let words = &mut task.varyings[at * stride + varying.word + c..];
                 for (word, value) in words.iter_mut().step_by(stride).zip(value) {
                     *word = *value;
                 }
             }
         }
-        if let Some((slot, n)) = pipeline.clip_distances {
-            for c in 0..n {
+        if let Some((slot, planes)) = pipeline.clip_distances {
+            for c in 0..planes {
                 let value = bound.output(slot, c).f32();
-                for i in 0..step {
-                    task.distances[(at + i) * n + c] = value[SPREAD * i];
+                for i in 0..n {
+                    task.distances[(at + i) * planes + c] = value[SPREAD * i];
                 }
             }
         }
@@ -223,18 +227,17 @@ fn spread<const SPREAD: usize>(values: &[u32; LANES], lanes: &mut [u32; LANES]) 
 }
 
 wide! {
-    /// Finds outcodes and window positions of a batch, of which every `spread`-th lane is a vertex: the task's from `at` on.
-    fn place(frame: &PreparedDraw<'_>, position: [&Lanes; 4], spread: usize, at: usize, task: &mut Task<'_>) = place_here;
+    /// Finds outcodes and window positions of a batch, of which every `spread`-th lane is a vertex: these of the task.
+    fn place(frame: &PreparedDraw<'_>, position: [&Lanes; 4], spread: usize, here: Range<usize>, task: &mut Task<'_>) = place_here;
 }
 
 #[inline(always)]
-fn place_here(frame: &PreparedDraw<'_>, position: [&Lanes; 4], spread: usize, at: usize, task: &mut Task<'_>) {
+fn place_here(frame: &PreparedDraw<'_>, position: [&Lanes; 4], spread: usize, here: Range<usize>, task: &mut Task<'_>) {
     let mut codes = [0; LANES];
     let mut screen = [ScreenVertex::default(); LANES];
     frame.clip.outcodes(position, &mut codes);
     frame.screen.vertices(position, &mut screen);
     let [x, y, z, w] = position.map(Lanes::f32);
-    let here = at..at + LANES / spread;
     for (to, code) in task.codes[here.clone()].iter_mut().zip(codes.iter().step_by(spread)) {
         *to = *code;
     }

@@ -12,6 +12,8 @@ mod run;
 mod subgroup;
 mod texture;
 
+use std::cell::RefCell;
+
 use num::{Lanes, LimitOverrun, Mask, Meter, Words};
 
 use super::module::Place;
@@ -104,16 +106,23 @@ impl Program {
     /// # Errors
     /// None at present: the prologue is straight-line code.
     pub fn uniforms(&self, resources: &Resources<'_>) -> Uniforms {
-        let mut file = vec![Lanes::ZERO; self.prologue.registers];
-        for (register, &bits) in file.iter_mut().zip(&self.prologue_constants) {
-            *register = Lanes::splat(bits);
+        thread_local! {
+            /// Registers and masks: each draw computes two such sets, and to clear fresh memory took a third of that time.
+            static ROOM: RefCell<Executor> = RefCell::default();
         }
-        let mut masks = vec![0; self.prologue.slots];
-        let shared = Words::default();
-        let mut machine = Machine::new(&self.prologue, resources, &shared, 1, 1);
-        let stop = run::dispatch::<false>(&mut machine, &mut file, &mut masks, &mut Scratch::default());
-        debug_assert!(matches!(stop, Stop::End));
-        Uniforms { values: self.uniform_sources.iter().map(|&r| file[usize::from(r)].0[0]).collect() }
+        ROOM.with_borrow_mut(|Executor { file, masks, shared, scratch, .. }| {
+            // As in runs, no value is read before it is written.
+            file.resize(file.len().max(self.prologue.registers), Lanes::ZERO);
+            masks.clear();
+            masks.resize(self.prologue.slots, 0);
+            for (register, &bits) in file.iter_mut().zip(&self.prologue_constants) {
+                *register = Lanes::splat(bits);
+            }
+            let mut machine = Machine::new(&self.prologue, resources, shared, 1, 1);
+            let stop = run::dispatch::<false>(&mut machine, file, masks, scratch);
+            debug_assert!(matches!(stop, Stop::End));
+            Uniforms { values: self.uniform_sources.iter().map(|&r| file[usize::from(r)].0[0]).collect() }
+        })
     }
 }
 

@@ -94,7 +94,7 @@ impl Checker<'_> {
 
     fn bound_resource(&self, entry: &BindGroupEntry) -> Outcome {
         let buffer = |id: &BufferId, offset: u64, size: Option<u64>| -> Outcome {
-            let size = open_range(&id.to_string(), offset, size, *self.buffers.get(id.0)?)?;
+            let size = open_range(&id, offset, size, *self.buffers.get(id.0)?)?;
             ensure!(size > 0, "an empty range of {id}");
             Ok(())
         };
@@ -109,6 +109,7 @@ impl Checker<'_> {
     }
 
     /// Checks a `SetBindGroup` and answers what is then bound.
+    #[inline]
     pub(super) fn bound_group(
         &self,
         index: u32,
@@ -125,7 +126,7 @@ impl Checker<'_> {
             let (given, wanted) = (offsets.len(), group.dynamic.len());
             ensure!(given == wanted, "{given} dynamic offsets, {id} has {wanted} dynamic bindings");
             for (&by, &(buffer, offset, size, length)) in offsets.iter().zip(&group.dynamic) {
-                range_fits(&buffer.to_string(), offset + u64::from(by), size, length)?;
+                range_fits(&buffer, offset + u64::from(by), size, length)?;
             }
         }
         Ok(Some(group.layout.clone()))
@@ -133,6 +134,7 @@ impl Checker<'_> {
 }
 
 /// Checks that what a pipeline layout asks for is bound.
+#[inline]
 pub fn groups_fit(layout: &Option<Rc<[Option<GroupLayout>]>>, bound: &Groups) -> Outcome {
     let Some(layout) = layout else { return Ok(()) };
     for (index, wanted) in layout.iter().enumerate() {

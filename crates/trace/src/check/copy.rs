@@ -12,18 +12,18 @@ impl Checker<'_> {
             Command::WriteBuffer { id, offset, data } => {
                 let length = *self.buffers.get(id.0)?;
                 self.use_data(data)?;
-                range_fits(&id.to_string(), *offset, data.size, length)?;
+                range_fits(&id, *offset, data.size, length)?;
                 self.summary.written_bytes += data.size;
             }
             Command::WriteTexture { to, data, layout, size } => {
                 self.use_data(data)?;
                 let end = self.linear_end(to, layout, *size)?;
-                range_fits("the data", layout.offset, end.saturating_sub(layout.offset), data.size)?;
+                range_fits(&"the data", layout.offset, end.saturating_sub(layout.offset), data.size)?;
                 self.summary.written_bytes += data.size;
             }
             Command::CopyBufferToBuffer { from, from_offset, to, to_offset, size } => {
-                range_fits(&from.to_string(), *from_offset, *size, *self.buffers.get(from.0)?)?;
-                range_fits(&to.to_string(), *to_offset, *size, *self.buffers.get(to.0)?)?;
+                range_fits(&from, *from_offset, *size, *self.buffers.get(from.0)?)?;
+                range_fits(&to, *to_offset, *size, *self.buffers.get(to.0)?)?;
                 let apart = from != to || from_offset.abs_diff(*to_offset) >= *size;
                 ensure!(apart, "source and destination overlap in {from}");
             }
@@ -31,11 +31,11 @@ impl Checker<'_> {
             | Command::CopyTextureToBuffer { from: end, to: buffer, layout, size } => {
                 let length = *self.buffers.get(buffer.0)?;
                 let last = self.linear_end(end, layout, *size)?;
-                range_fits(&buffer.to_string(), layout.offset, last.saturating_sub(layout.offset), length)?;
+                range_fits(&buffer, layout.offset, last.saturating_sub(layout.offset), length)?;
             }
             Command::CopyTextureToTexture { from, to, size } => self.copy_texture(from, to, *size)?,
             Command::ClearBuffer { buffer, offset, size } => {
-                open_range(&buffer.to_string(), *offset, *size, *self.buffers.get(buffer.0)?)?;
+                open_range(&buffer, *offset, *size, *self.buffers.get(buffer.0)?)?;
             }
             Command::ClearTexture { texture, aspect, base_level, levels, base_layer, layers } => {
                 let desc = self.textures.get(texture.0)?;
@@ -57,7 +57,7 @@ impl Checker<'_> {
                     _ => 1,
                 };
                 let bytes = u64::from(*count) * u64::from(results) * 8;
-                range_fits(&to.to_string(), *to_offset, bytes, *self.buffers.get(to.0)?)?;
+                range_fits(&to, *to_offset, bytes, *self.buffers.get(to.0)?)?;
             }
             &Command::SetSprite { index, view, .. } => {
                 ensure!(index < SPRITES, "sprite {index}: a display has {SPRITES}, from 0 to {}", SPRITES - 1);

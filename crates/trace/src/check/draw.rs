@@ -10,6 +10,7 @@ use super::*;
 const VIEWPORT_REACH: f32 = 65_536.0;
 
 impl Checker<'_> {
+    #[inline]
     pub(super) fn inside_pass(&mut self, command: &Command) -> Outcome {
         // The scope is taken out while it is checked against the tables beside it.
         let mut scope = std::mem::replace(&mut self.scope, Scope::Outside);
@@ -34,6 +35,7 @@ impl Checker<'_> {
         outcome
     }
 
+    #[inline]
     fn inside_render_pass(&mut self, pass: &mut RenderScope, command: &Command) -> Outcome {
         match command {
             Command::SetRenderPipeline(id) => pipeline_fits(self.render_pipelines.get(id.0)?, &pass.attachments)?,
@@ -102,7 +104,7 @@ impl Checker<'_> {
             }
             Command::DispatchIndirect { buffer, offset } => {
                 self.dispatch(pass)?;
-                range_fits(&buffer.to_string(), *offset, 12, *self.buffers.get(buffer.0)?)?;
+                range_fits(buffer, *offset, 12, *self.buffers.get(buffer.0)?)?;
             }
             Command::BeginStatisticsQuery { set, index } => self.begin_statistics(&mut pass.statistics_open, *set, *index)?,
             Command::EndStatisticsQuery => end_statistics(&mut pass.statistics_open)?,
@@ -126,6 +128,7 @@ impl Checker<'_> {
     }
 
     /// Checks a command of a render pass or bundle; answers the vertices of a draw, as far as they are known.
+    #[inline]
     fn drawing(&self, draw: &mut DrawState, command: &Command) -> Result<Option<u64>, Reason> {
         match command {
             Command::SetRenderPipeline(id) => draw.pipeline = Some(self.render_pipelines.get(id.0)?.clone()),
@@ -135,7 +138,7 @@ impl Checker<'_> {
             }
             Command::SetImmediates { offset, words } => immediates(*offset, words)?,
             Command::SetIndexBuffer { buffer, format, offset, size } => {
-                let bytes = open_range(&buffer.to_string(), *offset, *size, *self.buffers.get(buffer.0)?)?;
+                let bytes = open_range(buffer, *offset, *size, *self.buffers.get(buffer.0)?)?;
                 let aligned = offset.is_multiple_of(u64::from(format.bytes()));
                 ensure!(aligned, "offset {offset} is no multiple of the {} bytes of an index", format.bytes());
                 draw.indices = Some(bytes / u64::from(format.bytes()));
@@ -143,7 +146,7 @@ impl Checker<'_> {
             Command::SetVertexBuffer { slot, buffer, offset, size } => {
                 ensure!(*slot < VERTEX_BUFFERS_MAX, "slot {slot}, there are {VERTEX_BUFFERS_MAX}");
                 draw.vertex[*slot as usize] = match buffer {
-                    Some(buffer) => Some(open_range(&buffer.to_string(), *offset, *size, *self.buffers.get(buffer.0)?)?),
+                    Some(buffer) => Some(open_range(buffer, *offset, *size, *self.buffers.get(buffer.0)?)?),
                     None => None,
                 };
             }
@@ -168,9 +171,9 @@ impl Checker<'_> {
                 ready(draw)?;
                 ensure!(!indexed || draw.indices.is_some(), "no index buffer is set");
                 let bytes = u64::from(*count) * if *indexed { 20 } else { 16 };
-                range_fits(&buffer.to_string(), *offset, bytes, *self.buffers.get(buffer.0)?)?;
+                range_fits(buffer, *offset, bytes, *self.buffers.get(buffer.0)?)?;
                 if let Some((counts, at)) = count_buffer {
-                    range_fits(&counts.to_string(), *at, 4, *self.buffers.get(counts.0)?)?;
+                    range_fits(counts, *at, 4, *self.buffers.get(counts.0)?)?;
                 }
                 return Ok(Some(0));
             }
@@ -181,6 +184,7 @@ impl Checker<'_> {
 }
 
 /// Checks that a pipeline is set and has the groups and buffers that it asks for.
+#[inline]
 fn ready(draw: &DrawState) -> Outcome {
     let pipeline = draw.pipeline.as_ref().ok_or("no render pipeline is set")?;
     for (slot, layout) in pipeline.buffers.iter().enumerate() {
@@ -190,6 +194,7 @@ fn ready(draw: &DrawState) -> Outcome {
 }
 
 /// Checks that the vertices or instances `first` + `count` are in the buffers that advance with them.
+#[inline]
 fn vertex_ranges(draw: &DrawState, step: StepMode, first: u32, count: u32) -> Outcome {
     let Some(pipeline) = draw.pipeline.as_ref().filter(|_| count > 0) else { return Ok(()) };
     for (slot, layout) in pipeline.buffers.iter().enumerate() {

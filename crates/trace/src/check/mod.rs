@@ -14,6 +14,7 @@ mod summary;
 mod table;
 
 use std::collections::BTreeSet;
+use std::fmt::Display;
 
 use gfx::format::Format;
 use num::*;
@@ -23,6 +24,7 @@ use super::{Trace, TraceError};
 use pass::{Bundle, Scope};
 use table::Table;
 
+use summary::Names;
 pub use summary::Summary;
 
 /// Texels along an edge of a 1D or 2D texture, or pixels of a target, at most.
@@ -99,6 +101,7 @@ pub fn check(trace: &Trace) -> Result<Summary, TraceError> {
 pub struct Checker<'a> {
     trace: &'a Trace,
     summary: Summary,
+    names: Names,
     /// Bytes of live buffers and textures.
     memory: u64,
     buffers: Table<u64>,
@@ -128,6 +131,7 @@ impl<'a> Checker<'a> {
         Checker {
             trace,
             summary: Summary::default(),
+            names: Names::default(),
             memory: 0,
             buffers: Table::new("buffer"),
             textures: Table::new("texture"),
@@ -149,9 +153,10 @@ impl<'a> Checker<'a> {
         }
     }
 
-    /// Checks the next command.
+    /// Checks the next command. What passes ask for every draw is compiled where a replay calls it: this package is not optimised.
+    #[inline]
     pub fn command(&mut self, index: u64, command: &Command) -> Result<(), TraceError> {
-        self.summary.count(command);
+        self.names.count(command);
         self.next = index + 1;
         self.rule(command).map_err(|reason| match reason {
             Reason::Rule(reason) => self.trace.error_at(index, format!("{}: {reason}", command.name())),
@@ -165,7 +170,7 @@ impl<'a> Checker<'a> {
             let reason = format!("the trace ends inside a {open}");
             return Err(self.trace.error_at(self.next.saturating_sub(1), reason));
         }
-        self.summary.finish();
+        self.summary.finish(self.names);
         Ok(self.summary)
     }
 
@@ -178,6 +183,7 @@ impl<'a> Checker<'a> {
         }
     }
 
+    #[inline]
     fn rule(&mut self, command: &Command) -> Outcome {
         use Command::*;
         match command {
@@ -250,7 +256,8 @@ fn same_but_srgb(a: Format, b: Format) -> bool {
 }
 
 /// The end of a range, or why it does not fit into `length`.
-fn range_fits(what: &str, offset: u64, size: u64, length: u64) -> Result<(), String> {
+#[inline]
+fn range_fits(what: &dyn Display, offset: u64, size: u64, length: u64) -> Result<(), String> {
     match offset.checked_add(size) {
         Some(end) if end <= length => Ok(()),
         _ => Err(format!("bytes {offset} + {size} reach past the {length} of {what}")),
@@ -258,7 +265,8 @@ fn range_fits(what: &str, offset: u64, size: u64, length: u64) -> Result<(), Str
 }
 
 /// The size of a range that may be left open.
-fn open_range(what: &str, offset: u64, size: Option<u64>, length: u64) -> Result<u64, String> {
+#[inline]
+fn open_range(what: &dyn Display, offset: u64, size: Option<u64>, length: u64) -> Result<u64, String> {
     let size = size.unwrap_or(length.saturating_sub(offset));
     range_fits(what, offset, size, length).map(|()| size)
 }

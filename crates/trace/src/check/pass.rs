@@ -114,6 +114,7 @@ impl Attachments {
 }
 
 /// Checks that a pipeline fits the attachments of a pass.
+#[inline]
 pub fn pipeline_fits(pipeline: &Render, pass: &Attachments) -> Outcome {
     let list = |formats: &[Option<Format>]| {
         let names: Vec<&str> = formats.iter().map(|format| format.map_or("none", |format| format.name())).collect();

@@ -41,13 +41,33 @@ pub struct Summary {
     pub blob_bytes: u64,
 }
 
-impl Summary {
-    pub(super) fn count(&mut self, command: &Command) {
-        self.commands += 1;
-        *self.by_name.entry(command.name()).or_default() += 1;
-    }
+/// How often each name came, the common ones at the front: few names make up most of a trace, and a map of strings would be asked for each
+/// command.
+#[derive(Default)]
+pub(super) struct Names(Vec<(&'static str, u64)>);
 
-    pub(super) fn finish(&mut self) {
+impl Names {
+    #[inline]
+    pub(super) fn count(&mut self, command: &Command) {
+        let name = command.name();
+        // A literal's address tells it apart. Should a compiler keep a text twice, it is counted in two places and added up in the end.
+        let Some(at) = self.0.iter().position(|(known, _)| std::ptr::eq(*known, name)) else {
+            self.0.push((name, 1));
+            return;
+        };
+        self.0[at].1 += 1;
+        if at > 0 && self.0[at - 1].1 < self.0[at].1 {
+            self.0.swap(at - 1, at);
+        }
+    }
+}
+
+impl Summary {
+    pub(super) fn finish(&mut self, names: Names) {
+        for (name, count) in names.0 {
+            self.commands += count;
+            *self.by_name.entry(name).or_default() += count;
+        }
         self.frames = self.commands_named("Present").max(1);
     }
 
