@@ -88,8 +88,8 @@ const FEW_TILES: usize = 2;
 
 /// Quads and triangles of tiles that are not worth other threads either: to wake them, and to wait for them where the host is busy, takes
 /// longer than to draw these.
-const FEW_QUADS: u64 = 1024;
-const FEW_REFERENCES: u64 = 256;
+const FEW_QUADS: u64 = 128;
+const FEW_REFERENCES: u64 = 64;
 
 /// Does something with every item, on this thread alone where there is only one.
 fn each<T: Send>(items: &mut [T], work: impl Fn(&mut T) + Sync + Send) {
