@@ -60,9 +60,18 @@ fn inner(corners: &[Corner], plane: [f32; 4]) -> Vec<Corner> {
     out
 }
 
+/// The triangles of a polygon with so many corners.
+fn halves(mode: u32, corners: usize) -> Vec<[usize; 3]> {
+    match mode {
+        e::QUADS => vec![[0, 1, 3], [1, 2, 3]],
+        e::QUAD_STRIP => vec![[3, 0, 2], [0, 1, 2]],
+        _ => (2..corners).map(|k| [0, k - 1, k]).collect(),
+    }
+}
+
 impl Gl {
     /// Draws what user clip planes add to a polygon that is drawn as lines or points.
-    pub(super) fn cut_edges(&mut self, class: Class, back: bool, own: &[Vertex], flat: Option<usize>) -> Outcome {
+    pub(super) fn cut_edges(&mut self, class: Class, mode: u32, back: bool, own: &[Vertex], flat: Option<usize>) -> Outcome {
         let planes: Vec<[f32; 4]> =
             (0..PLANES).filter(|&k| self.state.is(e::CLIP_PLANE0 + k as u32)).map(|k| self.state.planes[k]).collect();
         if planes.is_empty() || class == Class::Triangles {
@@ -76,17 +85,16 @@ impl Gl {
             let eye = matrix::transform(&self.modelview.top, vertex.position);
             Corner { vertex: lit_vertex, eye, made: false, along: false }
         };
-        let mut corners: Vec<Corner> = own.iter().map(corner).collect();
-        for plane in planes {
-            corners = inner(&corners, plane);
-        }
-        let count = corners.len();
-        let vertices: Vec<Vertex> = match class {
-            Class::Points => corners.iter().filter(|corner| corner.made).map(|corner| corner.vertex.clone()).collect(),
-            _ => {
-                let begins = (0..count).filter(|&k| corners[k].along);
-                begins.flat_map(|k| [k, (k + 1) % count]).map(|k| corners[k].vertex.clone()).collect()
-            }
+        let corners: Vec<Corner> = own.iter().map(corner).collect();
+        let inside = |corners: Vec<Corner>| planes.iter().fold(corners, |corners, &plane| inner(&corners, plane));
+        let vertices: Vec<Vertex> = if class == Class::Points {
+            // Mesa cuts the triangles of a polygon, and so draws a corner where a plane meets a diagonal.
+            let made = |three: [usize; 3]| inside(three.map(|k| corners[k].clone()).to_vec()).into_iter().filter(|it| it.made);
+            halves(mode, corners.len()).into_iter().flat_map(made).map(|it| it.vertex).collect()
+        } else {
+            let corners = inside(corners);
+            let begins = (0..corners.len()).filter(|&k| corners[k].along);
+            begins.flat_map(|k| [k, (k + 1) % corners.len()]).map(|k| corners[k].vertex.clone()).collect()
         };
         if vertices.is_empty() {
             return Ok(());

@@ -293,19 +293,19 @@ impl Gl {
                     _ => count as usize - 1,
                 };
                 self.flat_outline(class, back, own.clone(), provoking, &indices)?;
-                self.cut_edges(class, back, &own, Some(provoking))?;
+                self.cut_edges(class, mode, back, &own, Some(provoking))?;
                 continue;
             }
             if class == Class::Lines && self.line_stippled() {
                 // The pattern continues from edge to edge; the indices show which edges are connected.
                 self.add(class, polygon, &own, &indices)?;
-                self.cut_edges(class, back, &own, None)?;
+                self.cut_edges(class, mode, back, &own, None)?;
                 continue;
             }
             let used: Vec<Vertex> = indices.iter().map(|&k| own[k as usize].clone()).collect();
             let all: Vec<u32> = (0..used.len() as u32).collect();
             self.add(class, polygon, &used, &all)?;
-            self.cut_edges(class, back, &own, None)?;
+            self.cut_edges(class, mode, back, &own, None)?;
         }
         Ok(())
     }
