@@ -292,20 +292,17 @@ impl Gl {
                     e::QUAD_STRIP => 2,
                     _ => count as usize - 1,
                 };
-                self.flat_outline(class, back, own.clone(), provoking, &indices)?;
-                self.cut_edges(class, mode, back, &own, Some(provoking))?;
+                self.flat_outline(class, back, own, provoking, &indices)?;
                 continue;
             }
             if class == Class::Lines && self.line_stippled() {
                 // The pattern continues from edge to edge; the indices show which edges are connected.
                 self.add(class, polygon, &own, &indices)?;
-                self.cut_edges(class, mode, back, &own, None)?;
                 continue;
             }
             let used: Vec<Vertex> = indices.iter().map(|&k| own[k as usize].clone()).collect();
             let all: Vec<u32> = (0..used.len() as u32).collect();
             self.add(class, polygon, &used, &all)?;
-            self.cut_edges(class, mode, back, &own, None)?;
         }
         Ok(())
     }
@@ -352,22 +349,16 @@ impl Gl {
         if self.active_program(Stage::Vertex)?.is_some() {
             return Err(Fault::Unsupported("flat shading of polygons drawn as lines or points with a vertex program".into()));
         }
+        self.flush()?;
         let (color, secondary) = super::lit::colors_of_side(&self.state, &self.modelview.top, &vertices[provoking], back);
         vertices.iter_mut().for_each(|vertex| (vertex.color, vertex.secondary) = (color, secondary));
-        self.add_lit(class, &vertices, indices, &[])
-    }
-
-    /// Draws vertices that are lit already, with some capabilities switched off.
-    pub(super) fn add_lit(&mut self, class: Class, vertices: &[Vertex], indices: &[u32], off: &[u32]) -> Outcome {
-        self.flush()?;
         let enabled = self.state.enabled;
         let bit = |cap: u32| capability(cap).unwrap_or(0);
         if self.state.is(e::LIGHTING) {
             let sum = if self.state.separate_specular { bit(e::COLOR_SUM) } else { 0 };
             self.state.enabled = self.state.enabled & !bit(e::LIGHTING) & !bit(e::COLOR_SUM) | sum;
         }
-        off.iter().for_each(|&cap| self.state.enabled &= !bit(cap));
-        let outcome = self.add(class, None, vertices, indices).and_then(|()| self.flush());
+        let outcome = self.add(class, None, &vertices, indices).and_then(|()| self.flush());
         self.state.enabled = enabled;
         outcome
     }

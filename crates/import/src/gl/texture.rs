@@ -12,7 +12,6 @@ use super::copies::{CopyKey, From, Meet, SAME, one_image};
 use super::image::Kept;
 use super::key::{Base, DepthRead, Kind};
 use super::names;
-use super::reduced::Bits;
 
 /// One image of a texture.
 #[derive(Clone, Debug)]
@@ -23,8 +22,6 @@ pub struct Level {
     pub base: Base,
     /// The format in which its texels are stored.
     pub format: Format,
-    /// The bits of its channels.
-    pub bits: Bits,
     /// Bytes that are not yet on the card. Depths are stored as 32-bit floats.
     pub bytes: Option<Vec<u8>>,
 }
@@ -32,15 +29,7 @@ pub struct Level {
 impl Level {
     /// An image of texels of a base format.
     pub fn plain(size: [u32; 3], base: Base, bytes: Option<Vec<u8>>) -> Level {
-        Level { size, base, format: base.format(), bits: Bits::FULL, bytes }
-    }
-
-    /// The same with fewer bits a channel.
-    pub fn rounded(mut self, bits: Bits) -> Level {
-        if let Some(bytes) = &mut self.bytes {
-            bits.round(self.format.block_bytes() as usize, bytes);
-        }
-        Level { bits, ..self }
+        Level { size, base, format: base.format(), bytes }
     }
 }
 

@@ -9,7 +9,6 @@ use super::image::{self, Kept};
 use super::key::Base;
 use super::machine::Gl;
 use super::names;
-use super::reduced::Bits;
 use super::state::{TARGETS, UNITS};
 use super::texture::{Level, Texture};
 
@@ -142,7 +141,7 @@ fn define(gl: &mut Gl, call: &Call, allowed: &[u32], dimensions: usize) -> Outco
         bytes = bytes.map(|bytes| inside_of(&bytes, base.format().block_bytes() as usize, size, inner, dimensions));
         size = inner;
     }
-    install(gl, target, face, level, Level::plain(size, base, bytes).rounded(Bits::of(internal)))
+    install(gl, target, face, level, Level::plain(size, base, bytes))
 }
 
 /// The texels inside a border of one texel.
@@ -179,14 +178,12 @@ fn install(gl: &mut Gl, target: usize, face: u32, level: u32, image: Level) -> O
 
 /// Generates all levels below one.
 fn smaller_levels(texture: &mut Texture, card: &mut super::card::Card, face: u32, level: u32, size: [u32; 3], texels: Vec<u8>) {
-    let Some((base, bits)) = texture.levels.get((face, level)).map(|image| (image.base, image.bits)) else { return };
+    let Some(base) = texture.levels.get((face, level)).map(|image| image.base) else { return };
     let (mut smaller, mut texels, mut at) = (size, texels, level);
     while smaller != [1; 3] {
         (smaller, texels) = image::half(smaller, base, &texels);
         at += 1;
-        let image = Level::plain(smaller, base, Some(texels)).rounded(bits);
-        // The next level is made from what this one stores.
-        texels = image.bytes.clone().unwrap_or_default();
+        let image = Level::plain(smaller, base, Some(texels.clone()));
         texture.define(card, face, at, image);
     }
 }
@@ -340,7 +337,7 @@ fn storage(gl: &mut Gl, call: &Call, allowed: &[u32], dimensions: usize) -> Outc
         for face in 0..if cube { 6 } else { 1 } {
             // Contents are undefined: zeros are allowed.
             let zeros = (base != Base::Depth).then(|| vec![0; bytes]);
-            install(gl, target, face, level, Level::plain(size, base, zeros).rounded(Bits::of(internal)))?;
+            install(gl, target, face, level, Level::plain(size, base, zeros))?;
         }
     }
     with(gl, target, |texture, _| {
@@ -375,7 +372,7 @@ fn write_part(gl: &mut Gl, call: &Call, allowed: &[u32], dimensions: usize) -> O
         size[k] = call.size(2 + dimensions + k)?;
     }
     let (format, kind) = (call.u32(2 + 2 * dimensions)?, call.u32(3 + 2 * dimensions)?);
-    let (base, bits) = with(gl, target, |texture, _| {
+    let base = with(gl, target, |texture, _| {
         let image = texture.levels.get((face, level)).ok_or(INVALID_OPERATION)?;
         if !inside(image, origin, size) {
             return Err(INVALID_VALUE);
@@ -383,7 +380,7 @@ fn write_part(gl: &mut Gl, call: &Call, allowed: &[u32], dimensions: usize) -> O
         if image.format != image.base.format() {
             return Err(Fault::Unsupported("texels that are written into compressed textures".into()));
         }
-        Ok((image.base, image.bits))
+        Ok(image.base)
     })?;
     if size.contains(&0) {
         return Ok(());
@@ -391,11 +388,10 @@ fn write_part(gl: &mut Gl, call: &Call, allowed: &[u32], dimensions: usize) -> O
     let Some(bytes) = gl.pixel_bytes(call.arg(4 + 2 * dimensions))? else {
         return Err(Fault::Damaged("the image was not recorded".into()));
     };
-    let mut kept = match base {
+    let kept = match base {
         Base::Depth => float_bytes(&gl.depths(size, kind, &bytes)?),
         base => gl.kept(base, size, [format, kind], &bytes)?,
     };
-    bits.round(base.format().block_bytes() as usize, &mut kept);
     let generates = with(gl, target, |texture, card| {
         texture.write(card, face, level, origin, size, &kept);
         Ok(texture.generate && level == texture.range[0])
