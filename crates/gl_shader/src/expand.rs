@@ -11,7 +11,7 @@ pub const BOTH_ENDS_MAX: u32 = 14;
 /// The locations of the other end's attributes, in the order of the attributes: those that are free.
 pub fn far_locations(key: &ShaderKey) -> Vec<u32> {
     let used: Vec<u32> = attributes(key).into_iter().map(|(location, ..)| location).collect();
-    let own = [location::POSITION, location::CORNER, location::OTHER, location::ALONG, location::OFFSET];
+    let own = [location::POSITION, location::CORNER, location::OTHER, location::OFFSET];
     let free = (0..2 * location::GENERIC).filter(|at| !own.contains(at) && !used.contains(at));
     free.take(used.len()).collect()
 }

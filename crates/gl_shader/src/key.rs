@@ -316,8 +316,6 @@ pub struct ShaderKey {
     pub planes: u8,
     /// Polygon stipple.
     pub stipple: bool,
-    /// Line stipple.
-    pub line_stipple: bool,
     /// Depth offsets of polygons that are drawn as lines or points.
     pub offset: bool,
     /// Primary colours are those of drawn pixels.

@@ -166,7 +166,10 @@ impl Gl {
         }
         self.programmed(&mut key, batch, vertex.as_ref(), fragment.as_ref())?;
         key.colors = colors_of(&target, fragment.as_ref());
-        if self.cuts_fog(&key, batch) {
+        if batch.class == Class::Lines && self.line_stippled() && vertex.is_none() {
+            // The pattern's runs have the distances that fog needs.
+            key.fog_coordinate = true;
+        } else if self.cuts_fog(&key, batch) {
             // Only here is the distance of a clipped end known.
             let modelview = self.modelview.top;
             for vertex in &mut batch.vertices {
