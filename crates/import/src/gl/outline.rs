@@ -1,8 +1,8 @@
 //! Polygons that are drawn as lines or points (`glPolygonMode`). Facing is computed here, since the card computes it for triangles only.
 //!
 //! As in Mesa, clip planes of the program cut the polygon before it becomes an outline: edges and corners along such a plane are drawn, and
-//! polygons are cut as triangles. Along the sides of the view volume nothing is drawn, so there it suffices that lines are cut; but a pattern
-//! counts the edges of triangles that are cut in another order.
+//! polygons are cut as triangles. Along the sides of the view volume nothing is drawn, but the edges of triangles that these cut have another
+//! order, which patterns and edges over each other show.
 
 use glam::{DVec2, DVec3, Mat4, dvec2, dvec3};
 
@@ -41,7 +41,7 @@ impl Gl {
         let planes: Vec<[f32; 4]> =
             (0..PLANES).filter(|&k| self.state.is(e::CLIP_PLANE0 + k as u32)).map(|k| self.state.planes[k]).collect();
         // Whether a vertex program decides where vertices and clip planes are.
-        let program = if planes.is_empty() { None } else { self.active_program(Stage::Vertex)? };
+        let program = self.active_program(Stage::Vertex)?;
         for corners in polygons {
             let back = self.is_back(&clip, corners.iter().map(|&i| &vertices[i as usize]));
             let culled = self.state.is(e::CULL_FACE)
@@ -65,7 +65,7 @@ impl Gl {
             };
             let order = (0..count).map(|k| (first + k) % count);
             let edges: Vec<u32> = order.filter(|&k| own[k as usize].edge).collect();
-            let (class, mut indices) = match self.state.polygon_modes[usize::from(back)] {
+            let (class, indices) = match self.state.polygon_modes[usize::from(back)] {
                 e::POINT => (Class::Points, edges),
                 e::LINE => (Class::Lines, edges.into_iter().flat_map(|k| [k, (k + 1) % count]).collect()),
                 _ => (Class::Triangles, (2..count).flat_map(|k| [0, k - 1, k]).collect()),
@@ -81,7 +81,7 @@ impl Gl {
                 .iter()
                 .map(|&plane| move |vertex: &Vertex| matrix::at_plane(plane, matrix::transform(&modelview, vertex.position)))
                 .collect();
-            let sides = sides.iter().filter(|_| dashed).map(|side| (side as &dyn Fn(&Vertex) -> f32, false));
+            let sides = sides.iter().filter(|_| program.is_none()).map(|side| (side as &dyn Fn(&Vertex) -> f32, false));
             let cuts: Vec<Cut> = sides.chain(planes.iter().map(|plane| (plane as &dyn Fn(&Vertex) -> f32, true))).collect();
             let outside = |cut: &Cut| own.iter().any(|vertex| cut.0(vertex) < 0.0);
             let cut = polygon.is_some() && cuts.iter().any(outside);
@@ -95,7 +95,7 @@ impl Gl {
                     e::QUAD_STRIP => 2,
                     _ => count as usize - 1,
                 };
-                if self.active_program(Stage::Vertex)?.is_some() {
+                if program.is_some() {
                     let what = "flat shading of polygons drawn as lines or points with a vertex program";
                     return Err(Fault::Unsupported(what.into()));
                 }
@@ -106,13 +106,16 @@ impl Gl {
                 self.light(&mut own, back);
             }
             if cut {
-                (own, indices) = pieces(mode, own, class, |corners| cut_by(corners, &cuts));
-            }
-            if cut || polygon.is_some() && self.state.flat {
-                self.add_lit(class, cut, &own, &indices)?;
+                for (vertices, indices) in pieces(mode, &own, class, &cuts) {
+                    self.add_lit(class, back, &vertices, &indices)?;
+                }
                 continue;
             }
-            if class == Class::Lines && self.line_stippled() {
+            if polygon.is_some() && self.state.flat {
+                self.add_lit(class, back, &own, &indices)?;
+                continue;
+            }
+            if dashed {
                 // The pattern continues from edge to edge.
                 self.add(class, polygon, &own, &indices)?;
                 continue;
@@ -131,16 +134,16 @@ impl Gl {
         }
     }
 
-    /// Appends lines or points of a polygon, whose vertices have been lit and perhaps cut by the program's clip planes. They are a draw of
-    /// their own, without lighting and these planes.
-    fn add_lit(&mut self, class: Class, cut: bool, vertices: &[Vertex], indices: &[u32]) -> Outcome {
-        self.flush()?;
-        let enabled = self.state.enabled;
-        self.state.enabled = self.without_lighting();
-        if cut {
-            let planes = (0..PLANES).filter_map(|k| capability(e::CLIP_PLANE0 + k as u32)).fold(0, |all, bit| all | bit);
-            self.state.enabled &= !planes;
+    /// Appends lines or points of a polygon, whose vertices have been lit and cut. Where there is lighting, or the program has clip planes, they
+    /// are a draw of their own without these.
+    fn add_lit(&mut self, class: Class, back: bool, vertices: &[Vertex], indices: &[u32]) -> Outcome {
+        let planes = (0..PLANES).filter_map(|k| capability(e::CLIP_PLANE0 + k as u32)).fold(0, |all, bit| all | bit);
+        let (enabled, without) = (self.state.enabled, self.without_lighting() & !planes);
+        if enabled == without {
+            return self.add(class, Some(back), vertices, indices);
         }
+        self.flush()?;
+        self.state.enabled = without;
         let outcome = self.add(class, Some(false), vertices, indices).and_then(|()| self.flush());
         self.state.enabled = enabled;
         outcome
@@ -216,15 +219,18 @@ fn triangles_of(mode: u32, corners: &[Vertex]) -> Vec<Piece> {
     }
 }
 
-/// The vertices and indices of the lines or points of a polygon's triangles, of which `cut` leaves a part.
-fn pieces(mode: u32, corners: Vec<Vertex>, class: Class, cut: impl Fn(Piece) -> Option<Piece>) -> (Vec<Vertex>, Vec<u32>) {
-    let (mut vertices, mut indices) = (Vec::new(), Vec::new());
-    for triangle in triangles_of(mode, &corners) {
-        // Of a triangle that is whole the last edge comes first.
-        let (piece, first) = match cut(triangle.clone()) {
-            Some(piece) => (piece, 0),
-            None => (triangle, 2),
-        };
+/// The vertices and indices of the lines or points that are left of a polygon's triangles. A pattern begins anew in each of these lists.
+fn pieces(mode: u32, corners: &[Vertex], class: Class, cuts: &[Cut]) -> Vec<(Vec<Vertex>, Vec<u32>)> {
+    let mut lists = Vec::new();
+    for triangle in triangles_of(mode, corners) {
+        // Of a triangle that is whole the last edge comes first. One that is cut does not continue a pattern.
+        let left = cut_by(&triangle, cuts);
+        let first = if left.is_some() { 0 } else { 2 };
+        if left.is_some() || lists.is_empty() {
+            lists.push((Vec::new(), Vec::new()));
+        }
+        let Some((vertices, indices)) = lists.last_mut() else { continue };
+        let piece = left.unwrap_or(triangle);
         let (base, count) = (vertices.len() as u32, piece.len() as u32);
         for k in (0..count).map(|k| (first + k) % count).filter(|&k| piece[k as usize].1) {
             indices.push(base + k);
@@ -234,12 +240,12 @@ fn pieces(mode: u32, corners: Vec<Vertex>, class: Class, cut: impl Fn(Piece) -> 
         }
         vertices.extend(piece.into_iter().map(|(vertex, _)| vertex));
     }
-    (vertices, indices)
+    lists
 }
 
 /// What is left of a convex polygon; none if nothing is cut off.
-fn cut_by(corners: Piece, cuts: &[Cut]) -> Option<Piece> {
-    let (mut left, mut any) = (corners, false);
+fn cut_by(corners: &Piece, cuts: &[Cut]) -> Option<Piece> {
+    let (mut left, mut any) = (corners.clone(), false);
     for (distance, drawn) in cuts {
         let distances: Vec<f32> = left.iter().map(|(vertex, _)| distance(vertex)).collect();
         if distances.iter().all(|&distance| distance >= 0.0) {
