@@ -387,6 +387,9 @@ fn fragment(key: &ShaderKey, source: &Source, out: &mut String) {
         line!(out, "    let d = vec4u(textureLoad(frame, vec2i(v.position.xy), 0) * 255.0 + 0.5);");
         line!(out, "    c = vec4f(({}) & vec4u(255)) / 255.0;", logic(op));
     }
+    if let Some(narrow) = key.colors.narrow {
+        line!(out, "    c = {};", narrow.unswizzle());
+    }
     let further = |k: &u8| if key.colors.alike { ", c".to_owned() } else { format!(", c{k}") };
     let further: String = more.iter().map(further).collect();
     let depth = depth.map_or(String::new(), |depth| format!(", saturate({depth})"));
