@@ -11,7 +11,7 @@ pub const BOTH_ENDS_MAX: u32 = 14;
 /// The locations of the other end's attributes, in the order of the attributes: those that are free.
 pub fn far_locations(key: &ShaderKey) -> Vec<u32> {
     let used: Vec<u32> = attributes(key).into_iter().map(|(location, ..)| location).collect();
-    let own = [location::POSITION, location::CORNER, location::OTHER, location::ALONG, location::OFFSET];
+    let own = [location::POSITION, location::CORNER, location::OTHER, location::OFFSET];
     let free = (0..2 * location::GENERIC).filter(|at| !own.contains(at) && !used.contains(at));
     free.take(used.len()).collect()
 }
@@ -79,7 +79,18 @@ pub(crate) fn expand(key: &ShaderKey, out: &mut String) {
             line!(out, "    let way = -v.corner.y * (q.xy / q.w - p.xy / p.w) * u.screen.xy;");
             if key.expand == Expand::Line {
                 line!(out, "    let across = select(vec2f(1, 0), vec2f(0, 1), abs(way.x) >= abs(way.y));");
-                line!(out, "    let by = v.corner.x * 0.5 * u.screen.z * across;");
+                // A pixel belongs to a line that leaves its diamond (OpenGL 1.5, section 3.4.1): an end beyond the middle of a pixel, but
+                // within its diamond, is drawn back before the middle.
+                line!(out, "    let steep = abs(way.x) < abs(way.y);");
+                line!(out, "    let run = select(way, way.yx, steep);");
+                line!(out, "    let window = (p.xy / p.w + vec2f(1)) * u.screen.xy;");
+                line!(out, "    let at = select(window, window.yx, steep);");
+                line!(out, "    let slope = run.y / select(run.x, 1.0, run.x == 0.0);");
+                line!(out, "    let beyond = fract(at.x) - 0.5;");
+                line!(out, "    let aside = at.y - floor(at.y - beyond * slope) - 0.5;");
+                line!(out, "    let back = beyond * run.x > 0.0 && abs(beyond) + abs(aside) < 0.5;");
+                line!(out, "    let shift = select(0.0, -beyond - sign(run.x) / 64.0, back) * vec2f(1, slope);");
+                line!(out, "    let by = v.corner.x * 0.5 * u.screen.z * across + select(shift, shift.yx, steep);");
                 line!(out, "    o.corner = vec4f();");
             } else {
                 line!(out, "    let along = way * inverseSqrt(max(dot(way, way), 1e-30));");

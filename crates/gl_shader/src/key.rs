@@ -4,6 +4,7 @@
 
 use crate::UNITS;
 use crate::arb::program::input;
+use crate::narrow::Narrow;
 
 /// Attributes that come from the vertex buffer; the others are constant for all vertices and are uniforms.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord)]
@@ -105,6 +106,8 @@ pub enum Base {
     Rg,
     /// Floating-point numbers, not clamped.
     Float(Channels, Width),
+    /// Fewer than eight bits a channel.
+    Narrow(Narrow),
     /// Depth; the texture's depth mode selects what the environment reads.
     Depth,
 }
@@ -154,8 +157,15 @@ impl Base {
                 Channels::Rgb => Base::Rgb,
                 Channels::Rgba => Base::Rgba,
             },
+            Base::Narrow(narrow) => narrow.plain(),
             other => other,
         }
+    }
+
+    /// Its format, if it has fewer than eight bits a channel.
+    #[inline]
+    pub fn narrow(self) -> Option<Narrow> {
+        if let Base::Narrow(narrow) = self { Some(narrow) } else { None }
     }
 
     /// Whether values outside [0, 1] are stored.
@@ -174,19 +184,22 @@ impl Base {
             Base::LuminanceAlpha => "t.rrrg",
             Base::Intensity => "t.rrrr",
             Base::Rgb | Base::Srgb => "vec4f(t.rgb, 1)",
-            Base::Rgba | Base::SrgbAlpha | Base::Depth | Base::Float(..) => "t",
+            Base::Rgba | Base::SrgbAlpha | Base::Depth | Base::Float(..) | Base::Narrow(_) => "t",
         }
     }
 
     /// WGSL of the stored texel, from a colour `c`.
     pub fn unswizzle(self) -> &'static str {
+        if let Base::Narrow(narrow) = self {
+            return narrow.unswizzle();
+        }
         match self.plain() {
             Base::Alpha => "c.aaaa",
             Base::Luminance | Base::Intensity | Base::Red => "c.rrrr",
             Base::Rg => "c.rgba",
             Base::LuminanceAlpha => "c.raaa",
             Base::Rgb | Base::Srgb => "vec4f(c.rgb, 1)",
-            Base::Rgba | Base::SrgbAlpha | Base::Depth | Base::Float(..) => "c",
+            Base::Rgba | Base::SrgbAlpha | Base::Depth | Base::Float(..) | Base::Narrow(_) => "c",
         }
     }
 }
@@ -316,8 +329,6 @@ pub struct ShaderKey {
     pub planes: u8,
     /// Polygon stipple.
     pub stipple: bool,
-    /// Line stipple.
-    pub line_stipple: bool,
     /// Depth offsets of polygons that are drawn as lines or points.
     pub offset: bool,
     /// Primary colours are those of drawn pixels.
@@ -360,12 +371,14 @@ pub struct Colors {
     pub alike: bool,
     /// Whether any of them stores values outside [0, 1].
     pub float: bool,
+    /// Set if the only one has fewer than eight bits a channel.
+    pub narrow: Option<Narrow>,
 }
 
 impl Default for Colors {
     #[inline]
     fn default() -> Self {
-        Colors { count: 1, written: 1, alike: true, float: false }
+        Colors { count: 1, written: 1, alike: true, float: false, narrow: None }
     }
 }
 

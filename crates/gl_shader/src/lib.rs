@@ -14,6 +14,7 @@ pub mod consts;
 pub mod expand;
 pub mod glsl;
 pub mod key;
+pub mod narrow;
 pub mod wgsl;
 
 mod lit;

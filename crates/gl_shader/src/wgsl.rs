@@ -27,8 +27,6 @@ pub mod location {
     pub const CORNER: u32 = 5;
     /// The other end of an expanded line.
     pub const OTHER: u32 = 6;
-    /// Distance in pixels along a stippled line.
-    pub const ALONG: u32 = 7;
     /// Texture coordinates of unit 0.
     pub const TEXTURE: u32 = 8;
     /// Generic attribute 0.
@@ -144,7 +142,6 @@ fn interface(key: &ShaderKey, source: &Source, out: &mut String) {
     let others = [
         (key.expand != Expand::No, location::CORNER, "corner: vec2f"),
         (matches!(key.expand, Expand::Line | Expand::SmoothLine), location::OTHER, "other: vec4f"),
-        (key.line_stipple, location::ALONG, "along: f32"),
         (key.offset, location::OFFSET, "offset: f32"),
     ];
     for (wanted, location, declaration) in others {
@@ -174,9 +171,6 @@ fn interface(key: &ShaderKey, source: &Source, out: &mut String) {
     }
     if key.expand != Expand::No {
         line!(out, "    @location(5) corner: vec4f,");
-    }
-    if key.line_stipple {
-        line!(out, "    @location(6) @interpolate(linear) along: f32,");
     }
     if key.offset {
         line!(out, "    @location(7) @interpolate(flat) offset: f32,");
@@ -259,16 +253,13 @@ fn vertex(key: &ShaderKey, out: &mut String) {
     for unit in key.units.iter().filter(|unit| unit.coordinates) {
         coordinates(key, unit, out);
     }
-    along_and_offset(key, out);
+    offset(key, out);
     expand(key, out);
     line!(out, "    return o;\n}}");
 }
 
 /// Hands over what lines and points have from the machine.
-pub(crate) fn along_and_offset(key: &ShaderKey, out: &mut String) {
-    if key.line_stipple {
-        line!(out, "    o.along = v.along;");
-    }
+pub(crate) fn offset(key: &ShaderKey, out: &mut String) {
     if key.offset {
         line!(out, "    o.offset = v.offset;");
     }
@@ -327,10 +318,6 @@ fn fragment(key: &ShaderKey, source: &Source, out: &mut String) {
     }
     let result = if several { "Pixel" } else { "@location(0) vec4f" };
     line!(out, "@fragment fn fs(v: Varying{facing}) -> {result} {{");
-    if key.line_stipple {
-        line!(out, "    let mark = u32(max(v.along, 0.0) / u.line_stipple.x) & 15u;");
-        line!(out, "    if (u32(u.line_stipple.y) >> mark & 1u) == 0u {{ discard; }}");
-    }
     if key.pixels {
         line!(out, "    let here = vec2f(v.position.x, u.height.x + u.height.y * v.position.y);");
         line!(out, "    let step = vec2i(floor((here - u.pixels[0].xy) * u.pixels[0].zw));");
@@ -399,6 +386,9 @@ fn fragment(key: &ShaderKey, source: &Source, out: &mut String) {
         line!(out, "    let s = vec4u(saturate(c) * 255.0 + 0.5);");
         line!(out, "    let d = vec4u(textureLoad(frame, vec2i(v.position.xy), 0) * 255.0 + 0.5);");
         line!(out, "    c = vec4f(({}) & vec4u(255)) / 255.0;", logic(op));
+    }
+    if let Some(narrow) = key.colors.narrow {
+        line!(out, "    c = {};", narrow.unswizzle());
     }
     let further = |k: &u8| if key.colors.alike { ", c".to_owned() } else { format!(", c{k}") };
     let further: String = more.iter().map(further).collect();

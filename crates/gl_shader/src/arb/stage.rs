@@ -83,7 +83,7 @@ pub fn vertex_program(key: &ShaderKey, program: &Program, out: &mut String) {
     for unit in key.units.iter().filter(|unit| unit.coordinates && !unit.sprite) {
         hand(&format!("texture{}", unit.unit), Output::Texture(unit.unit as u8), &str::to_owned, "vec4f(0, 0, 0, 1)");
     }
-    fixed::along_and_offset(key, out);
+    fixed::offset(key, out);
     if key.both_ends() {
         line!(out, "    return o;\n}}");
         let own = program.code.iter().flat_map(|code| &code.varyings).enumerate();

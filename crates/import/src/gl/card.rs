@@ -120,7 +120,7 @@ impl Card {
     /// Makes an image that can be drawn to.
     pub fn create_surface(&mut self, label: &str, size: [u32; 2], format: Format) -> Surface {
         let texture = self.recorder.create_texture(label, record::texture_2d(size[0], size[1], format));
-        Surface { texture, view: self.recorder.create_view(texture), format, level: 0, layer: 0 }
+        Surface { texture, view: self.recorder.create_view(texture), format, level: 0, layer: 0, narrow: None }
     }
 
     /// Frees an image that [`Card::create_surface`] made.

@@ -4,9 +4,12 @@ use gfx::state::*;
 use num::float_bytes;
 use trace::record;
 
+use gl_shader::narrow::Narrow;
+
 use super::call::Outcome;
 use super::card::{COLORS_MAX, Draw, Fixed, Order, Surface, VertexRange, kept_channels};
 use super::consts as e;
+use super::image::byte;
 use super::machine::Gl;
 use super::state::State;
 
@@ -88,7 +91,10 @@ impl Gl {
             target.colors().enumerate().map(|(k, (color, alpha))| (k, color, alpha)).collect();
         let depth = wanted(e::DEPTH_BUFFER_BIT) && state.depth_write && target.has_depth;
         let stencil_mask = if wanted(e::STENCIL_BUFFER_BIT) && target.has_stencil { state.stencil[0].write & 0xff } else { 0 };
-        let (color, z, stencil) = (values.color, values.depth, values.stencil as u32 & 0xff);
+        // Only the single colour buffer of a target may have fewer bits.
+        let kept = |narrow: Narrow| narrow.computed(values.color.map(|value| byte(value.into()))).map(|code| f32::from(code) / 255.0);
+        let color = target.color.and_then(|color| color.narrow).map_or(values.color, kept);
+        let (z, stencil) = (values.depth, values.stencil as u32 & 0xff);
         // Whether all stored channels of each colour buffer are cleared.
         let whole_colors = !colors.is_empty() && colors.iter().all(|&(k, _, alpha)| written(k, alpha) == kept_channels(alpha));
         let channels = colors.first().map_or(0, |&(k, _, alpha)| written(k, alpha));

@@ -213,7 +213,7 @@ impl Card {
                 *self.frame_copy.insert((made.texture, made.view, size))
             }
         };
-        self.copy_surface(source, Surface { texture, view, format: COLOR, level: 0, layer: 0 }, size);
+        self.copy_surface(source, Surface { texture, view, format: COLOR, level: 0, layer: 0, narrow: None }, size);
         (texture, view, self.sampler(SamplerDesc::default()))
     }
 

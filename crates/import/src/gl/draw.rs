@@ -34,7 +34,8 @@ fn colors_of(target: &Target, fragment: Option<&Active>) -> Colors {
         // An output that a shader does not write is undefined; the first buffer then gets black.
         active.program.outputs.iter().map(bit).fold(1, |all: u8, bit: u8| all | bit)
     });
-    Colors { count, written, alike: own.is_none(), float: target.colors().any(|(color, _)| color.is_float()) }
+    let narrow = target.color.and_then(|color| color.narrow);
+    Colors { count, written, alike: own.is_none(), narrow, float: target.colors().any(|(color, _)| color.is_float()) }
 }
 
 impl Gl {
@@ -166,7 +167,15 @@ impl Gl {
         }
         self.programmed(&mut key, batch, vertex.as_ref(), fragment.as_ref())?;
         key.colors = colors_of(&target, fragment.as_ref());
-        if self.cuts_fog(&key, batch) {
+        if key.colors.narrow.is_some() && self.mask() != 0 && self.blending(&self.state.writes[0])?.is_some() {
+            // Drawn, but what is blended keeps all eight bits.
+            self.refuse("blending into colours of fewer than eight bits a channel".into());
+            key.colors.narrow = None;
+        }
+        if batch.class == Class::Lines && self.line_stippled() && vertex.is_none() {
+            // The pattern's runs have the distances that fog needs.
+            key.fog_coordinate = true;
+        } else if self.cuts_fog(&key, batch) {
             // Only here is the distance of a clipped end known.
             let modelview = self.modelview.top;
             for vertex in &mut batch.vertices {

@@ -129,7 +129,6 @@ impl Gl {
             alpha: (state.is(e::ALPHA_TEST) && state.alpha.0 != e::ALWAYS).then_some(state.alpha.0),
             planes: (0..PLANES).filter(|&k| state.is(e::CLIP_PLANE0 + k as u32)).fold(0, |all, k| all | 1 << k),
             stipple: batch.class == Class::Triangles && state.is(e::POLYGON_STIPPLE),
-            line_stipple: batch.class == Class::Lines && self.line_stippled(),
             offset: self.offsets(batch.class) && batch.vertices.iter().any(|vertex| vertex.offset != 0.0),
             pixels: self.pixels.is_some(),
             expand,

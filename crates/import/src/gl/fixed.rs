@@ -49,7 +49,7 @@ impl Gl {
     }
 
     /// The blending of a colour buffer.
-    fn blending(&self, writes: &ColorWrites) -> Outcome<Option<Blend>> {
+    pub(super) fn blending(&self, writes: &ColorWrites) -> Outcome<Option<Blend>> {
         if !writes.blended || self.state.is(e::COLOR_LOGIC_OP) {
             return Ok(None);
         }

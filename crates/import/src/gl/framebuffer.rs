@@ -13,6 +13,7 @@ use super::machine::Gl;
 use super::names;
 use super::state::TARGETS;
 use super::texture::{FromTarget, Level};
+use gl_shader::narrow::restored;
 
 /// The error of an incomplete framebuffer object.
 const INCOMPLETE: Fault = Fault::Error("GL_INVALID_FRAMEBUFFER_OPERATION");
@@ -122,6 +123,9 @@ impl Gl {
         }
         let sizes: Vec<[u32; 2]> = images.into_iter().chain([attached]).flatten().map(|(_, size, _)| size).collect();
         let &size = sizes.first().ok_or(INCOMPLETE)?;
+        if count > 1 && images.iter().flatten().any(|(surface, ..)| surface.narrow.is_some()) {
+            return Err(Fault::Unsupported("several colour images, of which some have fewer than eight bits a channel".into()));
+        }
         if sizes.iter().any(|&other| other != size) {
             return Err(Fault::Unsupported("frame buffer objects with images of different sizes".into()));
         }
@@ -323,7 +327,8 @@ fn storage(gl: &mut Gl, internal: u32, size: [u32; 2]) -> Outcome {
     };
     let format = match base {
         Base::Depth => DEPTH,
-        Base::Rgb | Base::Rgba | Base::Red | Base::Rg | Base::Float(..) => base.format(),
+        Base::Narrow(narrow) if narrow.plain() == Base::LuminanceAlpha => return Err(INVALID_ENUM),
+        Base::Rgb | Base::Rgba | Base::Red | Base::Rg | Base::Float(..) | Base::Narrow(_) => base.format(),
         _ => return Err(Fault::Unsupported(format!("render buffers of internal format {}", names::name(internal)))),
     };
     let name = gl.renderbuffer;
@@ -332,7 +337,8 @@ fn storage(gl: &mut Gl, internal: u32, size: [u32; 2]) -> Outcome {
         gl.card.destroy_surface(surface);
     }
     if !size.contains(&0) {
-        let image = (gl.card.create_surface("renderbuffer", size, format), size, base);
+        let surface = gl.card.create_surface("renderbuffer", size, format);
+        let image = (Surface { narrow: base.narrow(), ..surface }, size, base);
         gl.renderbuffers.insert(name, Renderbuffer { image: Some(image) });
     }
     Ok(())
@@ -446,8 +452,8 @@ impl Gl {
                 let to = texture.surface(&mut self.card, face, level)?.ok_or(INVALID_OPERATION)?;
                 let source = texture.surface(&mut self.card, face, level - 1)?.ok_or(INVALID_OPERATION)?;
                 // The centre of a texel lies between the texels whose mean it is.
-                let key =
-                    CopyKey { from: From::Filtered, result: "c", format: image.format.name(), meet: Meet::Replace, mask: 15 };
+                let (format, result) = (image.format.name(), restored(image.base.narrow()));
+                let key = CopyKey { from: From::Filtered, result, format, meet: Meet::Replace, mask: 15 };
                 let scale = [from[0] as f32 / width as f32, from[1] as f32 / height as f32];
                 let map = Map { to: [0.0; 2], from: [0.0; 2], scale };
                 let area = Rect { x: 0, y: 0, width, height };
@@ -503,6 +509,8 @@ pub(super) fn blit(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
         };
         let result = if depth {
             "c.r"
+        } else if let Some(narrow) = to.narrow {
+            narrow.unswizzle()
         } else if target.alpha {
             "c"
         } else {

@@ -4,6 +4,7 @@ use super::call::{Fault, INVALID_ENUM, INVALID_OPERATION, Outcome};
 use super::consts as e;
 use super::key::{Base, Channels, Width};
 use super::names;
+use gl_shader::narrow::Narrow;
 use gfx::format::Format;
 use gfx::texel;
 
@@ -246,6 +247,16 @@ pub fn unpack<T: Component>(store: &PixelStore, size: [u32; 3], format: u32, kin
     Ok(out)
 }
 
+/// The base format of an image whose texels a program gives so: Mesa keeps packed ones of few bits as they are.
+pub fn base_of(internal: u32, format: u32, kind: u32) -> Outcome<Base> {
+    match (internal, format, kind) {
+        (e::RGB, e::RGB, e::UNSIGNED_SHORT_5_6_5) => Ok(Base::Narrow(Narrow::R5G6B5)),
+        (e::RGBA, e::RGBA, e::UNSIGNED_SHORT_4_4_4_4) => Ok(Base::Narrow(Narrow::Rgba4)),
+        (e::RGBA, e::RGBA, e::UNSIGNED_SHORT_5_5_5_1) => Ok(Base::Narrow(Narrow::Rgb5A1)),
+        _ => Base::of(internal),
+    }
+}
+
 /// How texels of a base format are stored.
 pub trait Kept: Sized {
     /// The base format of an internal format.
@@ -264,14 +275,23 @@ pub trait Kept: Sized {
 impl Kept for Base {
     fn of(internal: u32) -> Outcome<Base> {
         Ok(match internal {
+            e::R3_G3_B2 => Base::Narrow(Narrow::R3G3B2),
+            e::RGB4 => Base::Narrow(Narrow::Rgb4),
+            RGB5 => Base::Narrow(Narrow::Rgb5),
+            RGB565 => Base::Narrow(Narrow::R5G6B5),
+            e::RGBA2 | RGBA4 => Base::Narrow(Narrow::Rgba4),
+            RGB5_A1 => Base::Narrow(Narrow::Rgb5A1),
+            RGB10_A2 => Base::Narrow(Narrow::Rgb10A2),
+            e::LUMINANCE4_ALPHA4 => Base::Narrow(Narrow::Luminance4Alpha4),
             1 | e::LUMINANCE | e::LUMINANCE4..=e::LUMINANCE16 | e::COMPRESSED_LUMINANCE => Base::Luminance,
-            2 | e::LUMINANCE_ALPHA | e::LUMINANCE4_ALPHA4..=e::LUMINANCE16_ALPHA16 | e::COMPRESSED_LUMINANCE_ALPHA => {
+            2 | e::LUMINANCE_ALPHA | LUMINANCE6_ALPHA2..=e::LUMINANCE16_ALPHA16 | e::COMPRESSED_LUMINANCE_ALPHA => {
                 Base::LuminanceAlpha
             }
-            3 | e::RGB | e::R3_G3_B2 | e::RGB4..=e::RGB16 | e::COMPRESSED_RGB | e::COMPRESSED_RGB_S3TC_DXT1_EXT => Base::Rgb,
+            3 | e::RGB | RGB8..=e::RGB16 | e::COMPRESSED_RGB | e::COMPRESSED_RGB_S3TC_DXT1_EXT => Base::Rgb,
             4
             | e::RGBA
-            | e::RGBA2..=e::RGBA16
+            | RGBA8
+            | RGBA12..=e::RGBA16
             | e::COMPRESSED_RGBA
             | e::COMPRESSED_RGBA_S3TC_DXT1_EXT..=e::COMPRESSED_RGBA_S3TC_DXT5_EXT => Base::Rgba,
             e::SRGB | e::SRGB8 | e::COMPRESSED_SRGB => Base::Srgb,
@@ -284,7 +304,6 @@ impl Kept for Base {
             DEPTH_COMPONENT32F | DEPTH32F_STENCIL8 => Base::Depth,
             e::RED | R8 | R16 => Base::Red,
             RG | RG8 | RG16 => Base::Rg,
-            RGB565 => Base::Rgb,
             RGBA32F..=LUMINANCE_ALPHA16F => {
                 use Channels::{Alpha, Intensity, Luminance, LuminanceAlpha, Rgb, Rgba};
                 let width = if internal < RGBA16F { Width::Single } else { Width::Half };
@@ -317,6 +336,7 @@ impl Kept for Base {
             Base::Rgb | Base::Rgba => Format::Rgba8Unorm,
             Base::Srgb | Base::SrgbAlpha => Format::Rgba8UnormSrgb,
             Base::Depth => super::card::DEPTH,
+            Base::Narrow(narrow) => narrow.plain().format(),
         }
     }
 
@@ -325,6 +345,9 @@ impl Kept for Base {
             Base::Alpha => texels.iter().map(|t| t[3]).collect(),
             Base::Rg => texels.iter().map(|t| [t[0], t[1]]).collect::<Vec<_>>().into_flattened(),
             Base::Float(..) => self.keep_floats(&wide(texels)),
+            Base::Narrow(narrow) => {
+                narrow.plain().keep(&texels.iter().map(|&texel| narrow.given(texel)).collect::<Vec<_>>())
+            }
             Base::Luminance | Base::Intensity | Base::Red => texels.iter().map(|t| t[0]).collect(),
             Base::LuminanceAlpha => texels.iter().map(|t| [t[0], t[3]]).collect::<Vec<_>>().into_flattened(),
             Base::Rgb | Base::Srgb => texels.iter().map(|t| [t[0], t[1], t[2], 255]).collect::<Vec<_>>().into_flattened(),
@@ -348,6 +371,16 @@ impl Kept for Base {
         out
     }
 }
+
+/// Internal formats of few bits.
+const LUMINANCE6_ALPHA2: u32 = 0x8044;
+const RGB5: u32 = 0x8050;
+const RGB8: u32 = 0x8051;
+const RGBA4: u32 = 0x8056;
+const RGB5_A1: u32 = 0x8057;
+const RGBA8: u32 = 0x8058;
+const RGB10_A2: u32 = 0x8059;
+const RGBA12: u32 = 0x805a;
 
 // Internal formats that came after OpenGL 1.5.
 const R8: u32 = 0x8229;
@@ -395,8 +428,15 @@ pub fn half(size: [u32; 3], base: Base, texels: &[u8]) -> ([u32; 3], Vec<u8>) {
                 let mean: [f32; 4] = std::array::from_fn(|c| eight.iter().map(|texel| texel[c]).sum::<f32>() / 8.0);
                 out.extend(&texel::encode(format, mean.map(f32::to_bits))[..channels]);
             } else {
-                let mean = |c: usize| (eight.iter().map(|texel| u32::from(texel[c])).sum::<u32>() + 4) / 8;
-                out.extend((0..channels).map(|c| mean(c) as u8));
+                let mean = |c: usize| ((eight.iter().map(|texel| u32::from(texel[c])).sum::<u32>() + 4) / 8) as u8;
+                match base {
+                    Base::Narrow(narrow) if channels == 4 => out.extend(narrow.computed(std::array::from_fn(mean))),
+                    Base::Narrow(narrow) => {
+                        let [luminance, _, _, alpha] = narrow.computed([mean(0), 0, 0, mean(1)]);
+                        out.extend([luminance, alpha]);
+                    }
+                    _ => out.extend((0..channels).map(mean)),
+                }
             }
         }
     }

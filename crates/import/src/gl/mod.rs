@@ -47,6 +47,7 @@ mod machine;
 mod materials;
 mod matrix;
 mod names;
+mod outline;
 mod pack;
 mod pass;
 mod pixel_data;

@@ -53,9 +53,6 @@ fn layout(key: &ShaderKey, summary: &Summary, sent: Option<Sent>) -> Vec<Attribu
     if key.varying.fog || has(4) {
         list.push((location::FOG, 1, |v, _| [v.fog; 4]));
     }
-    if key.line_stipple {
-        list.push((location::ALONG, 1, |v, _| [v.along; 4]));
-    }
     if key.offset {
         list.push((location::OFFSET, 1, |v, _| [v.offset; 4]));
     }

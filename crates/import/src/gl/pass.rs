@@ -5,6 +5,7 @@ use std::ops::Range;
 use gfx::format::Format;
 use gfx::state::*;
 pub use gl_shader::COLORS_MAX;
+use gl_shader::narrow::Narrow;
 use num::*;
 
 /// One draw of a pass.
@@ -93,6 +94,8 @@ pub struct Surface {
     pub level: u32,
     /// Its layer.
     pub layer: u32,
+    /// Set if it keeps fewer than eight bits of a channel.
+    pub narrow: Option<Narrow>,
 }
 
 impl Surface {

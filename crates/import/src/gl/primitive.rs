@@ -1,14 +1,12 @@
 //! Primitives become lists of points, lines or triangles. They are batched into one draw until the state changes.
 
 use gfx::state::Topology;
-use glam::{DVec2, DVec3, Mat4, Vec4, dvec2, dvec3};
+use glam::{Mat4, Vec4};
 
-use super::arb::Stage;
-use super::call::{Fault, Outcome};
+use super::call::Outcome;
 use super::consts as e;
 use super::machine::Gl;
-use super::matrix;
-use super::state::{Vertex, capability};
+use super::state::Vertex;
 use super::uniforms::to_clip;
 
 /// A batch is drawn when it has this number of vertices.
@@ -16,8 +14,6 @@ const BATCH_MAX: usize = 1 << 17;
 
 /// Steps of the depth buffer in a unit of polygon offset. The standard asks for a difference that can be resolved; Mesa takes two steps.
 pub(super) const OFFSET_STEPS: f32 = 2.0;
-/// A step of the depth buffer, which has 24 bits.
-const DEPTH_STEP: f64 = 1.0 / 16_777_215.0;
 
 /// The primitive type of a batch.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -118,18 +114,17 @@ impl Gl {
     }
 
     /// Appends primitives to the batch.
-    fn add(&mut self, class: Class, polygon: Option<bool>, vertices: &[Vertex], indices: &[u32]) -> Outcome {
+    pub(super) fn add(&mut self, class: Class, polygon: Option<bool>, vertices: &[Vertex], indices: &[u32]) -> Outcome {
         if indices.is_empty() {
             return Ok(());
         }
         if class == Class::Lines && self.line_stippled() {
-            let (vertices, indices) = self.stippled(vertices, indices);
-            return self.append(class, polygon, &vertices, &indices);
+            return self.dashed(polygon, vertices, indices);
         }
         self.append(class, polygon, vertices, indices)
     }
 
-    fn append(&mut self, class: Class, polygon: Option<bool>, vertices: &[Vertex], indices: &[u32]) -> Outcome {
+    pub(super) fn append(&mut self, class: Class, polygon: Option<bool>, vertices: &[Vertex], indices: &[u32]) -> Outcome {
         if indices.is_empty() {
             return Ok(());
         }
@@ -240,139 +235,6 @@ impl Gl {
                     e::BACK => modes[0] == e::FILL,
                     _ => true,
                 }
-    }
-
-    /// Polygons of which some are drawn as lines or points. Facing is computed here, since the card computes it for triangles only.
-    fn outlines(&mut self, mode: u32, vertices: &[Vertex], triangles: &[[u32; 3]]) -> Outcome {
-        let n = vertices.len() as u32;
-        let polygons: Vec<Vec<u32>> = match mode {
-            e::QUADS => (0..n / 4).map(|k| (4 * k..4 * k + 4).collect()).collect(),
-            e::QUAD_STRIP => (0..n.saturating_sub(2) / 2).map(|k| vec![2 * k, 2 * k + 1, 2 * k + 3, 2 * k + 2]).collect(),
-            e::POLYGON if n > 2 => vec![(0..n).collect()],
-            e::POLYGON => Vec::new(),
-            _ => triangles.iter().map(|t| t.to_vec()).collect(),
-        };
-        let clip = to_clip(&self.projection.top, &self.modelview.top);
-        for corners in polygons {
-            let back = self.is_back(&clip, corners.iter().map(|&i| &vertices[i as usize]));
-            let culled = self.state.is(e::CULL_FACE)
-                && match self.state.cull {
-                    e::FRONT => !back,
-                    e::BACK => back,
-                    _ => true,
-                };
-            if culled {
-                continue;
-            }
-            let edged = !matches!(mode, e::TRIANGLES | e::QUADS | e::POLYGON);
-            let mut own: Vec<Vertex> = corners.iter().map(|&i| vertices[i as usize].clone()).collect();
-            let count = own.len() as u32;
-            // A stippled pattern begins at the edge at which Mesa begins: but for polygons, before the first vertex.
-            let first = match mode {
-                e::POLYGON => 0,
-                e::QUAD_STRIP => 2,
-                _ => count - 1,
-            };
-            let order = (0..count).map(|k| (first + k) % count);
-            let edges: Vec<u32> = order.filter(|&k| edged || own[k as usize].edge).collect();
-            let (class, indices) = match self.state.polygon_modes[usize::from(back)] {
-                e::POINT => (Class::Points, edges),
-                e::LINE => (Class::Lines, edges.into_iter().flat_map(|k| [k, (k + 1) % count]).collect()),
-                _ => (Class::Triangles, (2..count).flat_map(|k| [0, k - 1, k]).collect()),
-            };
-            if self.offsets(class) {
-                let offset = self.polygon_offset(&clip, &own);
-                own.iter_mut().for_each(|vertex| vertex.offset = offset);
-            }
-            let polygon = (class != Class::Triangles).then_some(back);
-            if self.state.flat {
-                // The edges and corners of a polygon have the colour of its provoking vertex.
-                let provoking = match mode {
-                    e::POLYGON => 0,
-                    e::QUAD_STRIP => 2,
-                    _ => count as usize - 1,
-                };
-                self.flat_outline(class, back, own, provoking, &indices)?;
-                continue;
-            }
-            if class == Class::Lines && self.line_stippled() {
-                // The pattern continues from edge to edge; the indices show which edges are connected.
-                self.add(class, polygon, &own, &indices)?;
-                continue;
-            }
-            let used: Vec<Vertex> = indices.iter().map(|&k| own[k as usize].clone()).collect();
-            let all: Vec<u32> = (0..used.len() as u32).collect();
-            self.add(class, polygon, &used, &all)?;
-        }
-        Ok(())
-    }
-
-    /// Whether the depths of lines or points of polygons are offset. The card itself offsets triangles.
-    pub(super) fn offsets(&self, class: Class) -> bool {
-        let switch = match class {
-            Class::Triangles => return false,
-            Class::Lines => e::POLYGON_OFFSET_LINE,
-            Class::Points => e::POLYGON_OFFSET_POINT,
-        };
-        self.state.is(switch) && self.state.is(e::DEPTH_TEST) && self.state.polygon_offset != [0.0; 2]
-    }
-
-    /// The depth offset of a polygon (OpenGL 1.5, section 3.5.5), in window coordinates. The slope of a polygon that is not flat is that of
-    /// its mean plane.
-    fn polygon_offset(&self, clip: &Mat4, corners: &[Vertex]) -> f32 {
-        let [factor, units] = self.state.polygon_offset.map(f64::from);
-        let [near, far] = self.state.depth_range.map(f64::from);
-        let [_, _, width, height] = self.state.viewport.map(f64::from);
-        let window = |vertex: &Vertex| {
-            let [x, y, z, w] = matrix::transform(clip, vertex.position).map(f64::from);
-            dvec3(0.5 * width * x, 0.5 * height * y, (far - near) * z) / w
-        };
-        // Twice the area of a polygon that is projected to each of the planes between the axes.
-        let first = window(&corners[0]);
-        let from_first: Vec<DVec3> = corners[1..].iter().map(|vertex| window(vertex) - first).collect();
-        let normal: DVec3 = from_first.windows(2).map(|pair| pair[0].cross(pair[1])).sum();
-        let slope = normal.x.abs().max(normal.y.abs()) / normal.z.abs();
-        // The slope of a polygon that is seen from its edge has no bound.
-        let by_slope = if factor == 0.0 || slope.is_nan() { 0.0 } else { factor * slope };
-        (by_slope + units * f64::from(OFFSET_STEPS) * DEPTH_STEP).clamp(-1.0, 1.0) as f32
-    }
-
-    /// Lines, points or triangles of one polygon in the colour of one vertex, which is lit here.
-    fn flat_outline(
-        &mut self,
-        class: Class,
-        back: bool,
-        mut vertices: Vec<Vertex>,
-        provoking: usize,
-        indices: &[u32],
-    ) -> Outcome {
-        if self.active_program(Stage::Vertex)?.is_some() {
-            return Err(Fault::Unsupported("flat shading of polygons drawn as lines or points with a vertex program".into()));
-        }
-        self.flush()?;
-        let (color, secondary) = super::lit::colors_of_side(&self.state, &self.modelview.top, &vertices[provoking], back);
-        vertices.iter_mut().for_each(|vertex| (vertex.color, vertex.secondary) = (color, secondary));
-        let enabled = self.state.enabled;
-        let bit = |cap: u32| capability(cap).unwrap_or(0);
-        if self.state.is(e::LIGHTING) {
-            let sum = if self.state.separate_specular { bit(e::COLOR_SUM) } else { 0 };
-            self.state.enabled = self.state.enabled & !bit(e::LIGHTING) & !bit(e::COLOR_SUM) | sum;
-        }
-        let outcome = self.add(class, None, &vertices, indices).and_then(|()| self.flush());
-        self.state.enabled = enabled;
-        outcome
-    }
-
-    /// Whether a polygon is back-facing, by the sign of its area in the window.
-    fn is_back<'a>(&self, clip: &Mat4, corners: impl Iterator<Item = &'a Vertex>) -> bool {
-        let window: Vec<DVec2> = corners
-            .map(|vertex| {
-                let [x, y, _, w] = matrix::transform(clip, vertex.position).map(f64::from);
-                dvec2(x, y) / w
-            })
-            .collect();
-        let area: f64 = (0..window.len()).map(|k| window[k].perp_dot(window[(k + 1) % window.len()])).sum();
-        (area < 0.0) == (self.state.front == e::CCW)
     }
 }
 

@@ -39,8 +39,6 @@ pub struct Vertex {
     more: Rc<More>,
     /// Whether an edge of a polygon begins here.
     pub edge: bool,
-    /// Distance in pixels along a stippled line.
-    pub along: f32,
     /// Depth offset of the polygon whose edge or corner it is.
     pub offset: f32,
 }
@@ -392,7 +390,6 @@ impl Default for State {
             own: [black; OWN],
             more: Rc::new(More { texture: [black; UNITS - OWN], generic: [black; GENERICS] }),
             edge: true,
-            along: 0.0,
             offset: 0.0,
         };
         State {

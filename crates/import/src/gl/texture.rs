@@ -389,7 +389,8 @@ impl Texture {
                 view
             }
         };
-        Ok(Some(Surface { texture: native.id, view, format: native.format, level: k, layer }))
+        let narrow = image.base.narrow();
+        Ok(Some(Surface { texture: native.id, view, format: native.format, level: k, layer, narrow }))
     }
 
     /// Prepares the texture for sampling; none if it is not complete, which disables its unit.
@@ -477,7 +478,7 @@ impl Texture {
             Base::Rg => [r, g, 0.0, 0.0],
             Base::LuminanceAlpha => [r, a, 0.0, 0.0],
             Base::Rgb | Base::Srgb => [r, g, b, 1.0],
-            Base::Rgba | Base::SrgbAlpha | Base::Float(..) => [r, g, b, a],
+            Base::Rgba | Base::SrgbAlpha | Base::Float(..) | Base::Narrow(_) => [r, g, b, a],
         };
         let channels = base.format().components() as usize;
         let (border, color) = match kept {
@@ -541,7 +542,7 @@ fn upload(card: &mut Card, native: &Native, level: u32, origin: [u32; 3], size: 
     let from = TextureEnd { texture: source.texture, level: 0, origin: [0; 3], aspect: Aspect::All };
     card.recorder.write_texture(from, layout, size, "depths", bytes);
     let view = card.recorder.create_view_of(native.id, one_image(level, origin[2], Aspect::All));
-    let image = Surface { texture: native.id, view, format: native.format, level, layer: origin[2] };
+    let image = Surface { texture: native.id, view, format: native.format, level, layer: origin[2], narrow: None };
     let key = CopyKey { from: From::Color, result: "c.r", format: native.format.name(), meet: Meet::Replace, mask: 15 };
     let map = super::copies::Map { to: [origin[0] as f32, origin[1] as f32], ..SAME };
     let area = Rect { x: origin[0], y: origin[1], width: size[0], height: size[1] };

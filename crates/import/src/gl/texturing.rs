@@ -5,7 +5,7 @@ use num::float_bytes;
 
 use super::call::{Call, Fault, INVALID_ENUM, INVALID_OPERATION, INVALID_VALUE, Outcome, Shape};
 use super::consts as e;
-use super::image::{self, Kept};
+use super::image::{self, Kept, base_of};
 use super::key::Base;
 use super::machine::Gl;
 use super::names;
@@ -113,8 +113,8 @@ fn define(gl: &mut Gl, call: &Call, allowed: &[u32], dimensions: usize) -> Outco
     }
     let level = checked(call.i32(1)?, size, border)?;
     let internal = call.u32(2)?;
-    let base = Base::of(internal)?;
     let (format, kind) = (call.u32(4 + dimensions)?, call.u32(5 + dimensions)?);
+    let base = base_of(internal, format, kind)?;
     let given = gl.pixel_bytes(call.arg(6 + dimensions))?;
     if (base == Base::Depth) != matches!(format, e::DEPTH_COMPONENT | e::DEPTH_STENCIL) {
         return Err(INVALID_OPERATION);

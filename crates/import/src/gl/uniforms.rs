@@ -181,10 +181,6 @@ pub fn visit(key: &ShaderKey, source: &Source, field: Visit) {
     if key.pixels {
         field("pixels", None, &source.pixels);
     }
-    if key.line_stipple {
-        let (factor, pattern) = state.line_stipple;
-        field("line_stipple", None, &[[factor as f32, pattern as f32, 0.0, 0.0]]);
-    }
     if key.expand != super::key::Expand::No {
         let [_, _, width, height] = state.viewport.map(|value| value as f32);
         let lines = matches!(key.expand, super::key::Expand::Line | super::key::Expand::SmoothLine);

@@ -48,7 +48,7 @@ impl Gl {
                 let repeatable = program.code.as_ref().is_none_or(|code| code.is_repeatable());
                 let (wide, many) = (key.both_ends(), program.inputs.count_ones() > BOTH_ENDS_MAX);
                 let refused = [
-                    (key.line_stipple, "stippled lines"),
+                    (batch.class == Class::Lines && self.line_stippled(), "stippled lines"),
                     (faces, "polygons as lines or points, by their face,"),
                     // An offset without slope is the same for all polygons.
                     (key.offset && self.state.polygon_offset[0] != 0.0, "polygons as lines or points, offset by their slope,"),
