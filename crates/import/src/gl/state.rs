@@ -84,7 +84,6 @@ impl Vertex {
             edge: from(5).edge,
             own: std::array::from_fn(|unit| from(8 + unit).own[unit]),
             more: if arrays & MORE == 0 { current.more.clone() } else { self.more.clone() },
-            along: self.along,
             offset: self.offset,
         };
         if arrays & MORE == 0 { vertex } else { vertex.with_more(current, arrays) }
