@@ -281,6 +281,7 @@ fn over_a_block(random: &mut Random, samples: u32) -> Option<Triangle> {
         front_face: FrontFace::Ccw,
         cull: CullMode::None,
         samples,
+        lower_edges: false,
     };
     let size = 16 << random.below(10);
     let v: [ScreenVertex; 3] = std::array::from_fn(|_| ScreenVertex {

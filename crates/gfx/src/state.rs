@@ -363,6 +363,10 @@ pub struct Primitive {
     /// Beyond WebGPU: flat varyings take the last vertex of a primitive instead of the first.
     #[serde(skip_serializing_if = "is_default")]
     pub provoking_last: bool,
+    /// Beyond WebGPU: samples exactly on horizontal edges belong to what is above them, not below: OpenGL's rule in windows, whose rows
+    /// it counts from below.
+    #[serde(skip_serializing_if = "is_default")]
+    pub lower_edges: bool,
 }
 
 /// Multisample state.

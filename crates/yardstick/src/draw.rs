@@ -20,6 +20,7 @@ pub fn state(samples: u32, [x0, y0, x1, y1]: [i32; 4]) -> SetupState {
         front_face: FrontFace::Ccw,
         cull: CullMode::None,
         samples,
+        lower_edges: false,
     }
 }
 
@@ -35,8 +36,8 @@ pub fn position(v: &ScreenVertex) -> Position {
 
 /// Turns the rule for samples on one edge around: its function is moved by 1, the least step that it can take.
 pub fn flip_rule(triangle: &mut Triangle, edge: usize) {
-    let edge = &mut triangle.edges[edge];
-    edge.c += if edge.is_top_left() { -1 } else { 1 };
+    let (lower, edge) = (triangle.lower_edges, &mut triangle.edges[edge]);
+    edge.c += if edge.owns(lower) { -1 } else { 1 };
 }
 
 /// Walks a primitive tile by tile, as the renderer does.

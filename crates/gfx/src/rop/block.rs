@@ -295,6 +295,7 @@ mod tests {
             front_face: FrontFace::Ccw,
             cull: CullMode::None,
             samples: 1,
+            lower_edges: false,
         };
         let mut random = Cases(Random::new(9));
         let (mut some, mut all) = (0, 0);

@@ -81,6 +81,8 @@ pub struct SetupState {
     pub cull: CullMode,
     /// Samples a pixel, 1 or 4.
     pub samples: u32,
+    /// Whether samples on horizontal edges belong to what is above them, not below.
+    pub lower_edges: bool,
 }
 
 impl SetupState {
@@ -114,17 +116,20 @@ impl SetupState {
             front_face,
             cull,
             samples,
+            lower_edges: false,
         }
     }
 
-    /// Pixels of which some sample lies in a closed box of window coordinates, greatest edges excluded; not yet scissored.
+    /// Pixels of which some sample lies in a closed box of window coordinates, greatest edges excluded, or the least ones where these are
+    /// horizontal and the rule is the other; not yet scissored.
     #[inline(always)]
     fn pixels(&self, min: [Fx8; 2], max: [Fx8; 2]) -> [i32; 4] {
         // The least and greatest sample offsets from the left (upper) edge of a pixel.
         let (first, last) = if self.samples == 1 { (128, 128) } else { (32, 224) };
         let low = |v: Fx8| (v + (SUBPIXEL - 1 - last)) >> SUBPIXEL_BITS;
         let high = |v: Fx8| (v + (SUBPIXEL - 1 - first)) >> SUBPIXEL_BITS;
-        [low(min[0]), low(min[1]), high(max[0]), high(max[1])]
+        let down = Fx8::from(self.lower_edges);
+        [low(min[0]), low(min[1] + down), high(max[0]), high(max[1] + down)]
     }
 
     /// Pixels of the bounding box of a primitive with these vertices, not scissored: of a line the second vertex is repeated, of a
@@ -230,11 +235,11 @@ impl Edge {
     }
 
     /// Whether samples exactly on this edge of a triangle belong to it: a left edge (the inside is to the right), or a top
-    /// edge (horizontal, the inside below).
+    /// edge (horizontal, the inside below), or where `lower` is set a bottom edge.
     #[inline(always)]
-    pub const fn is_top_left(&self) -> bool {
+    pub const fn owns(&self, lower: bool) -> bool {
         // Not short-circuited: the signs of edges are not predictable.
-        (self.a > 0) | ((self.a == 0) & (self.b > 0))
+        (self.a > 0) | ((self.a == 0) & ((self.b > 0) != lower))
     }
 }
 
@@ -262,6 +267,8 @@ pub struct Triangle {
     pub shape: Shape,
     /// Whether it faces front; lines and points do.
     pub front: bool,
+    /// Whether samples on horizontal edges belong to what is above them ([`SetupState::lower_edges`]).
+    pub lower_edges: bool,
 }
 
 impl Triangle {
@@ -363,6 +370,7 @@ pub fn within(state: &SetupState, v: &[ScreenVertex; 3], bounds: Bounds) -> Tria
         start: [v0.x, v0.y],
         shape: Shape::Triangle,
         front,
+        lower_edges: state.lower_edges,
     }
 }
 
@@ -398,6 +406,7 @@ pub fn line(state: &SetupState, v: &[ScreenVertex; 2], front: bool) -> Result<Tr
         start: [v0.x, v0.y],
         shape: Shape::Line,
         front,
+        lower_edges: state.lower_edges,
     })
 }
 
@@ -418,5 +427,6 @@ pub fn point(state: &SetupState, v: &ScreenVertex, front: bool) -> Result<Triang
         start: [v.x, v.y],
         shape: Shape::Point,
         front,
+        lower_edges: state.lower_edges,
     })
 }

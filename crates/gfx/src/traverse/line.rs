@@ -3,7 +3,7 @@
 //! The rule for lines of one sample a pixel is OpenGL's and Vulkan's diamond exit: the diamond of a pixel with centre c is the
 //! open set |x - cx| + |y - cy| < 1/2, and a line from p to q draws exactly the pixels whose diamond it leaves: those that the
 //! segment meets and in which q does not lie. To settle every tie, p and q are both moved by (-e, -e^2) for an infinitesimal e
-//! (in window coordinates, y down). On a line that is no steeper than 45 degrees this is Bresenham's one pixel a column: the
+//! (in window coordinates, y down), or by (-e, e^2) where samples on horizontal edges belong to what is above them. On a line that is no steeper than 45 degrees this is Bresenham's one pixel a column: the
 //! line meets a diamond exactly if it meets the diamond's vertical diagonal, because it is at most as steep as the sides. It is
 //! computed with integers, without drift, so any part of a line can be walked on its own.
 
@@ -40,13 +40,13 @@ pub(super) fn diamond_exit<const S: usize>(line: &Triangle, bounds: Bounds, foun
         };
         // On a border between two pixels the perturbed line passes above or left of it, but for the x-major line that
         // descends: there the first-order term, the slope times e, outweighs the second-order -e^2.
-        let on_border_next = major == 0 && (dn > 0) == (dm > 0) && dn != 0;
+        let on_border_next = major == 0 && if dn == 0 { line.lower_edges } else { (dn > 0) == (dm > 0) };
         let n = if on_border_next { num.div_euclid(den * 256) } else { (num - 1).div_euclid(den * 256) };
         if n < low[minor] || n >= high[minor] {
             continue;
         }
         let pixel = if major == 0 { [m, n] } else { [n, m] };
-        let before = |p: [i64; 2]| before_exit(p, pixel, major, dm > 0);
+        let before = |p: [i64; 2]| before_exit(p, pixel, major, dm > 0, line.lower_edges);
         if before(start) && !before(end) {
             let (x, y) = (pixel[0] - bx, pixel[1] - by);
             let bit = 4 * ((x & 7) / 2 + 4 * ((y & 7) / 2)) + (x & 1) + 2 * (y & 1);
@@ -64,11 +64,13 @@ pub(super) fn diamond_exit<const S: usize>(line: &Triangle, bounds: Bounds, foun
 /// Whether the perturbed end point `p` of a line that crosses the pixel's diagonal lies before the place where the line
 /// leaves the pixel's diamond.
 #[inline(always)]
-fn before_exit(p: [i64; 2], pixel: [i64; 2], major: usize, forward: bool) -> bool {
+fn before_exit(p: [i64; 2], pixel: [i64; 2], major: usize, forward: bool, lower: bool) -> bool {
     let off = [p[0] - (pixel[0] * 256 + HALF), p[1] - (pixel[1] * 256 + HALF)];
     // On the near side of the diagonal, or beyond it and still in the diamond. Moving by (-e, -e^2) is towards the near side
     // when the line runs forward, and away from it when it runs back.
-    let near = if forward { off[major] <= 0 } else { off[major] > 0 };
+    // A point on the diagonal of a steep line is moved by e^2 alone.
+    let back = if lower && major == 1 { off[1] < 0 } else { off[major] <= 0 };
+    let near = back == forward;
     if near {
         return true;
     }

@@ -180,9 +180,9 @@ fn walk<K: Kernel, const S: usize>(primitive: &Triangle, area: Bounds, found: &m
     }
     match primitive.shape {
         Shape::Triangle => {
-            // A sample on an edge that is neither top nor left is outside: E > 0, that is E - 1 >= 0.
+            // A sample on an edge that is neither left nor, but for the other rule, top is outside: E > 0, that is E - 1 >= 0.
             let [e0, e1, e2] = &primitive.edges;
-            let tie = |e: &Edge| i64::from(!e.is_top_left());
+            let tie = |e: &Edge| i64::from(!e.owns(primitive.lower_edges));
             let ties = [tie(e0), tie(e1), tie(e2)];
             convex::<K, _, _>(&primitive.edges, &ties, primitive.base(), bounds, found);
         }

@@ -13,6 +13,7 @@ pub fn state(samples: u32, [x0, y0, x1, y1]: [i32; 4]) -> SetupState {
         front_face: FrontFace::Ccw,
         cull: CullMode::None,
         samples,
+        lower_edges: false,
     }
 }
 

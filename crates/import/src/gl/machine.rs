@@ -112,6 +112,8 @@ pub struct Gl {
     pub indexed: bool,
     /// The instance that is drawn.
     pub instance: u32,
+    /// Whether the recorder gives arrays in the program's memory for whole draws only, not for `glArrayElement`.
+    pub elements_omitted: bool,
     /// Whether the window has an accumulation buffer, if the program has chosen the kind of window in the recording.
     pub accumulates: Option<bool>,
     /// Drawables whose buffers have been swapped, the last one at the end.
@@ -213,6 +215,7 @@ impl Gl {
             clear_accum: [0.0; 4],
             indexed: false,
             instance: 0,
+            elements_omitted: false,
             accumulates: None,
             drawables: Vec::new(),
             query: None,

@@ -335,6 +335,7 @@ fn import(
     let mut gl = Gl::new(path, &reading.limits);
     gl.card.first_frame = frames.start;
     gl.keep_draws = reading.keep_draws;
+    gl.elements_omitted = apitrace;
     gl.card.all_levels = reading.keep_draws;
     gl.card.upward = reading.upward;
     let mut kept = true;

@@ -202,6 +202,7 @@ fn primitive(state: schema::PrimitiveState) -> Primitive {
         polygon_mode: state.polygon_mode.into(),
         unclipped_depth: state.unclipped_depth,
         provoking_last: false,
+        lower_edges: false,
     }
 }
 

@@ -434,7 +434,7 @@ fn spread(input: &Input<'_, '_>, triangle: &Triangle, reference: u32, [x0, y0, x
                     let (xi, xo) = if edge.a >= 0 { (right, left) } else { (left, right) };
                     let (yi, yo) = if edge.b >= 0 { (bottom, top) } else { (top, bottom) };
                     touched &= edge.at(xi, yi) >= 0;
-                    covered &= edge.at(xo, yo) >= i64::from(!edge.is_top_left());
+                    covered &= edge.at(xo, yo) >= i64::from(!edge.owns(triangle.lower_edges));
                 }
                 if !touched {
                     continue;

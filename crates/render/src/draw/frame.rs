@@ -176,7 +176,7 @@ impl<'a> PreparedDraw<'a> {
         let first_target = pipeline.targets.first().and_then(Option::as_ref);
         let alpha_output = first_target.filter(|t| t.components == 4).and_then(|t| t.output);
         let plain = targets.iter().all(|t| !t.state.reads());
-        let setup = SetupState::new(
+        let mut setup = SetupState::new(
             (width, height),
             &viewport,
             call.scissor,
@@ -185,6 +185,7 @@ impl<'a> PreparedDraw<'a> {
             samples,
             state.map_or(DepthBias::NONE, bias),
         );
+        setup.lower_edges = pipeline.primitive.lower_edges;
         let vertex = pipeline.vertex().interface();
         let uniforms = |program: &Program, resources: &Resources<'_>| program.uniforms(resources);
         let fragment_resources = call.fragment_resources.unwrap_or_default();

@@ -35,8 +35,9 @@ impl EightBounds {
         let pixel = |v: __m256i, offset: i32| {
             _mm256_srai_epi32::<{ SUBPIXEL_BITS as i32 }>(_mm256_add_epi32(v, set(SUBPIXEL - 1 - offset)))
         };
-        let low = [pixel(left, last), pixel(upper, last)];
-        let high = [pixel(right, first), pixel(lower, first)];
+        let down = i32::from(state.lower_edges);
+        let low = [pixel(left, last), pixel(upper, last - down)];
+        let high = [pixel(right, first), pixel(lower, first - down)];
         let some = _mm256_and_si256(above(high[0], low[0]), above(high[1], low[1]));
         let b = &state.bounds;
         let low = [_mm256_max_epi32(low[0], set(i32::from(b.x0))), _mm256_max_epi32(low[1], set(i32::from(b.y0)))];
@@ -91,14 +92,17 @@ impl Eight {
         self.front = if state.front_face == FrontFace::Cw { clockwise } else { !clockwise };
 
         // Bounds: of one sample in the pixel's centre, scissored, in the area.
-        let pixel = |v: __m256i| _mm256_srai_epi32::<{ SUBPIXEL_BITS as i32 }>(_mm256_add_epi32(v, set(SUBPIXEL / 2 - 1)));
-        let least = |a, b, c| pixel(_mm256_min_epi32(_mm256_min_epi32(a, b), c));
-        let most = |a, b, c| pixel(_mm256_max_epi32(_mm256_max_epi32(a, b), c));
+        let down = i32::from(state.lower_edges);
+        let pixel = |v: __m256i, down: i32| {
+            _mm256_srai_epi32::<{ SUBPIXEL_BITS as i32 }>(_mm256_add_epi32(v, set(SUBPIXEL / 2 - 1 + down)))
+        };
+        let least = |a, b, c, down| pixel(_mm256_min_epi32(_mm256_min_epi32(a, b), c), down);
+        let most = |a, b, c, down| pixel(_mm256_max_epi32(_mm256_max_epi32(a, b), c), down);
         let all = &state.bounds;
-        let left = _mm256_max_epi32(least(x0, x1, x2), set(i32::from(all.x0)));
-        let upper = _mm256_max_epi32(least(y0, y1, y2), set(i32::from(all.y0)));
-        let right = _mm256_min_epi32(most(x0, x1, x2), set(i32::from(all.x1.min(area.x1))));
-        let lower = _mm256_min_epi32(most(y0, y1, y2), set(i32::from(all.y1.min(area.y1))));
+        let left = _mm256_max_epi32(least(x0, x1, x2, 0), set(i32::from(all.x0)));
+        let upper = _mm256_max_epi32(least(y0, y1, y2, down), set(i32::from(all.y0)));
+        let right = _mm256_min_epi32(most(x0, x1, x2, 0), set(i32::from(all.x1.min(area.x1))));
+        let lower = _mm256_min_epi32(most(y0, y1, y2, down), set(i32::from(all.y1.min(area.y1))));
         let base = [_mm256_and_si256(left, set(!7)), _mm256_and_si256(upper, set(!7))];
         let left = _mm256_max_epi32(left, set(i32::from(area.x0)));
         let upper = _mm256_max_epi32(upper, set(i32::from(area.y0)));
@@ -128,12 +132,10 @@ impl Eight {
         let zero = _mm256_setzero_si256();
         let value = |(a, b): (__m256i, __m256i), jx, jy| {
             let at = _mm256_add_epi32(_mm256_mullo_epi32(a, sub(cx, jx)), _mm256_mullo_epi32(b, sub(cy, jy)));
-            // Less one, but for left and top edges.
-            let top_left = _mm256_or_si256(
-                _mm256_cmpgt_epi32(a, zero),
-                _mm256_and_si256(_mm256_cmpeq_epi32(a, zero), _mm256_cmpgt_epi32(b, zero)),
-            );
-            _mm256_add_epi32(at, _mm256_xor_si256(top_left, set(-1)))
+            // Less one, but for edges that own what lies on them: left ones, and top or bottom ones.
+            let below = _mm256_xor_si256(_mm256_cmpgt_epi32(b, zero), set(-down));
+            let owns = _mm256_or_si256(_mm256_cmpgt_epi32(a, zero), _mm256_and_si256(_mm256_cmpeq_epi32(a, zero), below));
+            _mm256_add_epi32(at, _mm256_xor_si256(owns, set(-1)))
         };
         let start = [value(e0, x1, y1), value(e1, x2, y2), value(e2, x0, y0)];
         let step = |v: __m256i| _mm256_slli_epi32::<{ SUBPIXEL_BITS as i32 }>(v);
