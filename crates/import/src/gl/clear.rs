@@ -92,7 +92,8 @@ impl Gl {
         let depth = wanted(e::DEPTH_BUFFER_BIT) && state.depth_write && target.has_depth;
         let stencil_mask = if wanted(e::STENCIL_BUFFER_BIT) && target.has_stencil { state.stencil[0].write & 0xff } else { 0 };
         // Only the single colour buffer of a target may have fewer bits.
-        let kept = |narrow: Narrow| narrow.computed(values.color.map(|value| byte(value.into()))).map(|code| f32::from(code) / 255.0);
+        let kept =
+            |narrow: Narrow| narrow.computed(values.color.map(|value| byte(value.into()))).map(|code| f32::from(code) / 255.0);
         let color = target.color.and_then(|color| color.narrow).map_or(values.color, kept);
         let (z, stencil) = (values.depth, values.stencil as u32 & 0xff);
         // Whether all stored channels of each colour buffer are cleared.

@@ -4,9 +4,9 @@ use super::call::{Fault, INVALID_ENUM, INVALID_OPERATION, Outcome};
 use super::consts as e;
 use super::key::{Base, Channels, Width};
 use super::names;
-use gl_shader::narrow::Narrow;
 use gfx::format::Format;
 use gfx::texel;
+use gl_shader::narrow::Narrow;
 
 /// Formats and types of pixels that came after OpenGL 1.5.
 const RG: u32 = 0x8227;
@@ -345,9 +345,7 @@ impl Kept for Base {
             Base::Alpha => texels.iter().map(|t| t[3]).collect(),
             Base::Rg => texels.iter().map(|t| [t[0], t[1]]).collect::<Vec<_>>().into_flattened(),
             Base::Float(..) => self.keep_floats(&wide(texels)),
-            Base::Narrow(narrow) => {
-                narrow.plain().keep(&texels.iter().map(|&texel| narrow.given(texel)).collect::<Vec<_>>())
-            }
+            Base::Narrow(narrow) => narrow.plain().keep(&texels.iter().map(|&texel| narrow.given(texel)).collect::<Vec<_>>()),
             Base::Luminance | Base::Intensity | Base::Red => texels.iter().map(|t| t[0]).collect(),
             Base::LuminanceAlpha => texels.iter().map(|t| [t[0], t[3]]).collect::<Vec<_>>().into_flattened(),
             Base::Rgb | Base::Srgb => texels.iter().map(|t| [t[0], t[1], t[2], 255]).collect::<Vec<_>>().into_flattened(),

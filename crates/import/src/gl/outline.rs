@@ -85,8 +85,13 @@ impl Gl {
             let cuts: Vec<Cut> = sides.chain(planes.iter().map(|plane| (plane as &dyn Fn(&Vertex) -> f32, true))).collect();
             let outside = |cut: &Cut| own.iter().any(|vertex| cut.0(vertex) < 0.0);
             let cut = polygon.is_some() && cuts.iter().any(outside);
-            if polygon.is_some() && !planes.is_empty() && program.as_ref().is_some_and(|active| cut || !active.program.invariant) {
-                return Err(Fault::Unsupported("clip planes of polygons drawn as lines or points with a vertex program".into()));
+            if polygon.is_some()
+                && !planes.is_empty()
+                && program.as_ref().is_some_and(|active| cut || !active.program.invariant)
+            {
+                return Err(Fault::Unsupported(
+                    "clip planes of polygons drawn as lines or points with a vertex program".into(),
+                ));
             }
             if polygon.is_some() && self.state.flat {
                 // The edges and corners of a polygon have the colour of its provoking vertex.

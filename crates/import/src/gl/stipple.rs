@@ -162,11 +162,16 @@ mod tests {
         let corners = [vertex(0.0, 0.0), vertex(10.0, 0.0), vertex(10.0, 5.0), vertex(30.0, 5.0)];
         let places = |indices: &[u32], outline: bool| -> Vec<[f32; 2]> {
             let (runs, _) = gl.runs(&corners, indices, outline);
-            runs.iter().map(|vertex| [(vertex.position[0] + 1.0) * 10.0, (vertex.position[1] + 1.0) * 5.0].map(f32::round)).collect()
+            runs.iter()
+                .map(|vertex| [(vertex.position[0] + 1.0) * 10.0, (vertex.position[1] + 1.0) * 5.0].map(f32::round))
+                .collect()
         };
         let first = [[0.0, 0.0], [4.0, 0.0], [8.0, 0.0], [10.0, 0.0]];
         let strip = places(&[0, 1, 1, 2, 2, 3], false);
-        assert_eq!(strip, [&first[..], &[[10.0, 0.0], [10.0, 2.0], [11.0, 5.0], [15.0, 5.0], [19.0, 5.0], [20.0, 5.0]]].concat());
+        assert_eq!(
+            strip,
+            [&first[..], &[[10.0, 0.0], [10.0, 2.0], [11.0, 5.0], [15.0, 5.0], [19.0, 5.0], [20.0, 5.0]]].concat()
+        );
         let lines = places(&[0, 1, 2, 3], false);
         assert_eq!(lines, [&first[..], &[[10.0, 5.0], [14.0, 5.0], [18.0, 5.0], [20.0, 5.0]]].concat());
         // The outline of a polygon goes on where an edge is left out.
