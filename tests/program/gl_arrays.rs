@@ -79,3 +79,31 @@ fn an_array_of_another_size_is_an_error() {
         assert_eq!(last_of(&trace).at(8, 8), RED);
     }
 }
+
+#[test]
+fn counts_of_draws_come_from_buffer_objects() {
+    // Three corners of the lower left half, then three of the upper right one.
+    let corners = [-1_f32, -1.0, 1.0, -1.0, -1.0, 1.0, 1.0, 1.0, -1.0, 1.0, 1.0, -1.0].map(f32::to_le_bytes).concat();
+    let words = |words: &[u32]| words.iter().flat_map(|word| word.to_le_bytes()).collect::<Vec<u8>>();
+    let halves = |counts: &[u32], draw: &str| {
+        let calls = format!(
+            "glEnableClientState(GL_VERTEX_ARRAY)\nglVertexPointer(2,GL_FLOAT,0,*1)\nglBindBufferARB(36671,1)\n\
+             glBufferDataARB(36671,{},*2,35044)\nglBindBufferARB(34963,2)\nglBufferDataARB(34963,3,*3,35044)\n{draw}\n",
+            4 * counts.len()
+        );
+        let image = shown(&calls, &[&corners, &words(counts), &[0, 1, 2]]);
+        [image.at(3, 3) != BLACK, image.at(12, 12) != BLACK]
+    };
+    // Count, instances, first vertex, base instance.
+    assert_eq!(halves(&[3, 1, 0, 0], "glDrawArraysIndirect(GL_TRIANGLES,0)"), [true, false]);
+    assert_eq!(halves(&[9, 9, 9, 3, 1, 3, 0], "glDrawArraysIndirect(GL_TRIANGLES,12)"), [false, true]);
+    assert_eq!(halves(&[3, 0, 0, 0], "glDrawArraysIndirect(GL_TRIANGLES,0)"), [false, false]);
+    assert_eq!(halves(&[3, 1, 0, 0, 7, 3, 1, 3, 0, 7], "glMultiDrawArraysIndirect(GL_TRIANGLES,0,2,20)"), [true, true]);
+    // Count, instances, first index, base vertex, base instance.
+    assert_eq!(halves(&[3, 1, 0, 3, 0], "glDrawElementsIndirect(GL_TRIANGLES,GL_UNSIGNED_BYTE,0)"), [false, true]);
+    let two = [3, 1, 0, 0, 0, 3, 1, 0, 3, 0];
+    assert_eq!(halves(&two, "glMultiDrawElementsIndirect(GL_TRIANGLES,GL_UNSIGNED_BYTE,0,2,0)"), [true, true]);
+    assert_eq!(halves(&two, "glMultiDrawElementsIndirect(GL_TRIANGLES,GL_UNSIGNED_BYTE,20,1,0)"), [false, true]);
+    let based = "glMultiDrawElementsBaseVertex(GL_TRIANGLES,{3,3},GL_UNSIGNED_BYTE,{0,0},2,{3,3})";
+    assert_eq!(halves(&[0], based), [false, true]);
+}

@@ -1,6 +1,7 @@
 //! What the standard leaves open, and what is easily left out: each picture is the one that Mesa's llvmpipe draws.
 
-use super::gl_features::{BLACK, BLUE, GREEN, QUAD, RED, near, shown};
+use super::gl_features::{BLACK, BLUE, GREEN, QUAD, RED, last_of, near, recorded, shown};
+use fillrate::trace::Reading;
 
 const ORTHO: &str = "glMatrixMode(GL_PROJECTION)\nglOrtho(0,16,0,16,-1,1)\nglMatrixMode(GL_MODELVIEW)\n";
 
@@ -105,4 +106,82 @@ fn halves_of_raster_positions_are_rounded_up() {
         assert_eq!(image.lit(), [expected]);
         assert_eq!(image.at(expected.0, expected.1), GREEN);
     }
+}
+
+#[test]
+fn edges_along_a_clip_plane_belong_to_an_outline() {
+    let outline = |mode: &str| {
+        shown(
+            &format!(
+                "{ORTHO}glClipPlane(GL_CLIP_PLANE0,{{1,0,0,-8.25}})\nglEnable(GL_CLIP_PLANE0)\nglPolygonMode(GL_FRONT_AND_BACK,{mode})\n\
+                 glBegin(GL_QUADS)\nglVertex2f(2.5,3.5)\nglVertex2f(12.5,3.5)\nglVertex2f(12.5,11.5)\nglVertex2f(2.5,11.5)\nglEnd()\n"
+            ),
+            &[],
+        )
+    };
+    let lines = outline("GL_LINE");
+    assert!((4..11).all(|y| lines.at(8, y) != BLACK && lines.at(12, y) != BLACK), "{:?}", lines.lit());
+    assert!((9..12).all(|x| lines.at(x, 3) != BLACK && lines.at(x, 11) != BLACK), "{:?}", lines.lit());
+    assert!(lines.lit().into_iter().all(|(x, y)| x > 7 && (x < 9 || x > 11 || y < 4 || y > 10)), "{:?}", lines.lit());
+    // The plane also cuts the diagonal, which has no corner of its own otherwise.
+    assert_eq!(outline("GL_POINT").lit(), [(8, 3), (12, 3), (8, 6), (8, 11), (12, 11)]);
+}
+
+#[test]
+fn ties_in_a_window_follow_the_rows_from_below() {
+    // All edges pass through centres of pixels: those of the left and lower edges belong to the rectangle.
+    let rectangle = shown(&format!("{ORTHO}glRectf(2.5,3.5,6.5,5.5)"), &[]).lit();
+    assert_eq!(rectangle, [2, 3, 4, 5].map(|x| (x, 3)).into_iter().chain([2, 3, 4, 5].map(|x| (x, 4))).collect::<Vec<_>>());
+    // A line between two rows belongs to the lower one.
+    let line = shown(&format!("{ORTHO}glBegin(GL_LINES)\nglVertex2f(2.5,4)\nglVertex2f(5.5,4)\nglEnd()"), &[]).lit();
+    assert_eq!(line, [(2, 3), (3, 3), (4, 3)]);
+}
+
+#[test]
+fn ends_of_wide_lines_follow_the_diamonds_of_pixels() {
+    let columns = |from: f32, to: f32| {
+        let line = format!("{ORTHO}glLineWidth(3)\nglBegin(GL_LINES)\nglVertex2f({from},8.5)\nglVertex2f({to},8.5)\nglEnd()");
+        let image = shown(&line, &[]);
+        (0..16).filter(|&x| (7..10).all(|y| image.at(x, y) != BLACK)).collect::<Vec<usize>>()
+    };
+    // Beyond the middle of a pixel a line is still in its diamond: it leaves that of its first pixel, and not that of its last.
+    assert_eq!([columns(3.7, 6.7), columns(6.7, 3.7)], [vec![3, 4, 5], vec![4, 5, 6]]);
+    assert_eq!([columns(3.2, 6.2), columns(6.2, 3.2)], [vec![3, 4, 5], vec![4, 5, 6]]);
+}
+
+#[test]
+fn colours_of_few_bits_are_rounded_when_given_and_cut_when_drawn() {
+    let texture = |format: &str, pixels: &str| {
+        format!(
+            "glBindTexture(GL_TEXTURE_2D,1)\nglTexParameteri(GL_TEXTURE_2D,GL_TEXTURE_MIN_FILTER,GL_NEAREST)\n\
+             glTexParameteri(GL_TEXTURE_2D,GL_TEXTURE_MAG_FILTER,GL_NEAREST)\nglTexEnvi(GL_TEXTURE_ENV,GL_TEXTURE_ENV_MODE,GL_REPLACE)\n\
+             glTexImage2D(GL_TEXTURE_2D,0,{format},1,1,0,GL_RGBA,GL_UNSIGNED_BYTE,{pixels})\n"
+        )
+    };
+    let read = "glEnable(GL_TEXTURE_2D)\n";
+    let given = |format: &str| shown(&format!("{}{read}{QUAD}", texture(format, "*1")), &[&[10, 100, 203, 100]]).at(8, 8);
+    assert_eq!(given("GL_RGBA8"), [10, 100, 203]);
+    // 12 of 31 repeats its bits as 99, 6 of 15 is 102.
+    assert_eq!([given("GL_RGB5_A1"), given("GL_RGB5")], [[8, 99, 206]; 2]);
+    assert_eq!([given("GL_RGBA4"), given("GL_RGB4")], [[17, 102, 204]; 2]);
+    assert_eq!(given("GL_R3_G3_B2"), [0, 109, 170]);
+    let object = "glBindFramebufferEXT(GL_FRAMEBUFFER_EXT,2)\n\
+        glFramebufferTexture2DEXT(GL_FRAMEBUFFER_EXT,GL_COLOR_ATTACHMENT0_EXT,GL_TEXTURE_2D,1,0)\n";
+    let window = "glBindFramebufferEXT(GL_FRAMEBUFFER_EXT,0)\n";
+    let drawn = |format: &str, draw: &str| {
+        let calls = format!("{}{object}{draw}{window}{read}{QUAD}", texture(format, "U0x0"));
+        shown(&calls, &[]).at(8, 8)
+    };
+    let (color, clear) =
+        (format!("glColor4ub(15,100,207,255)\n{QUAD}"), "glClearColor(0.3,0.45,0.71,1)\nglClear(GL_COLOR_BUFFER_BIT)\n");
+    assert_eq!([drawn("GL_RGB5", &color), drawn("GL_RGBA4", &color)], [[8, 99, 206], [17, 102, 204]]);
+    assert_eq!([drawn("GL_RGB5", clear), drawn("GL_RGBA4", clear)], [[74, 115, 181], [85, 119, 187]]);
+    // The copy of a window.
+    let copied = format!("{color}{}glCopyTexSubImage2D(GL_TEXTURE_2D,0,0,0,0,0,1,1)\n{read}{QUAD}", texture("GL_RGB5", "U0x0"));
+    assert_eq!(shown(&copied, &[]).at(8, 8), [8, 99, 206]);
+    // What is blended keeps all bits, which is said.
+    let blended = format!("{}{object}glEnable(GL_BLEND)\nglBlendFunc(GL_ONE,GL_ONE)\n{color}", texture("GL_RGB5", "U0x0"));
+    let (trace, report) = recorded(&blended, &[], 0..u64::MAX, &Reading::default());
+    assert!(report.refusal().is_some_and(|what| what.starts_with("blending into colours of fewer")), "{:?}", report.refusal());
+    assert_eq!(last_of(&trace).lit(), []);
 }

@@ -147,7 +147,8 @@ const UNIFORM_BUFFER: u32 = 0x8a11;
 
 /// Targets to which a buffer object may be bound to change it: texture, transform feedback, uniform, copy read and write, draw and dispatch
 /// indirect, shader storage, query and atomic counter buffers. What else they serve for is refused where it is used.
-const OTHER_TARGETS: [u32; 10] = [0x8c2a, 0x8c8e, UNIFORM_BUFFER, 0x8f36, 0x8f37, 0x8f3f, 0x90ee, 0x90d2, 0x9192, 0x92c0];
+const OTHER_TARGETS: [u32; 10] =
+    [0x8c2a, 0x8c8e, UNIFORM_BUFFER, 0x8f36, 0x8f37, super::indirect::BUFFER, 0x90ee, 0x90d2, 0x9192, 0x92c0];
 
 /// Maximum number of a binding of uniform blocks.
 const BINDING_MAX: u32 = 1 << 10;

@@ -39,12 +39,20 @@ pub enum Selector {
 
 impl Selection {
     /// Consecutive vertices.
-    fn sequence(first: u32, count: u32) -> Selection {
+    pub(super) fn sequence(first: u32, count: u32) -> Selection {
         Selection { numbers: (first..first.saturating_add(count)).collect(), by: Selector::Sequence }
+    }
+
+    /// Adds a number to each index.
+    pub(super) fn add(&mut self, added: i32) {
+        self.numbers.iter_mut().for_each(|index| *index = index.wrapping_add_signed(added));
+        if let Selector::Buffer { base, .. } = &mut self.by {
+            *base = added;
+        }
     }
 }
 
-fn bounded(count: u32) -> Outcome {
+pub(super) fn bounded(count: u32) -> Outcome {
     if count > VERTICES_MAX {
         return Err(Fault::Limit(format!("{count} vertices in one draw, at most {VERTICES_MAX}")));
     }
@@ -67,7 +75,7 @@ pub(super) fn draw_arrays_instanced(gl: &mut Gl, call: &Call, _: Shape) -> Outco
 }
 
 /// Runs a draw once for each instance.
-fn instances(gl: &mut Gl, count: u32, vertices: u32, mut draw: impl FnMut(&mut Gl) -> Outcome) -> Outcome {
+pub(super) fn instances(gl: &mut Gl, count: u32, vertices: u32, mut draw: impl FnMut(&mut Gl) -> Outcome) -> Outcome {
     if u64::from(count) * u64::from(vertices) > u64::from(VERTICES_MAX) {
         return Err(Fault::Limit(format!(
             "{count} instances of {vertices} vertices in one draw, at most {VERTICES_MAX} in all"
@@ -104,10 +112,7 @@ pub(super) fn draw_elements<const PARTS: u8>(gl: &mut Gl, call: &Call, _: Shape)
     let mut vertices = indices(gl, call.size(at)?, call.u32(at + 1)?, call.arg(at + 2))?;
     if PARTS & BASED != 0 {
         let added = call.i32(behind + usize::from(PARTS & INSTANCED != 0))?;
-        vertices.numbers.iter_mut().for_each(|index| *index = index.wrapping_add_signed(added));
-        if let Selector::Buffer { base, .. } = &mut vertices.by {
-            *base = added;
-        }
+        vertices.add(added);
     }
     let mode = call.u32(0)?;
     if PARTS & INSTANCED == 0 {
@@ -118,14 +123,14 @@ pub(super) fn draw_elements<const PARTS: u8>(gl: &mut Gl, call: &Call, _: Shape)
 }
 
 /// Draws vertices that indices select.
-fn indexed(gl: &mut Gl, mode: u32, vertices: &Selection) -> Outcome {
+pub(super) fn indexed(gl: &mut Gl, mode: u32, vertices: &Selection) -> Outcome {
     gl.indexed = true;
     let outcome = gl.elements(mode, vertices);
     gl.indexed = false;
     outcome
 }
 
-fn indices(gl: &Gl, count: u32, kind: u32, data: &Arg) -> Outcome<Selection> {
+pub(super) fn indices(gl: &Gl, count: u32, kind: u32, data: &Arg) -> Outcome<Selection> {
     bounded(count)?;
     let (scalar, bytes) =
         scalar(kind).filter(|&(s, _)| matches!(s, Scalar::Ubyte | Scalar::Ushort | Scalar::Uint)).ok_or(INVALID_ENUM)?;
@@ -168,7 +173,7 @@ pub(super) fn multi_draw_arrays(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
     Ok(())
 }
 
-/// `glMultiDrawElements(mode, counts, type, indices, number)`
+/// `glMultiDrawElements(mode, counts, type, indices, number)`, also with a number for each draw that is added to its indices.
 pub(super) fn multi_draw_elements(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
     let (mode, counts, kind) = (call.u32(0)?, call.numbers(1)?, call.u32(2)?);
     let of = |k: usize| match call.arg(3) {
@@ -176,10 +181,15 @@ pub(super) fn multi_draw_elements(gl: &mut Gl, call: &Call, _: Shape) -> Outcome
         Arg::Nums(offsets) => offsets.get(k).map(|&at| Arg::Num(at)),
         _ => None,
     };
+    let bases = if call.args.len() > 5 { Some(call.numbers(5)?) } else { None };
     for (k, &count) in counts.iter().enumerate() {
         let data = of(k).ok_or_else(|| Fault::Damaged(format!("the indices of draw {k} were not recorded")))?;
         let count = u32::try_from(count as i64).map_err(|_| INVALID_VALUE)?;
-        let vertices = indices(gl, count, kind, &data)?;
+        let mut vertices = indices(gl, count, kind, &data)?;
+        if let Some(bases) = &bases {
+            let added = bases.get(k).ok_or_else(|| Fault::Damaged(format!("the base vertex of draw {k} was not recorded")))?;
+            vertices.add(*added as i32);
+        }
         indexed(gl, mode, &vertices)?;
     }
     Ok(())

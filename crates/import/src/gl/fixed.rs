@@ -102,8 +102,8 @@ impl Gl {
             front_face: if (state.front == e::CW) ^ target.upward ^ batch.turned { FrontFace::Cw } else { FrontFace::Ccw },
             cull_mode,
             provoking_last: true,
-            // Ties follow OpenGL's rows, which a window's surface has in the other order.
-            lower_edges: !target.upward,
+            // Ties follow OpenGL's rows, which a window's surface has in the other order. Mesa's points are an exception.
+            lower_edges: !target.upward && class != Class::Points,
             ..Primitive::default()
         };
         let tested = state.is(e::DEPTH_TEST) && target.has_depth;

@@ -41,6 +41,7 @@ mod geometry;
 mod glsl;
 mod image;
 mod immediate;
+mod indirect;
 mod lists;
 mod lit;
 mod machine;

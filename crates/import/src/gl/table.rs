@@ -2,10 +2,11 @@
 
 use super::call::{Call, Fault, Outcome, Scalar, Shape, core_name, shape};
 use super::elements::{BASED, INSTANCED, RANGE};
+use super::indirect::{INDEXED, SEVERAL};
 use super::machine::Gl;
 use super::{
-    accumulate, arb, arrays, buffers, elements, environment, evaluator, fragments, framebuffer, glsl, immediate, lists, pixels,
-    raster, rectangles, samplers, saved, texturing, transform,
+    accumulate, arb, arrays, buffers, elements, environment, evaluator, fragments, framebuffer, glsl, immediate, indirect,
+    lists, pixels, raster, rectangles, samplers, saved, texturing, transform,
 };
 
 /// When a function may be called, and its effect on the batch.
@@ -145,7 +146,12 @@ fn exact(name: &str) -> Option<(Moment, Run)> {
         "InterleavedArrays" => (Client, arrays::interleaved),
         "DrawArrays" => (Client, elements::draw_arrays),
         "MultiDrawElements" => (Client, elements::multi_draw_elements),
+        "MultiDrawElementsBaseVertex" => (Client, elements::multi_draw_elements),
         "MultiDrawArrays" => (Client, elements::multi_draw_arrays),
+        "DrawArraysIndirect" => (Client, indirect::draw::<0>),
+        "DrawElementsIndirect" => (Client, indirect::draw::<INDEXED>),
+        "MultiDrawArraysIndirect" => (Client, indirect::draw::<SEVERAL>),
+        "MultiDrawElementsIndirect" => (Client, indirect::draw::<{ INDEXED | SEVERAL }>),
         "DrawElements" => (Client, elements::draw_elements::<0>),
         "DrawRangeElements" => (Client, elements::draw_elements::<RANGE>),
         "DrawElementsBaseVertex" => (Client, elements::draw_elements::<BASED>),

@@ -52,3 +52,23 @@ fn coordinates_in_eye_space_are_divided_where_their_w_can_differ_from_1() {
     let unlit = "glBegin(GL_POINTS)\nglVertex2f(0,0)\nglEnd()\nglBegin(GL_POINTS)\nglVertex4f(0,0,0,2)\nglEnd()\n";
     assert_eq!(shaders(unlit).len(), 1);
 }
+
+#[test]
+fn single_elements_of_arrays_in_memory_are_named_in_recordings_of_apitrace() {
+    use crate::recorder::Value::{Blob, Enum, Uint};
+    let mut w = crate::recorder::Writer::new(6);
+    w.call("glViewport", &[Uint(0), Uint(0), Uint(8), Uint(8)]);
+    w.call("glEnableClientState", &[Enum(0x8074)]);
+    // Before a draw apitrace gives as many elements as that draw reads.
+    w.call("glVertexPointer", &[Uint(2), Enum(0x1406), Uint(0), Blob(vec![0; 24])]);
+    w.call("glDrawArrays", &[Enum(4), Uint(0), Uint(3)]);
+    w.call("glBegin", &[Enum(4)]);
+    for k in [0, 1, 7] {
+        w.call("glArrayElement", &[Uint(k)]);
+    }
+    w.call("glEnd", &[]);
+    let imported = import_bytes(Path::new("x.trace"), w.file(1 << 20), [&[], &[]], &Reading::default());
+    let (_, report) = imported.expect("a recording");
+    let refusal = "glArrayElement with arrays in memory, which apitrace does not record (3 times, first in call 5)";
+    assert_eq!(report.refusal().as_deref(), Some(refusal));
+}
