@@ -173,7 +173,7 @@ fn colours_of_few_bits_are_rounded_when_given_and_cut_when_drawn() {
         shown(&calls, &[]).at(8, 8)
     };
     let (color, clear) =
-        (format!("glColor4ub(15,100,207,255)\n{QUAD}"), "glClearColor(0.3,0.45,0.71,1)\nglClear(GL_COLOR_BUFFER_BIT)\n");
+        (format!("glColor4ub(15,100,207,255)\n{QUAD}\n"), "glClearColor(0.3,0.45,0.71,1)\nglClear(GL_COLOR_BUFFER_BIT)\n");
     assert_eq!([drawn("GL_RGB5", &color), drawn("GL_RGBA4", &color)], [[8, 99, 206], [17, 102, 204]]);
     assert_eq!([drawn("GL_RGB5", clear), drawn("GL_RGBA4", clear)], [[74, 115, 181], [85, 119, 187]]);
     // The copy of a window.

@@ -128,3 +128,28 @@ fn what_is_taken_whole_is_what_tests_find_full() {
     }
     assert!(full > 10_000, "{full}");
 }
+
+#[test]
+fn the_rule_for_lower_edges_is_the_other_rule_upside_down() {
+    let (window, mut random) = ([0, 0, 32, 32], Random::new(17));
+    let (mut ties, lower) = (0, setup::SetupState { lower_edges: true, ..state(1, window) });
+    for case in 0..3000 {
+        // Quarters of pixels, so that many samples lie on edges.
+        let corners: [[i32; 2]; 3] = std::array::from_fn(|_| std::array::from_fn(|_| 64 * random.below(128) as i32));
+        let drawn = |state: &setup::SetupState, mirrored: bool| {
+            let v = corners.map(|[x, y]| ScreenVertex { x, y: if mirrored { 8192 - y } else { y }, z: 0.5, inv_w: 1.0 });
+            let mut image = Image::new(window);
+            let primitive = if case % 2 == 0 { setup::triangle(state, &v) } else { setup::line(state, &[v[0], v[1]], true) };
+            if let Ok(primitive) = primitive {
+                image.draw::<1>(&primitive);
+            }
+            image
+        };
+        let (plain, turned, other) = (drawn(&state(1, window), false), drawn(&lower, true), drawn(&lower, false));
+        for (x, y) in (0..32).flat_map(|y| (0..32).map(move |x| (x, y))) {
+            assert_eq!(plain.hits(x, y, 0), turned.hits(x, 31 - y, 0), "{corners:?}: {x} {y}");
+            ties += u32::from(plain.hits(x, y, 0) != other.hits(x, y, 0));
+        }
+    }
+    assert!(ties > 100, "{ties} samples that the rules settle differently");
+}
