@@ -327,8 +327,8 @@ fn storage(gl: &mut Gl, internal: u32, size: [u32; 2]) -> Outcome {
     };
     let format = match base {
         Base::Depth => DEPTH,
-        Base::Narrow(narrow) if narrow.plain() == Base::LuminanceAlpha => return Err(INVALID_ENUM),
-        Base::Rgb | Base::Rgba | Base::Red | Base::Rg | Base::Float(..) | Base::Narrow(_) => base.format(),
+        Base::Rgb | Base::Rgba | Base::Red | Base::Rg | Base::Float(..) => base.format(),
+        Base::Narrow(narrow) if narrow.plain() != Base::LuminanceAlpha => base.format(),
         _ => return Err(Fault::Unsupported(format!("render buffers of internal format {}", names::name(internal)))),
     };
     let name = gl.renderbuffer;
