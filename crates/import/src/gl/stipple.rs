@@ -4,13 +4,16 @@
 use glam::vec2;
 
 use super::arb::{GENERICS, Stage};
-use super::call::Outcome;
+use super::call::{Fault, Outcome};
 use super::consts as e;
 use super::machine::Gl;
 use super::matrix;
 use super::primitive::Class;
 use super::state::{UNITS, Vertex};
 use super::uniforms::to_clip;
+
+/// Maximum number of ends of runs in one call.
+const VERTICES_MAX: usize = 1 << 22;
 
 impl Gl {
     /// Whether lines have a pattern with gaps.
@@ -29,13 +32,13 @@ impl Gl {
             }
         }
         if program || !self.state.is(e::LIGHTING) {
-            let (vertices, indices) = self.runs(&vertices, indices, polygon.is_some());
+            let (vertices, indices) = self.runs(&vertices, indices, polygon.is_some(), VERTICES_MAX)?;
             return self.append(Class::Lines, polygon, &vertices, &indices);
         }
         // Lighting comes before the pattern.
         self.flush()?;
         self.light(&mut vertices, polygon == Some(true));
-        let (vertices, indices) = self.runs(&vertices, indices, polygon.is_some());
+        let (vertices, indices) = self.runs(&vertices, indices, polygon.is_some(), VERTICES_MAX)?;
         let enabled = self.state.enabled;
         self.state.enabled = self.without_lighting();
         let outcome = self.append(Class::Lines, polygon, &vertices, &indices).and_then(|()| self.flush());
@@ -45,7 +48,7 @@ impl Gl {
 
     /// The runs of lines, two vertices each. The pattern continues if a line begins at the vertex at which the previous one ended, and along
     /// the whole outline of a polygon. Lines are clipped first, since pixels outside of the view volume are not counted.
-    fn runs(&self, vertices: &[Vertex], indices: &[u32], outline: bool) -> (Vec<Vertex>, Vec<u32>) {
+    fn runs(&self, vertices: &[Vertex], indices: &[u32], outline: bool, most: usize) -> Outcome<(Vec<Vertex>, Vec<u32>)> {
         let clip = to_clip(&self.projection.top, &self.modelview.top);
         let [_, _, width, height] = self.state.viewport.map(|value| value as f32);
         let (factor, pattern) = self.state.line_stipple;
@@ -79,22 +82,30 @@ impl Gl {
             };
             let drawn = |pixel: u32| pattern >> ((counter + pixel) / factor & 15) & 1 != 0;
             let pixels = length.ceil() as u32;
-            let mut start = None;
-            for pixel in 0..=pixels {
+            let (mut pixel, mut start) = (0, None);
+            while pixel < pixels {
                 match start {
-                    None if pixel < pixels && drawn(pixel) => start = Some(pixel as f32 / length),
-                    Some(from) if pixel == pixels || !drawn(pixel) => {
-                        out.extend([at(from), at((pixel as f32 / length).min(1.0))]);
+                    None if drawn(pixel) => start = Some(pixel),
+                    Some(from) if !drawn(pixel) => {
+                        out.extend([at(from as f32 / length), at(pixel as f32 / length)]);
                         start = None;
                     }
                     _ => {}
                 }
+                // To the next bit of the pattern.
+                pixel += factor - (counter + pixel) % factor;
+            }
+            if let Some(from) = start {
+                out.extend([at(from as f32 / length), at(1.0)]);
+            }
+            if out.len() > most {
+                return Err(Fault::Limit(format!("the pattern of lines makes more than {} of them in one call", most / 2)));
             }
             // As in Mesa, a pixel that a line enters counts as one. Only the position in the pattern matters.
             counter = (counter + pixels) % (16 * factor);
         }
         let indices = (0..out.len() as u32).collect();
-        (out, indices)
+        Ok((out, indices))
     }
 }
 
@@ -161,7 +172,7 @@ mod tests {
         // 10 pixels to the right, then 5 up; the third line leaves the window after 10 of 20.
         let corners = [vertex(0.0, 0.0), vertex(10.0, 0.0), vertex(10.0, 5.0), vertex(30.0, 5.0)];
         let places = |indices: &[u32], outline: bool| -> Vec<[f32; 2]> {
-            let (runs, _) = gl.runs(&corners, indices, outline);
+            let (runs, _) = gl.runs(&corners, indices, outline, 100).expect("few lines");
             runs.iter()
                 .map(|vertex| [(vertex.position[0] + 1.0) * 10.0, (vertex.position[1] + 1.0) * 5.0].map(f32::round))
                 .collect()
@@ -190,10 +201,22 @@ mod tests {
         // From the left edge of the window to the right one: the second end is three times as far away.
         (ends[0].position, ends[0].fog) = ([-1.0, 0.0, 1.0, 1.0], 1.0);
         (ends[1].position, ends[1].fog) = ([3.0, 0.0, 3.0, 1.0], 3.0);
-        let (runs, _) = gl.runs(&ends, &[0, 1], false);
+        let (runs, _) = gl.runs(&ends, &[0, 1], false, 100).expect("one line");
         // Half of the way in the window is a quarter of the way in space, but fog is the mean.
         let near = |a: f32, b: f32| (a - b).abs() < 1e-6;
         assert!(runs.len() == 2 && near(runs[1].position[0], 0.0) && near(runs[1].position[2], 1.5), "{runs:?}");
         assert!(near(runs[1].fog, 2.0), "{}", runs[1].fog);
+    }
+
+    #[test]
+    fn a_pattern_makes_no_more_lines_than_a_draw_has_vertices() {
+        let mut gl = Gl::new(std::path::Path::new("x"), &num::Limits::default());
+        gl.state.viewport = [0, 0, 16_384, 16_384];
+        gl.state.line_stipple = (1, 0x5555);
+        let mut ends = [gl.state.current.clone(), gl.state.current.clone()];
+        (ends[0].position, ends[1].position) = ([-1.0, 0.0, 0.0, 1.0], [1.0, 0.0, 0.0, 1.0]);
+        // 8192 runs a line.
+        assert_eq!(gl.runs(&ends, &[0, 1], false, 16_384).map(|(runs, _)| runs.len()), Ok(16_384));
+        assert!(matches!(gl.runs(&ends, &[0, 1, 0, 1], false, 16_384), Err(Fault::Limit(_))));
     }
 }
