@@ -81,6 +81,8 @@ struct Scratch {
     /// How many of the batches the current segment has.
     batches_used: usize,
     pieces: Vec<Piece>,
+    /// The tiles that the current segment draws.
+    touched: Vec<u32>,
 }
 
 /// Tiles that are not worth other threads.
@@ -112,6 +114,7 @@ impl Scratch {
             batches: Vec::new(),
             batches_used: 0,
             pieces: Vec::new(),
+            touched: Vec::new(),
         })
     }
 
@@ -329,11 +332,16 @@ impl RenderPass {
     ) -> Result<Drawn, DrawError> {
         let tiles = self.tiles();
         let batches = &mut scratch.batches[..scratch.batches_used];
-        let drawn_here = |tile: usize| {
-            let (x, y) = (tile as u32 % tiles[0], tile as u32 / tiles[0]);
-            (call.need != Need::Survey || areas::surveys([x, y])) && batches.iter().any(|batch| batch.touches(tile))
-        };
-        let touched: Vec<usize> = (0..(tiles[0] * tiles[1]) as usize).filter(|&tile| drawn_here(tile)).collect();
+        let wanted = |&tile: &u32| call.need != Need::Survey || areas::surveys([tile % tiles[0], tile / tiles[0]]);
+        let mut touched = std::mem::take(&mut scratch.touched);
+        touched.clear();
+        match &*batches {
+            [batch] => touched.extend(batch.tiles().iter().copied().filter(wanted)),
+            batches => {
+                let drawn_here = |tile: &u32| batches.iter().any(|batch| batch.touches(*tile as usize));
+                touched.extend((0..tiles[0] * tiles[1]).filter(|tile| wanted(tile) && drawn_here(tile)));
+            }
+        }
         let references = batches.iter().map(Batch::references).sum();
         call.ledger.quads.charge(references)?;
         let quads: u64 = batches.iter().map(|batch| batch.quads_estimate).sum();
@@ -349,19 +357,22 @@ impl RenderPass {
         };
         let mut result = Ok(());
         if frame.tiles_in_order || few {
-            for index in touched {
-                let mut job = self.job(frame, tiles, index);
+            for &index in &touched {
+                let mut job = self.job(frame, tiles, index as usize);
                 result = one(&mut job);
                 if result.is_err() {
                     break;
                 }
-                keep(vec![job]);
+                if call.record {
+                    keep(vec![job]);
+                }
             }
         } else {
             let mut jobs = self.jobs(frame, tiles, &touched);
             result = parallel::map(jobs.iter_mut(), 1..=1, |_, job| one(job)).collect();
             keep(jobs);
         }
+        scratch.touched = touched;
         let mut drawn = workers.take_counts();
         settle(call, workers, growth, frame.fragment)?;
         result?;
@@ -415,14 +426,14 @@ impl RenderPass {
     }
 
     /// Some tiles, in order, with their parts of the attachments.
-    fn jobs(&mut self, frame: &PreparedDraw<'_>, tiles: [u32; 2], indices: &[usize]) -> Vec<TileJob<'_>> {
+    fn jobs(&mut self, frame: &PreparedDraw<'_>, tiles: [u32; 2], indices: &[u32]) -> Vec<TileJob<'_>> {
         let mut locations: Vec<Option<_>> =
             self.color.iter_mut().map(|c| c.as_mut().map(|(surface, _)| surface.tiles_mut(ALL))).collect();
         let mut colors: Vec<_> = frame.targets.iter().map(|t| locations[t.location].take()).collect();
         let mut depth = depth_of(&mut self.depth, frame).map(|(surface, written)| surface.tiles_mut(written));
         let mut jobs = Vec::with_capacity(indices.len());
         let mut next = 0;
-        for &index in indices {
+        for index in indices.iter().map(|&index| index as usize) {
             let skipped = index - next;
             next = index + 1;
             let mut job = TileJob::new(index, tiles[0]);
