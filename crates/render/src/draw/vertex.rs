@@ -70,7 +70,7 @@ impl Vertices {
     ) -> Result<u64, ShaderFault> {
         self.varying_stride = frame.pipeline.varying_words;
         self.distance_stride = frame.pipeline.clip_distances.map_or(0, |(_, n)| n);
-        let room = stream.vertices.next_multiple_of(TASK);
+        let room = stream.vertices.next_multiple_of(if stream.vertices <= TASK { LANES } else { TASK });
         self.codes.resize(room, 0);
         self.screen.resize(room, ScreenVertex::default());
         self.clip.resize(room, [0.0; 4]);
@@ -113,7 +113,7 @@ impl Vertices {
         let one = |number: usize, mut task: Task<'_>| {
             workers.with(|w| shade_task::<1>(frame, &mut w.vertex, stream, number * TASK, &mut task, &mut None))
         };
-        if frame.vertex_in_order || room == TASK {
+        if frame.vertex_in_order || room <= TASK {
             return tasks.enumerate().map(|(number, task)| one(number, task)).sum();
         }
         parallel::map(tasks, parallel::ANY, one).sum()
@@ -163,7 +163,7 @@ fn shade_task<const SPREAD: usize>(
                 }
             }
         }
-        for &(slot, builtin) in &frame.vertex_builtins {
+        for &(slot, builtin) in frame.vertex_builtins {
             let Some(input) = bound.input_mut(slot, 0) else { continue };
             match builtin {
                 BuiltIn::VertexIndex => spread::<SPREAD>(&index, &mut input.0),

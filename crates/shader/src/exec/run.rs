@@ -144,9 +144,9 @@ fn run<const RECORD: bool, const WIDE: bool, const K: usize>(
             Code::MulSub => apply::<K, _, _>(file, [r[0]], [r[1], r[2], r[3]], |[a, b, c]| [a * b - c]),
             Code::NegMulAdd => apply::<K, _, _>(file, [r[0]], [r[1], r[2], r[3]], |[a, b, c]| [c - a * b]),
             Code::Dot2 => apply::<K, _, _>(file, [r[0]], [r[1], r[2], r[3], r[4]], |[a, b, x, y]| [a * x + b * y]),
-            Code::Dot3 => {
-                apply::<K, _, _>(file, [r[0]], [r[1], r[2], r[3], r[4], r[5], r[6]], |[a, b, c, x, y, z]| [a * x + b * y + c * z])
-            }
+            Code::Dot3 => apply::<K, _, _>(file, [r[0]], [r[1], r[2], r[3], r[4], r[5], r[6]], |[a, b, c, x, y, z]| {
+                [a * x + b * y + c * z]
+            }),
             Code::Dot4 => {
                 apply::<K, _, _>(file, [r[0]], [r[1], r[2], r[3], r[4], r[5], r[6], r[7], r[8]], |[a, b, c, d, x, y, z, w]| {
                     [a * x + b * y + c * z + d * w]
