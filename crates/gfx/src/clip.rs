@@ -232,11 +232,12 @@ impl ClipVolume {
         x.1 < -w.1 || x.0 > w.1 || y.1 < -w.1 || y.0 > w.1 || self.depth && (z.1 < 0.0 || z.0 > w.1) || w.1 < W_MIN
     }
 
-    /// The outcodes of a batch of positions (x, y, z, w).
+    /// The outcodes of the first positions (x, y, z, w) of a batch.
     #[inline(always)]
-    pub fn outcodes(&self, position: [&Lanes; 4], out: &mut [Outcode; LANES]) {
+    pub fn outcodes<const N: usize>(&self, position: [&Lanes; 4], out: &mut [Outcode; N]) {
+        const { assert!(N <= LANES) };
         let [x, y, z, w] = position.map(Lanes::f32);
-        for i in 0..LANES {
+        for i in 0..N {
             out[i] = self.outcode([x[i], y[i], z[i], w[i]]);
         }
     }

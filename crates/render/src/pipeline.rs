@@ -7,7 +7,7 @@ use gfx::state::{
 };
 use gfx::vertex::{ComponentKind, component_kind};
 use host::one_line;
-use shader::{self, BuiltIn, Connection, Interface, Interpolation, Module, Program, Sampling, Scalar, Slot};
+use shader::{self, BuiltIn, Connection, InputRegister, Interface, Interpolation, Module, Program, Sampling, Scalar, Slot};
 use trace::command::{BindingKind, LayoutEntry, RenderPipelineDesc};
 use work::Needless;
 
@@ -88,6 +88,48 @@ pub struct RenderPipeline {
     pub(super) alpha_to_coverage: bool,
     /// Depth and stencil may be tested (and written) before shading.
     pub(super) early: bool,
+    /// What the fragment program reads of the varyings.
+    pub(super) classes: Vec<VaryingClass>,
+    /// Values that the card gives to the vertex and to the fragment program, with their slots.
+    pub(super) builtins: [Vec<(usize, BuiltIn)>; 2],
+}
+
+/// Varyings that are interpolated with the same weights.
+#[derive(Debug)]
+pub(super) struct VaryingClass {
+    pub interpolation: Interpolation,
+    pub sampling: Sampling,
+    /// What the fragment program reads of them: registers, and the words of a vertex that go there.
+    pub inputs: Vec<(InputRegister, usize)>,
+}
+
+/// Groups the varyings by their weights; with one sample a pixel all places are the centre.
+fn classes(varyings: &[Varying], program: &Program, samples: u32) -> Vec<VaryingClass> {
+    let mut classes: Vec<VaryingClass> = Vec::new();
+    for varying in varyings {
+        let sampling =
+            if samples == 1 || varying.interpolation == Interpolation::Flat { Sampling::Center } else { varying.sampling };
+        let read = (0..varying.components)
+            .filter_map(|c| Some((program.input_register(varying.input, c)?, varying.word + c)))
+            .collect::<Vec<_>>();
+        if read.is_empty() {
+            continue;
+        }
+        let same = |c: &&mut VaryingClass| c.interpolation == varying.interpolation && c.sampling == sampling;
+        match classes.iter_mut().find(same) {
+            Some(class) => class.inputs.extend(read),
+            None => classes.push(VaryingClass { interpolation: varying.interpolation, sampling, inputs: read }),
+        }
+    }
+    classes
+}
+
+fn builtins(program: &Program) -> Vec<(usize, BuiltIn)> {
+    let builtin = |(at, slot): (usize, &Slot)| match slot.connection {
+        Connection::BuiltIn(builtin) if slot.used => Some((at, builtin)),
+        _ => None,
+    };
+    program.interface().inputs.iter().enumerate().filter_map(builtin).collect()
 }
 
 impl RenderPipeline {
@@ -162,7 +204,10 @@ impl RenderPipeline {
             return Err(format!("{} is no depth or stencil format", state.format.name()));
         }
         let early = early(desc, fragment);
+        let fragment_program = programs.get(1);
         Ok(RenderPipeline {
+            classes: fragment_program.map_or_else(Vec::new, |program| classes(&varyings, program, desc.multisample.count)),
+            builtins: [builtins(&programs[0]), fragment_program.map_or_else(Vec::new, builtins)],
             label: label.to_owned(),
             number: 0,
             attributes,

@@ -64,7 +64,15 @@ impl Bindings {
             .groups
             .get_mut(index as usize)
             .ok_or_else(|| format!("bind group index {index}, the limit is {MAX_BIND_GROUPS}"))?;
-        *slot = group.map(|group| BoundGroup { group, offsets: offsets.to_vec() });
+        match (slot, group) {
+            // The room of the offsets is used again: a program may set a group for each draw.
+            (Some(bound), Some(group)) => {
+                bound.group = group;
+                bound.offsets.clear();
+                bound.offsets.extend_from_slice(offsets);
+            }
+            (slot, group) => *slot = group.map(|group| BoundGroup { group, offsets: offsets.to_vec() }),
+        }
         Ok(())
     }
 

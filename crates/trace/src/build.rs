@@ -70,6 +70,11 @@ impl Builder {
         self.store.contains(name)
     }
 
+    /// The bytes of a blob, if they can be read.
+    pub(crate) fn blob(&self, name: &str) -> Option<Bytes> {
+        self.store.get(&self.file, name).ok()
+    }
+
     /// Takes commands and blobs out. The blobs must be bytes, not files.
     pub fn drain(&mut self) -> Part {
         self.places.clear();

@@ -81,11 +81,12 @@ impl Screen {
         determinant * f64::from(self.scale[0].signum() * self.scale[1].signum())
     }
 
-    /// Transforms a batch of positions (x, y, z, w). Lanes whose vertex has to be clipped hold nothing of use.
+    /// Transforms the first positions (x, y, z, w) of a batch. Lanes whose vertex has to be clipped hold nothing of use.
     #[inline(always)]
-    pub fn vertices(&self, position: [&Lanes; 4], out: &mut [ScreenVertex; LANES]) {
+    pub fn vertices<const N: usize>(&self, position: [&Lanes; 4], out: &mut [ScreenVertex; N]) {
+        const { assert!(N <= LANES) };
         let [x, y, z, w] = position.map(Lanes::f32);
-        for i in 0..LANES {
+        for i in 0..N {
             out[i] = self.vertex([x[i], y[i], z[i], w[i]]);
         }
     }

@@ -49,10 +49,14 @@ impl Gl {
 
     /// Draws the batch.
     pub fn flush(&mut self) -> Outcome {
+        self.follows = false;
         if self.batch.indices.is_empty() {
             return Ok(());
         }
         let mut batch = std::mem::take(&mut self.batch);
+        if let Some(geometry) = self.lone.take() {
+            geometry.alone.set(batch.vertices.len() == geometry.vertices.len());
+        }
         let outcome = self.draw(&mut batch, None);
         if self.batch.indices.is_empty() {
             // The memory is reused.

@@ -2,6 +2,7 @@
 //! its lists.
 
 use std::cell::{Cell, OnceCell, RefCell};
+use std::ops::Range;
 use std::rc::Rc;
 
 use glam::Mat4;
@@ -17,21 +18,25 @@ use super::resident::Kept;
 use super::state::{UNITS, Vertex};
 use super::summary::Summary;
 
-/// Minimum number of vertices of a primitive that stays on the card. Smaller ones are joined with their neighbours to one draw.
+/// Minimum number of vertices that stay on the card. Fewer are joined with their neighbours to one draw, if there are any that can be joined.
 const LEAST: usize = 192;
 /// Maximum number of bytes that stay on the card: primitives of lists, and conversions of buffer objects.
 pub const KEPT_MAX: u64 = 64 << 20;
+/// Bytes that two buffers take beside their contents, about.
+const BESIDE: u64 = 512;
 
-/// A primitive of a list.
+/// Consecutive primitives of a list that become points, that become lines, or that become triangles.
 pub struct Geometry {
-    /// The mode of the primitive.
-    pub mode: u32,
+    /// The mode of each, and the number of its vertices.
+    pub parts: Vec<(u32, u32)>,
     /// Vertices.
     pub vertices: Rc<[Vertex]>,
     /// Attributes that the list sets: bits of [`Vertex::over`]. The others are the current ones when it is drawn.
     pub own: u32,
     /// Whether it has been drawn.
     drawn: Cell<bool>,
+    /// Whether it was the whole of a draw when it was last joined with its neighbours.
+    pub alone: Cell<bool>,
     summary: OnceCell<(Summary, bool)>,
     on_card: RefCell<Vec<OnCard>>,
 }
@@ -48,15 +53,53 @@ struct OnCard {
 impl Geometry {
     /// Vertices that a list gives, with the attributes of `own`.
     pub fn new(mode: u32, vertices: Rc<[Vertex]>, own: u32) -> Geometry {
-        Geometry { mode, vertices, own, drawn: Cell::new(false), summary: OnceCell::new(), on_card: RefCell::new(Vec::new()) }
+        Geometry::of(vec![(mode, vertices.len() as u32)], vertices, own)
+    }
+
+    fn of(parts: Vec<(u32, u32)>, vertices: Rc<[Vertex]>, own: u32) -> Geometry {
+        let (drawn, alone) = (Cell::new(false), Cell::new(false));
+        Geometry { parts, vertices, own, drawn, alone, summary: OnceCell::new(), on_card: RefCell::new(Vec::new()) }
+    }
+
+    /// What the primitives become.
+    fn class(&self) -> Class {
+        class_of(self.parts[0].0)
+    }
+
+    /// Whether a primitive that follows in a list, without a change of the state between them, may be joined.
+    pub fn continues(&self, next: &Geometry) -> bool {
+        self.class() == next.class() && self.own == next.own
+    }
+
+    /// Primitives that [continue](Geometry::continues) the first as one.
+    pub fn join(all: Vec<Rc<Geometry>>) -> Option<Rc<Geometry>> {
+        let [first, others @ ..] = &*all else { return None };
+        if others.is_empty() {
+            return all.into_iter().next();
+        }
+        // What the list does not set is the same for all.
+        let vertices = all.iter().flat_map(|of| of.vertices.iter().map(|vertex| vertex.over(&first.vertices[0], first.own)));
+        let parts = all.iter().flat_map(|of| of.parts.iter().copied()).collect();
+        Some(Rc::new(Geometry::of(parts, vertices.collect(), first.own)))
+    }
+
+    /// The primitives: mode, and range of vertices.
+    pub fn primitives(&self) -> impl Iterator<Item = (u32, Range<usize>)> {
+        self.parts.iter().scan(0, |start, &(mode, count)| {
+            let range = *start..*start + count as usize;
+            *start = range.end;
+            Some((mode, range))
+        })
     }
 
     /// The summary of its vertices, and whether some are upright rectangles.
     fn summary(&self) -> &(Summary, bool) {
         self.summary.get_or_init(|| {
-            let rectangles = self.mode == e::QUADS
-                && self.vertices.chunks_exact(4).any(|four| is_upright([0, 1, 2, 3].map(|k| four[k].position)));
-            (Summary::of(&self.vertices), rectangles)
+            let rectangles = |(mode, range): (u32, Range<usize>)| {
+                let upright = |four: &[Vertex]| is_upright([0, 1, 2, 3].map(|k| four[k].position));
+                mode == e::QUADS && self.vertices[range].chunks_exact(4).any(upright)
+            };
+            (Summary::of(&self.vertices), self.primitives().any(rectangles))
         })
     }
 
@@ -72,46 +115,66 @@ impl Geometry {
 
     /// Its triangles, lines or points.
     fn indices(&self, upright: bool) -> Vec<u32> {
-        let n = self.vertices.len() as u32;
-        if class_of(self.mode) != Class::Triangles {
-            return points_and_lines(self.mode, n);
+        let mut all = Vec::new();
+        for (mode, range) in self.primitives() {
+            let (first, n) = (range.start as u32, range.len() as u32);
+            let of = &self.vertices[range];
+            let rectangle = |corners: Corners| upright && is_upright(corners.map(|corner| of[corner as usize].position));
+            let own = match class_of(mode) {
+                Class::Triangles => triangles(mode, n, &rectangle).into_flattened(),
+                Class::Points | Class::Lines => points_and_lines(mode, n),
+            };
+            all.extend(own.into_iter().map(|index| first + index));
         }
-        let rectangle = |corners: Corners| upright && is_upright(corners.map(|corner| self.vertices[corner as usize].position));
-        triangles(self.mode, n, &rectangle).into_flattened()
+        all
     }
 }
 
 impl Gl {
-    /// Draws a primitive of a list.
-    pub fn geometry(&mut self, geometry: &Geometry) -> Outcome {
+    /// Draws primitives of a list.
+    pub fn geometry(&mut self, geometry: &Rc<Geometry>) -> Outcome {
         if self.render_mode != e::RENDER {
             return Ok(());
         }
         let seen = geometry.drawn.replace(true);
-        if seen && self.stays(geometry) {
+        let small = geometry.vertices.len() < LEAST;
+        // Small ones stay if they were not joined with others the last time, and would not be joined with the one before now.
+        let worth = !small || geometry.alone.get() && !self.follows;
+        if seen && worth && self.stays(geometry) {
             self.flush()?;
-            let mut batch = Batch { class: class_of(geometry.mode), ..Batch::default() };
+            self.follows = small;
+            let mut batch = Batch { class: geometry.class(), ..Batch::default() };
             let outcome = self.draw(&mut batch, Some(Kept::List(geometry)));
             return self.settled(outcome);
         }
-        let few = self.vertices_read(geometry.vertices.len());
-        let (current, mut filled) = (self.state.current.clone(), std::mem::take(&mut self.spare));
-        filled.extend(geometry.vertices[..few].iter().map(|vertex| vertex.over(&current, geometry.own)));
-        let outcome = self.primitive(geometry.mode, &filled);
+        geometry.alone.set(false);
+        let first = self.batch.indices.is_empty() && !self.follows;
+        let mut filled = std::mem::take(&mut self.spare);
+        let mut outcome = Ok(());
+        for (mode, range) in geometry.primitives() {
+            let few = range.start..range.start + self.vertices_read(range.len());
+            let current = &self.state.current;
+            filled.clear();
+            filled.extend(geometry.vertices[few].iter().map(|vertex| vertex.over(current, geometry.own)));
+            outcome = self.primitive(mode, &filled);
+            if outcome.is_err() {
+                break;
+            }
+        }
         filled.clear();
         self.spare = filled;
+        self.lone = (first && small).then(|| geometry.clone());
         outcome
     }
 
     /// Whether a primitive can be drawn from the card's memory: none of its vertices depends on the state.
     fn stays(&self, geometry: &Geometry) -> bool {
         let state = &self.state;
-        geometry.vertices.len() >= LEAST
-            && !self.survey
+        !self.survey
             && !self.keep_draws
             && self.card.kept_bytes < KEPT_MAX
             && !state.is(e::COLOR_LOGIC_OP)
-            && match class_of(geometry.mode) {
+            && match geometry.class() {
                 Class::Points => true,
                 Class::Lines => state.line_width < 1.5 && !state.is(e::LINE_SMOOTH) && !self.line_stippled(),
                 Class::Triangles => self.fills() && !self.sides_differ(&Batch { class: Class::Triangles, ..Batch::default() }),
@@ -143,7 +206,7 @@ impl Card {
         packing.write(drawn, &Mat4::IDENTITY, false, &mut vertices, &mut indices);
         let count = indices.len() as u32;
         let indices = word_bytes(&indices);
-        let bytes = (vertices.len() + indices.len()) as u64;
+        let bytes = BESIDE + (vertices.len() + indices.len()) as u64;
         let buffers = [("list", &vertices), ("list-indices", &indices)]
             .map(|(label, bytes)| self.recorder.create_buffer_init(label, bytes));
         self.kept_bytes += bytes;

@@ -23,8 +23,8 @@ enum Step {
     Call(Box<(Entry, Call)>),
     /// A call that reads pixels, with the pixel storage modes of the moment when the list was compiled.
     Pixels(Box<(Entry, Call, PixelStore)>),
-    /// A primitive: between Begin and End, or from client arrays as they were when the list was compiled.
-    Primitive(Box<Geometry>),
+    /// Primitives: each between Begin and End, or from client arrays as they were when the list was compiled.
+    Primitive(Rc<Geometry>),
     /// Sets the current attributes that these bits of [`Vertex::over`] select to those of the vertex.
     Attributes(Box<Vertex>, u32),
     /// An element of client arrays as they were when the list was compiled, and the bits of the attributes that the arrays give.
@@ -58,6 +58,37 @@ impl List {
             Step::Primitive(geometry) => Some(&**geometry),
             _ => None,
         })
+    }
+
+    /// Joins consecutive primitives. What one of them leaves in the current attributes the next ones set themselves.
+    fn join(&mut self) {
+        let mut joined = Vec::with_capacity(self.steps.len());
+        let (mut run, mut left): (Vec<Rc<Geometry>>, Option<(Box<Vertex>, u32)>) = (Vec::new(), None);
+        for step in self.steps.drain(..) {
+            match step {
+                Step::Primitive(next) => {
+                    let bits = left.as_ref().map_or(0, |(_, bits)| *bits);
+                    if !run.last().is_none_or(|last| last.continues(&next)) || bits & !next.own != 0 {
+                        joined.extend(Geometry::join(std::mem::take(&mut run)).map(Step::Primitive));
+                        joined.extend(left.take().map(|(vertex, bits)| Step::Attributes(vertex, bits)));
+                    }
+                    run.push(next);
+                }
+                Step::Attributes(vertex, bits) if !run.is_empty() => {
+                    // Those of the later one have the values of the earlier one, where they are not set again.
+                    let before = left.take().map_or(0, |(_, bits)| bits);
+                    left = Some((vertex, before | bits));
+                }
+                other => {
+                    joined.extend(Geometry::join(std::mem::take(&mut run)).map(Step::Primitive));
+                    joined.extend(left.take().map(|(vertex, bits)| Step::Attributes(vertex, bits)));
+                    joined.push(other);
+                }
+            }
+        }
+        joined.extend(Geometry::join(run).map(Step::Primitive));
+        joined.extend(left.map(|(vertex, bits)| Step::Attributes(vertex, bits)));
+        self.steps = joined;
     }
 }
 
@@ -121,7 +152,7 @@ impl Gl {
                 if let Some(Step::Numbers(begin)) = inside.first() {
                     list.numbers.truncate(begin.first());
                 }
-                list.steps.extend(geometry.map(|geometry| Step::Primitive(Box::new(geometry))));
+                list.steps.extend(geometry.map(|geometry| Step::Primitive(Rc::new(geometry))));
                 if let (true, Some(now)) = (set != 0, &list.now) {
                     list.steps.push(Step::Attributes(now.clone(), set));
                 }
@@ -183,7 +214,7 @@ impl Gl {
         if let Some((_, execute, list)) = &mut self.compiling {
             let execute = *execute;
             if !vertices.is_empty() {
-                list.add(Step::Primitive(Box::new(Geometry::new(mode, vertices.clone().into(), arrays))))
+                list.add(Step::Primitive(Rc::new(Geometry::new(mode, vertices.clone().into(), arrays))))
                     .map_err(Fault::Limit)?;
             }
             if !execute {
@@ -265,12 +296,21 @@ impl Gl {
 
     /// Draws a primitive of a list. If another primitive is open, the Begin of this one is an error. Its vertices then go to the open one,
     /// and its End ends that.
-    fn run_primitive(&mut self, geometry: &Geometry) -> Outcome {
+    fn run_primitive(&mut self, geometry: &Rc<Geometry>) -> Outcome {
         let Some((mode, mut vertices)) = self.begun.take() else { return self.geometry(geometry) };
         let none = || Count { times: 0, first: self.number };
         self.errors.get_or_insert_with("glBegin: GL_INVALID_OPERATION", none).times += 1;
-        vertices.extend(geometry.vertices.iter().map(|vertex| vertex.over(&self.state.current, geometry.own)));
-        self.primitive(mode, &vertices)
+        let mut primitives = geometry.primitives();
+        if let Some((_, range)) = primitives.next() {
+            vertices.extend(geometry.vertices[range].iter().map(|vertex| vertex.over(&self.state.current, geometry.own)));
+        }
+        self.primitive(mode, &vertices)?;
+        for (mode, range) in primitives {
+            vertices.clear();
+            vertices.extend(geometry.vertices[range].iter().map(|vertex| vertex.over(&self.state.current, geometry.own)));
+            self.primitive(mode, &vertices)?;
+        }
+        Ok(())
     }
 
     /// Deletes a list.
@@ -299,7 +339,8 @@ pub(super) fn new_list(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
 }
 
 pub(super) fn end_list(gl: &mut Gl, _: &Call, _: Shape) -> Outcome {
-    let (name, _, list) = gl.compiling.take().ok_or(INVALID_OPERATION)?;
+    let (name, _, mut list) = gl.compiling.take().ok_or(INVALID_OPERATION)?;
+    list.join();
     let (mut steps, mut numbers) = (list.steps, list.numbers);
     steps.shrink_to_fit();
     numbers.shrink_to_fit();

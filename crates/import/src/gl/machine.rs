@@ -15,6 +15,7 @@ use super::card::Card;
 use super::consts as e;
 use super::evaluator::Maps;
 use super::framebuffer::{Framebuffer, Renderbuffer};
+use super::geometry::Geometry;
 use super::glsl::Glsl;
 use super::image::PixelStore;
 use super::key::ShaderKey;
@@ -142,6 +143,10 @@ pub struct Gl {
     pub begun: Option<(u32, Vec<Vertex>)>,
     /// The vertex memory of the previous primitive, for reuse.
     pub spare: Vec<Vertex>,
+    /// The primitives of a list that the batch began with.
+    pub lone: Option<Rc<Geometry>>,
+    /// Whether the last draw was one of few vertices of a list from the card's memory, and nothing has changed the state since.
+    pub follows: bool,
     /// The material that changes between Begin and End: its faces and name, and its current colour.
     pub tracked: Option<([u32; 2], [f32; 4])>,
     /// The materials that `glMaterial` has set, for colour material.
@@ -230,6 +235,8 @@ impl Gl {
             maps: Maps::default(),
             begun: None,
             spare: Vec::new(),
+            lone: None,
+            follows: false,
             tracked: None,
             given: Given::default(),
             batch: Batch::default(),

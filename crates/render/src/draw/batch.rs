@@ -88,8 +88,11 @@ pub struct Batch {
     pub ended: Vec<Ended>,
     /// Primitives that end behind geometry.
     pub late: Vec<Late>,
-    /// First reference of each tile, and one more.
+    /// The tiles that have references, in order.
+    tiles: Vec<u32>,
+    /// First reference of each tile, or of each that has any (`sparse`), and one more.
     tile_start: Vec<u32>,
+    sparse: bool,
     references: Vec<u32>,
     /// Quads that the triangles may touch, roughly and not less than half.
     pub quads_estimate: u64,
@@ -180,7 +183,18 @@ impl Batch {
     /// Triangles that touch a tile, in order: numbers ([`NUMBER`]) with marks ([`WHOLE`], [`SMALL`]).
     #[inline(always)]
     pub fn in_tile(&self, tile: usize) -> &[u32] {
-        &self.references[self.tile_start[tile] as usize..self.tile_start[tile + 1] as usize]
+        let at = if self.sparse {
+            let Ok(at) = self.tiles.binary_search(&(tile as u32)) else { return &[] };
+            at
+        } else {
+            tile
+        };
+        &self.references[self.tile_start[at] as usize..self.tile_start[at + 1] as usize]
+    }
+
+    /// The tiles in which it has anything, in order.
+    pub fn tiles(&self) -> &[u32] {
+        &self.tiles
     }
 
     /// References of all tiles together.
@@ -191,7 +205,7 @@ impl Batch {
     /// Whether it has anything in a tile.
     #[inline(always)]
     pub fn touches(&self, tile: usize) -> bool {
-        self.tile_start[tile] != self.tile_start[tile + 1]
+        !self.in_tile(tile).is_empty()
     }
 
     /// Gives back the memory of what a recorded segment has taken over: the segment holds as much again.
@@ -255,7 +269,7 @@ impl Batch {
         self.funnel.triangles_setup = self.corners.len() as u64;
         self.covered.clear();
         self.covered.resize_with(self.corners.len(), AtomicU8::default);
-        self.sort(&worker.pairs, input.tiles.1 as usize);
+        self.sort(&mut worker.pairs, input.tiles.1 as usize);
     }
 
     /// Keeps a triangle that is drawn, set up now or later.
@@ -370,14 +384,32 @@ impl Batch {
     }
 
     /// Sorts the references by tile; those of a tile stay in order.
-    fn sort(&mut self, pairs: &[(u32, u32)], tiles: usize) {
+    fn sort(&mut self, pairs: &mut [(u32, u32)], tiles: usize) {
+        self.tiles.clear();
         self.tile_start.clear();
+        self.references.clear();
+        self.sparse = pairs.len() < tiles / 8;
+        if self.sparse {
+            pairs.sort_by_key(|&(tile, _)| tile);
+            for &(tile, reference) in &*pairs {
+                if self.tiles.last() != Some(&tile) {
+                    self.tiles.push(tile);
+                    self.tile_start.push(self.references.len() as u32);
+                }
+                self.references.push(reference);
+            }
+            self.tile_start.push(self.references.len() as u32);
+            return;
+        }
         self.tile_start.resize(tiles + 1, 0);
-        for &(tile, _) in pairs {
+        for &(tile, _) in &*pairs {
             self.tile_start[tile as usize] += 1;
         }
         let mut sum = 0;
-        for start in &mut self.tile_start {
+        for (tile, start) in (0..).zip(&mut self.tile_start) {
+            if *start > 0 {
+                self.tiles.push(tile);
+            }
             // To the end of the tile's part; filling from the back makes it the start.
             sum += *start;
             *start = sum;

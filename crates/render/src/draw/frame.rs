@@ -2,7 +2,7 @@
 
 use std::sync::Mutex;
 
-use crate::pipeline::RenderPipeline;
+use crate::pipeline::{RenderPipeline, VaryingClass};
 use crate::surface::TileSurface;
 use gfx::clip::ClipVolume;
 use gfx::format::Format;
@@ -12,9 +12,7 @@ use gfx::setup::{BiasUnit, DepthBias, Screen, SetupState};
 use gfx::state::{DepthStencil, Topology};
 use gfx::vertex::VertexSource;
 use num::{LANES, Lanes, Words};
-use shader::{
-    BuiltIn, Connection, Executor, Extra, InputRegister, Interpolation, Program, Recorder, Resources, Sampling, Uniforms,
-};
+use shader::{BuiltIn, Executor, Extra, Interpolation, Program, Recorder, Resources, Uniforms};
 use work::{Needless, Shade};
 
 use super::super::needs::Need;
@@ -23,14 +21,6 @@ use super::record::Room;
 use super::{DrawCall, DrawError, Drawn, Skips};
 use crate::ledger::Ledger;
 use num::LimitOverrun;
-
-/// Varyings that are interpolated with the same weights.
-pub struct VaryingClass {
-    pub interpolation: Interpolation,
-    pub sampling: Sampling,
-    /// What the fragment program reads of them: registers, and the words of a vertex that go there.
-    pub inputs: Vec<(InputRegister, usize)>,
-}
 
 /// A colour target of a draw.
 pub struct FrameTarget {
@@ -61,7 +51,7 @@ pub struct PreparedDraw<'a> {
     pub vertex_resources: Resources<'a>,
     pub vertex_uniforms: Uniforms,
     pub attribute_sources: Vec<VertexSource<'a>>,
-    pub vertex_builtins: Vec<(usize, BuiltIn)>,
+    pub vertex_builtins: &'a [(usize, BuiltIn)],
     pub vertex_in_order: bool,
     pub base_vertex: u32,
     pub first_instance: u32,
@@ -82,10 +72,10 @@ pub struct PreparedDraw<'a> {
     pub tests_blocks: bool,
     /// The fragment program, where one has to run.
     pub fragment: Option<&'a Program>,
-    pub classes: Vec<VaryingClass>,
+    pub classes: &'a [VaryingClass],
     /// Shading needs a triangle's planes, not only its vertices.
     pub needs_triangles: bool,
-    pub fragment_builtins: Vec<(usize, BuiltIn)>,
+    pub fragment_builtins: &'a [(usize, BuiltIn)],
     /// 1/w or perspective weights are needed.
     pub per_sample: bool,
     pub helpers: bool,
@@ -190,7 +180,7 @@ impl<'a> PreparedDraw<'a> {
         let uniforms = |program: &Program, resources: &Resources<'_>| program.uniforms(resources);
         let fragment_resources = call.fragment_resources.unwrap_or_default();
         let flat = pipeline.varyings.iter().all(|v| v.interpolation == Interpolation::Flat);
-        let fragment_builtins = fragment.map_or_else(Vec::new, |p| builtins(&p.interface().inputs));
+        let fragment_builtins = fragment.map_or(&[][..], |_| &pipeline.builtins[1]);
         let no_builtins = fragment_builtins.is_empty();
         Ok(PreparedDraw {
             pipeline,
@@ -201,7 +191,7 @@ impl<'a> PreparedDraw<'a> {
             vertex_resources: call.vertex_resources,
             vertex_uniforms: uniforms(pipeline.vertex(), &call.vertex_resources),
             attribute_sources: attribute_sources(call),
-            vertex_builtins: builtins(&vertex.inputs),
+            vertex_builtins: &pipeline.builtins[0],
             vertex_in_order: vertex.side_effects,
             base_vertex: if call.index.is_some() { call.range.base_vertex as u32 } else { call.range.first },
             first_instance: call.range.first_instance,
@@ -216,7 +206,7 @@ impl<'a> PreparedDraw<'a> {
             early,
             tests_blocks: depth_state.is_some_and(|d| d.tests_blocks()),
             needs_triangles: !(flat && early && no_builtins),
-            classes: fragment.map_or_else(Vec::new, |program| classes(pipeline, program, samples)),
+            classes: fragment.map_or(&[], |_| &pipeline.classes),
             fragment_builtins,
             per_sample: samples > 1 && fragment.is_some_and(|p| p.interface().per_sample),
             helpers: fragment.is_some_and(|p| p.interface().uses_derivatives),
@@ -257,14 +247,6 @@ fn bias(state: &DepthStencil) -> DepthBias {
     DepthBias { constant: state.bias as f32, slope: state.bias_slope, clamp: state.bias_clamp, unit }
 }
 
-fn builtins(inputs: &[shader::Slot]) -> Vec<(usize, BuiltIn)> {
-    let builtin = |(at, slot): (usize, &shader::Slot)| match slot.connection {
-        Connection::BuiltIn(builtin) if slot.used => Some((at, builtin)),
-        _ => None,
-    };
-    inputs.iter().enumerate().filter_map(builtin).collect()
-}
-
 fn attribute_sources<'a>(call: &DrawCall<'a>) -> Vec<VertexSource<'a>> {
     static NOTHING: std::sync::OnceLock<Words> = std::sync::OnceLock::new();
     let nothing = NOTHING.get_or_init(Words::default);
@@ -279,27 +261,6 @@ fn attribute_sources<'a>(call: &DrawCall<'a>) -> Vec<VertexSource<'a>> {
             _ => VertexSource { words: nothing, offset: 0, size: 0, stride: attribute.stride },
         })
         .collect()
-}
-
-/// Groups the varyings by their weights; with one sample a pixel all places are the centre.
-fn classes(pipeline: &RenderPipeline, program: &Program, samples: u32) -> Vec<VaryingClass> {
-    let mut classes: Vec<VaryingClass> = Vec::new();
-    for varying in &pipeline.varyings {
-        let sampling =
-            if samples == 1 || varying.interpolation == Interpolation::Flat { Sampling::Center } else { varying.sampling };
-        let read = (0..varying.components)
-            .filter_map(|c| Some((program.input_register(varying.input, c)?, varying.word + c)))
-            .collect::<Vec<_>>();
-        if read.is_empty() {
-            continue;
-        }
-        let same = |c: &&mut VaryingClass| c.interpolation == varying.interpolation && c.sampling == sampling;
-        match classes.iter_mut().find(same) {
-            Some(class) => class.inputs.extend(read),
-            None => classes.push(VaryingClass { interpolation: varying.interpolation, sampling, inputs: read }),
-        }
-    }
-    classes
 }
 
 /// The colour targets that the draw writes, and the words of a payload in all.

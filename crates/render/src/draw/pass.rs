@@ -75,12 +75,21 @@ impl From<DrawError> for String {
 /// Scratch of a draw's stages; what one draw allocated serves the next.
 struct Scratch {
     workers: Workers,
+    stages: Stages,
+}
+
+/// What the stages of a segment hand on.
+#[derive(Default)]
+struct Stages {
     stream: Stream,
     vertices: Vertices,
     batches: Vec<Batch>,
     /// How many of the batches the current segment has.
     batches_used: usize,
+    planner: Planner,
     pieces: Vec<Piece>,
+    /// The tiles that the current segment draws.
+    touched: Vec<u32>,
 }
 
 /// Tiles that are not worth other threads.
@@ -105,14 +114,7 @@ static IDLE: Mutex<Vec<Scratch>> = Mutex::new(Vec::new());
 impl Scratch {
     fn take() -> Scratch {
         let idle = IDLE.lock().unwrap_or_else(std::sync::PoisonError::into_inner).pop();
-        idle.filter(|s| s.workers.suffice()).unwrap_or_else(|| Scratch {
-            workers: Workers::new(),
-            stream: Stream::default(),
-            vertices: Vertices::default(),
-            batches: Vec::new(),
-            batches_used: 0,
-            pieces: Vec::new(),
-        })
+        idle.filter(|s| s.workers.suffice()).unwrap_or_else(|| Scratch { workers: Workers::new(), stages: Stages::default() })
     }
 
     fn give(self) {
@@ -140,7 +142,7 @@ pub struct EndedPass {
 }
 
 /// The walk over a draw's primitives, without those that bounds show to be out of view.
-fn plan(call: &DrawCall<'_>, frame: &PreparedDraw<'_>) -> Result<(Planner, Culling), DrawError> {
+fn plan(call: &DrawCall<'_>, frame: &PreparedDraw<'_>, planner: &mut Planner) -> Result<Culling, DrawError> {
     let range = call.range;
     let index = call.index.map(|i| i.buffer());
     let restart = call.pipeline.primitive.strip_index_format.map(|f| if f.bytes() == 2 { 0xffff } else { u32::MAX });
@@ -151,7 +153,7 @@ fn plan(call: &DrawCall<'_>, frame: &PreparedDraw<'_>) -> Result<(Planner, Culli
     }
     let first = u64::from(range.first_instance);
     let instances = first..first + u64::from(range.instances);
-    let mut planner = Planner::new(frame.topology, index.as_ref(), range.first, range.count, restart, instances);
+    planner.begin(frame.topology, index.as_ref(), [range.first, range.count], restart, instances);
     let (primitives, entries) = (planner.instance_primitives(), planner.instance_entries());
     match call.boxes {
         Some(boxes) if primitives > 0 && cull::may_cull(call, frame) => {
@@ -166,9 +168,9 @@ fn plan(call: &DrawCall<'_>, frame: &PreparedDraw<'_>) -> Result<(Planner, Culli
             let mut boxes = boxes.lock().unwrap_or_else(std::sync::PoisonError::into_inner);
             let seen = candidate.test(&mut boxes);
             planner.draw_only(seen.instances);
-            Ok((planner, seen.culling))
+            Ok(seen.culling)
         }
-        _ => Ok((planner, Culling::default())),
+        _ => Ok(Culling::default()),
     }
 }
 
@@ -180,6 +182,15 @@ fn settle(call: &DrawCall<'_>, workers: &Workers, growth: &Meter, program: Optio
         return Err(program.map_or(over.into(), |program| program.fault(over.into(), None).into()));
     }
     Ok(growth.verify()?)
+}
+
+/// Adds what became of a segment's primitives before its tiles were drawn.
+fn count(funnel: &mut Funnel, segment: &Segment, batches: &[Batch]) {
+    *funnel += segment.funnel;
+    for batch in batches {
+        *funnel += batch.funnel;
+        funnel.triangles_setup += batch.late.iter().filter(|late| late.end.is_some()).count() as u64;
+    }
 }
 
 /// The depth attachment where a draw uses it, and the bits of its texels that the draw may write.
@@ -205,6 +216,11 @@ impl RenderPass {
         RenderPass { width, height, samples, color, depth, scratch: Some(Scratch::take()) }
     }
 
+    /// Resolves a call against the attachments.
+    fn prepare<'c>(&self, call: &DrawCall<'c>) -> Result<PreparedDraw<'c>, DrawError> {
+        PreparedDraw::new(call, (self.width, self.height, self.samples), &self.color, self.depth.as_ref())
+    }
+
     /// Draws. With `call.record` the draw and its segments go to `sink`, in order.
     ///
     /// # Errors
@@ -213,23 +229,35 @@ impl RenderPass {
         if self.color.len() > MAX_COLORS {
             return Err(DrawError::Attachments(self.color.len()));
         }
-        let extent = (self.width, self.height, self.samples);
-        let frame = PreparedDraw::new(call, extent, &self.color, self.depth.as_ref())?;
-        let (planner, culling) = plan(call, &frame)?;
-        if call.record {
-            sink(Event::Draw(Arc::new(record::draw(call, &frame, self.depth.is_some(), culling))));
-        }
+        let frame = self.prepare(call)?;
         let mut scratch = self.scratch.take().unwrap_or_else(Scratch::take);
-        let result = self.segments(call, &frame, planner, &mut scratch, sink);
+        let mut planner = std::mem::take(&mut scratch.stages.planner);
+        let result = self.planned(call, &frame, &mut planner, &mut scratch, sink);
+        scratch.stages.planner = planner;
         self.scratch = Some(scratch);
         result
+    }
+
+    fn planned(
+        &mut self,
+        call: &DrawCall<'_>,
+        frame: &PreparedDraw<'_>,
+        planner: &mut Planner,
+        scratch: &mut Scratch,
+        sink: &mut dyn FnMut(Event),
+    ) -> Result<Drawn, DrawError> {
+        let culling = plan(call, frame, planner)?;
+        if call.record {
+            sink(Event::Draw(Arc::new(record::draw(call, frame, self.depth.is_some(), culling))));
+        }
+        self.segments(call, frame, planner, scratch, sink)
     }
 
     fn segments(
         &mut self,
         call: &DrawCall<'_>,
         frame: &PreparedDraw<'_>,
-        mut planner: Planner,
+        planner: &mut Planner,
         scratch: &mut Scratch,
         sink: &mut dyn FnMut(Event),
     ) -> Result<Drawn, DrawError> {
@@ -243,12 +271,15 @@ impl RenderPass {
         let mut limit = most;
         loop {
             let place = planner.place();
-            let mut pieces = std::mem::take(&mut scratch.pieces);
+            let mut pieces = std::mem::take(&mut scratch.stages.pieces);
             let more = planner.next(limit, &mut pieces);
             if more {
                 let primitives: u32 = pieces.iter().map(|p| p.primitives).sum();
                 let growth = call.ledger.growth();
-                match self.geometry(call, frame, scratch, &source, &pieces, &growth)? {
+                let Scratch { workers, stages, .. } = &mut *scratch;
+                let made = self.geometry(call, frame, workers, stages, &source, &pieces, &growth);
+                settle(call, workers, &growth, Some(call.pipeline.vertex()))?;
+                match made? {
                     (_, quads) if divisible && quads > SEGMENT_QUADS && primitives > 2 => {
                         // Too much for one piece: the same primitives again, fewer at a time.
                         let fraction = SEGMENT_QUADS as f64 / quads as f64;
@@ -267,7 +298,7 @@ impl RenderPass {
                     }
                 }
             }
-            scratch.pieces = pieces;
+            scratch.stages.pieces = pieces;
             if !more {
                 return Ok(drawn);
             }
@@ -280,17 +311,16 @@ impl RenderPass {
         &self,
         call: &DrawCall<'_>,
         frame: &PreparedDraw<'_>,
-        scratch: &mut Scratch,
+        workers: &Workers,
+        stages: &mut Stages,
         source: &StreamSource<'_>,
         pieces: &[Piece],
         growth: &Meter,
     ) -> Result<(Segment, u64), DrawError> {
-        let Scratch { workers, stream, vertices, batches, .. } = scratch;
+        let Stages { stream, vertices, batches, .. } = &mut *stages;
         stream.read(source, pieces, call.record);
         let mut segment = Segment::default();
-        let shaded = vertices.shade(frame, workers, stream, call.record.then_some((&mut segment, growth)));
-        settle(call, workers, growth, Some(call.pipeline.vertex()))?;
-        let shaded = shaded?;
+        let shaded = vertices.shade(frame, workers, stream, call.record.then_some((&mut segment, growth)))?;
         let n = batch::cut(frame.topology, pieces, batches);
         let tiles = self.tiles();
         // Every batch has a list for every tile.
@@ -311,8 +341,8 @@ impl RenderPass {
         let repeated = |p: &Piece| p.repeated;
         segment.funnel.vertices_in = stream.entries.len() as u64 - pieces.iter().map(|p| u64::from(repeated(p))).sum::<u64>();
         segment.funnel.vertices_shaded = shaded;
-        scratch.batches_used = n;
-        let quads = scratch.batches[..n].iter().map(|b| b.quads_estimate).sum();
+        let quads = batches[..n].iter().map(|b| b.quads_estimate).sum();
+        stages.batches_used = n;
         Ok((segment, quads))
     }
 
@@ -328,18 +358,23 @@ impl RenderPass {
         sink: &mut dyn FnMut(Event),
     ) -> Result<Drawn, DrawError> {
         let tiles = self.tiles();
-        let batches = &mut scratch.batches[..scratch.batches_used];
-        let drawn_here = |tile: usize| {
-            let (x, y) = (tile as u32 % tiles[0], tile as u32 / tiles[0]);
-            (call.need != Need::Survey || areas::surveys([x, y])) && batches.iter().any(|batch| batch.touches(tile))
-        };
-        let touched: Vec<usize> = (0..(tiles[0] * tiles[1]) as usize).filter(|&tile| drawn_here(tile)).collect();
+        let Scratch { workers, stages, .. } = scratch;
+        let batches = &mut stages.batches[..stages.batches_used];
+        let wanted = |&tile: &u32| call.need != Need::Survey || areas::surveys([tile % tiles[0], tile / tiles[0]]);
+        let mut touched = std::mem::take(&mut stages.touched);
+        touched.clear();
+        match &*batches {
+            [batch] => touched.extend(batch.tiles().iter().copied().filter(wanted)),
+            batches => {
+                let drawn_here = |tile: &u32| batches.iter().any(|batch| batch.touches(*tile as usize));
+                touched.extend((0..tiles[0] * tiles[1]).filter(|tile| wanted(tile) && drawn_here(tile)));
+            }
+        }
         let references = batches.iter().map(Batch::references).sum();
         call.ledger.quads.charge(references)?;
         let quads: u64 = batches.iter().map(|batch| batch.quads_estimate).sum();
         let few = touched.len() <= FEW_TILES || references <= FEW_REFERENCES && quads <= FEW_QUADS;
-        let input = SegmentInput { frame, pieces, batches, vertices: &scratch.vertices, growth };
-        let workers = &scratch.workers;
+        let input = SegmentInput { frame, pieces, batches, vertices: &stages.vertices, growth };
         let one = |job: &mut TileJob<'_>| workers.with(|worker| tile::draw(&input, worker, job, call.record));
         let mut recorded = Vec::new();
         let mut keep = |mut jobs: Vec<TileJob<'_>>| {
@@ -349,19 +384,22 @@ impl RenderPass {
         };
         let mut result = Ok(());
         if frame.tiles_in_order || few {
-            for index in touched {
-                let mut job = self.job(frame, tiles, index);
+            for &index in &touched {
+                let mut job = self.job(frame, tiles, index as usize);
                 result = one(&mut job);
                 if result.is_err() {
                     break;
                 }
-                keep(vec![job]);
+                if call.record {
+                    keep(vec![job]);
+                }
             }
         } else {
             let mut jobs = self.jobs(frame, tiles, &touched);
             result = parallel::map(jobs.iter_mut(), 1..=1, |_, job| one(job)).collect();
             keep(jobs);
         }
+        stages.touched = touched;
         let mut drawn = workers.take_counts();
         settle(call, workers, growth, frame.fragment)?;
         result?;
@@ -373,12 +411,7 @@ impl RenderPass {
         } else {
             each(batches, Batch::count_uncovered);
         }
-        let funnel = &mut drawn.funnel;
-        *funnel += segment.funnel;
-        for batch in batches.iter() {
-            *funnel += batch.funnel;
-            funnel.triangles_setup += batch.late.iter().filter(|late| late.end.is_some()).count() as u64;
-        }
+        count(&mut drawn.funnel, &segment, batches);
         if call.areas || call.need == Need::Survey {
             batches.iter().for_each(|batch| drawn.areas += batch.areas);
         } else {
@@ -389,9 +422,9 @@ impl RenderPass {
             segment.funnel = drawn.funnel;
             segment.areas = drawn.areas;
             // The segment waits for the machine, with as much memory as made it: what is not needed now goes.
-            let signed = call.signature.is_some().then(|| signature::vertices(&scratch.vertices));
-            scratch.vertices.release();
-            let mut segment = record::assemble(call, pieces, &scratch.stream, batches, recorded, segment);
+            let signed = call.signature.is_some().then(|| signature::vertices(&stages.vertices));
+            stages.vertices.release();
+            let mut segment = record::assemble(call, pieces, &stages.stream, batches, recorded, segment);
             if let Some(signed) = signed {
                 segment.signatures = signature::primitives(&segment.primitives, &signed);
             }
@@ -415,14 +448,14 @@ impl RenderPass {
     }
 
     /// Some tiles, in order, with their parts of the attachments.
-    fn jobs(&mut self, frame: &PreparedDraw<'_>, tiles: [u32; 2], indices: &[usize]) -> Vec<TileJob<'_>> {
+    fn jobs(&mut self, frame: &PreparedDraw<'_>, tiles: [u32; 2], indices: &[u32]) -> Vec<TileJob<'_>> {
         let mut locations: Vec<Option<_>> =
             self.color.iter_mut().map(|c| c.as_mut().map(|(surface, _)| surface.tiles_mut(ALL))).collect();
         let mut colors: Vec<_> = frame.targets.iter().map(|t| locations[t.location].take()).collect();
         let mut depth = depth_of(&mut self.depth, frame).map(|(surface, written)| surface.tiles_mut(written));
         let mut jobs = Vec::with_capacity(indices.len());
         let mut next = 0;
-        for &index in indices {
+        for index in indices.iter().map(|&index| index as usize) {
             let skipped = index - next;
             next = index + 1;
             let mut job = TileJob::new(index, tiles[0]);

@@ -53,7 +53,7 @@ pub fn entries_of(topology: Topology, first: u32, count: u32) -> (u32, u32, bool
     }
 }
 
-/// Walks over a draw and hands out its segments.
+/// Walks over a draw and hands out its segments; memory is kept from one draw to the next.
 pub struct Planner {
     topology: Topology,
     /// Runs of stream entries between strip restarts: first entry, length, whether a restart stands before.
@@ -68,6 +68,13 @@ pub struct Planner {
     done: u32,
 }
 
+impl Default for Planner {
+    fn default() -> Planner {
+        let (runs, instances) = (Vec::new(), Vec::new());
+        Planner { topology: Topology::TriangleList, runs, instance: 0, instances, turn: 0, run: 0, primitive: 0, done: 0 }
+    }
+}
+
 /// Where a walk stands.
 #[derive(Clone, Copy, Debug)]
 pub struct Place {
@@ -80,6 +87,7 @@ pub struct Place {
 
 impl Planner {
     /// A planner for `count` vertices (or indices) of `instances` instances; `restart` is the index that ends a strip.
+    #[cfg(test)]
     pub fn new(
         topology: Topology,
         index: Option<&IndexBuffer<'_>>,
@@ -88,7 +96,23 @@ impl Planner {
         restart: Option<u32>,
         instances: std::ops::Range<u64>,
     ) -> Planner {
-        let mut runs = Vec::new();
+        let mut planner = Planner::default();
+        planner.begin(topology, index, [first, count], restart, instances);
+        planner
+    }
+
+    /// Plans a draw of `count` vertices (or indices) of `instances` instances; `restart` is the index that ends a strip.
+    pub fn begin(
+        &mut self,
+        topology: Topology,
+        index: Option<&IndexBuffer<'_>>,
+        [first, count]: [u32; 2],
+        restart: Option<u32>,
+        instances: std::ops::Range<u64>,
+    ) {
+        self.topology = topology;
+        let runs = &mut self.runs;
+        runs.clear();
         match (index, restart.filter(|_| topology.is_strip())) {
             (Some(index), Some(restart)) => {
                 let (mut start, mut broken) = (0, false);
@@ -103,15 +127,18 @@ impl Planner {
             _ => runs.push((0, count, false)),
         }
         runs.retain(|&(_, len, _)| primitive_count(topology, u64::from(len)) > 0);
-        let mut planner =
-            Planner { topology, runs, instance: 0, instances: Vec::new(), turn: 0, run: 0, primitive: 0, done: 0 };
-        planner.draw_only(vec![instances]);
-        planner
+        self.instances.clear();
+        self.instances.push(instances);
+        self.go_to_start();
     }
 
     /// From the beginning, with no other instances than those of some runs.
     pub fn draw_only(&mut self, instances: Vec<std::ops::Range<u64>>) {
         self.instances = instances;
+        self.go_to_start();
+    }
+
+    fn go_to_start(&mut self) {
         self.instances.retain(|run| !run.is_empty());
         (self.turn, self.run, self.primitive, self.done) = (0, 0, 0, 0);
         self.instance = self.instances.first().map_or(0, |run| run.start);

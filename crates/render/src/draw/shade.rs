@@ -186,7 +186,7 @@ impl TileRun<'_, '_, '_> {
         let FragmentWeights { weights, inv_w } = &mut *self.weights;
         // Whether `inv_w` is that of the pixels' centres.
         let mut has_inv_w = false;
-        for class in &frame.classes {
+        for class in frame.classes {
             let flat = class.interpolation == Interpolation::Flat;
             let mut centroid = [0; LANES];
             let place = match class.sampling {
@@ -260,7 +260,7 @@ impl TileRun<'_, '_, '_> {
         let sites = &pending.sites[..n];
         let triangles = pending.triangles.as_slice();
         let Some(bound) = &mut self.bound else { return };
-        for &(slot, builtin) in &frame.fragment_builtins {
+        for &(slot, builtin) in frame.fragment_builtins {
             match builtin {
                 BuiltIn::Position => {
                     let (mut x, mut y) = (Lanes::ZERO, Lanes::ZERO);

@@ -121,9 +121,10 @@ impl Stream {
             }
             read(piece.start, &mut out[hub..]);
         };
-        if let [piece] = pieces
-            && piece.entries() as usize > TASK
-        {
+        if let [piece] = pieces {
+            if piece.entries() as usize <= TASK {
+                return whole(piece, &mut self.entries);
+            }
             let hub = piece.hub.is_some();
             parallel::each(self.entries.chunks_mut(TASK), parallel::ANY, |task, out| {
                 let at = piece.start + (task * TASK) as u32;
@@ -184,6 +185,13 @@ impl Stream {
                 marks[*entry as usize].store(1, Relaxed);
             }
         };
+        if let ([group], true) = (&*self.groups, self.entries.len() <= TASK) {
+            // One instance: all pieces are numbered from one index.
+            number(group, &mut self.entries);
+            self.used.clear();
+            self.used.extend(self.marks.chunks_mut(64).map(bits));
+            return;
+        }
         let mut rest = self.entries.as_mut_slice();
         let (mut group, groups) = (0, &self.groups);
         let parts = pieces.iter().map(|piece| {

@@ -70,7 +70,7 @@ impl Vertices {
     ) -> Result<u64, ShaderFault> {
         self.varying_stride = frame.pipeline.varying_words;
         self.distance_stride = frame.pipeline.clip_distances.map_or(0, |(_, n)| n);
-        let room = stream.vertices.next_multiple_of(TASK);
+        let room = stream.vertices.next_multiple_of(if stream.vertices <= TASK { LANES } else { TASK });
         self.codes.resize(room, 0);
         self.screen.resize(room, ScreenVertex::default());
         self.clip.resize(room, [0.0; 4]);
@@ -113,7 +113,7 @@ impl Vertices {
         let one = |number: usize, mut task: Task<'_>| {
             workers.with(|w| shade_task::<1>(frame, &mut w.vertex, stream, number * TASK, &mut task, &mut None))
         };
-        if frame.vertex_in_order || room == TASK {
+        if frame.vertex_in_order || room <= TASK {
             return tasks.enumerate().map(|(number, task)| one(number, task)).sum();
         }
         parallel::map(tasks, parallel::ANY, one).sum()
@@ -163,7 +163,7 @@ fn shade_task<const SPREAD: usize>(
                 }
             }
         }
-        for &(slot, builtin) in &frame.vertex_builtins {
+        for &(slot, builtin) in frame.vertex_builtins {
             let Some(input) = bound.input_mut(slot, 0) else { continue };
             match builtin {
                 BuiltIn::VertexIndex => spread::<SPREAD>(&index, &mut input.0),
@@ -199,10 +199,10 @@ fn shade_task<const SPREAD: usize>(
         let stride = pipeline.varying_words;
         for varying in &pipeline.varyings {
             for c in 0..varying.components {
-                let value = bound.output(varying.output, c).0.iter().step_by(SPREAD).take(n);
-                let words = &mut task.varyings[at * stride + varying.word + c..];
-                for (word, value) in words.iter_mut().step_by(stride).zip(value) {
-                    *word = *value;
+                let value = &bound.output(varying.output, c).0;
+                let vertices = task.varyings[at * stride..(at + n) * stride].chunks_exact_mut(stride);
+                for (vertex, value) in vertices.zip(value.chunks_exact(SPREAD)) {
+                    vertex[varying.word + c] = value[0];
                 }
             }
         }
@@ -221,6 +221,10 @@ fn shade_task<const SPREAD: usize>(
 /// Gives the first values to so many lanes each.
 #[inline(always)]
 fn spread<const SPREAD: usize>(values: &[u32; LANES], lanes: &mut [u32; LANES]) {
+    if SPREAD == 1 {
+        *lanes = *values;
+        return;
+    }
     for (lanes, value) in lanes.chunks_exact_mut(SPREAD).zip(values) {
         lanes.fill(*value);
     }
@@ -233,8 +237,25 @@ wide! {
 
 #[inline(always)]
 fn place_here(frame: &PreparedDraw<'_>, position: [&Lanes; 4], spread: usize, here: Range<usize>, task: &mut Task<'_>) {
-    let mut codes = [0; LANES];
-    let mut screen = [ScreenVertex::default(); LANES];
+    // Many draws have few vertices.
+    match spread * here.len() {
+        ..=8 => place_first::<8>(frame, position, spread, here, task),
+        ..=32 => place_first::<32>(frame, position, spread, here, task),
+        _ => place_first::<LANES>(frame, position, spread, here, task),
+    }
+}
+
+/// The vertices of the first `N` lanes.
+#[inline(always)]
+fn place_first<const N: usize>(
+    frame: &PreparedDraw<'_>,
+    position: [&Lanes; 4],
+    spread: usize,
+    here: Range<usize>,
+    task: &mut Task<'_>,
+) {
+    let mut codes = [0; N];
+    let mut screen = [ScreenVertex::default(); N];
     frame.clip.outcodes(position, &mut codes);
     frame.screen.vertices(position, &mut screen);
     let [x, y, z, w] = position.map(Lanes::f32);
@@ -244,7 +265,7 @@ fn place_here(frame: &PreparedDraw<'_>, position: [&Lanes; 4], spread: usize, he
     for (to, vertex) in task.screen[here.clone()].iter_mut().zip(screen.iter().step_by(spread)) {
         *to = *vertex;
     }
-    for (to, lane) in task.clip[here].iter_mut().zip((0..LANES).step_by(spread)) {
+    for (to, lane) in task.clip[here].iter_mut().zip((0..N).step_by(spread)) {
         *to = [x[lane], y[lane], z[lane], w[lane]];
     }
 }

@@ -45,6 +45,14 @@ pub(super) fn set(file: File<'_>, r: Reg, value: &Lanes) {
     file[usize::from(r)].set(bytemuck::cast(*value));
 }
 
+/// Gives one value to all lanes of the first chunks of a register.
+#[inline(always)]
+pub(super) fn fill(file: File<'_>, r: Reg, bits: u32, of: usize) {
+    for chunk in chunks(file, r).iter().take(of) {
+        chunk.set([bits; CHUNK]);
+    }
+}
+
 /// One lane of a register.
 #[inline(always)]
 pub(super) fn lane(file: File<'_>, r: Reg, lane: usize) -> u32 {
@@ -74,17 +82,17 @@ pub(super) fn truth(file: File<'_>, r: Reg) -> Mask {
     u64::from(or(halves[0])) | u64::from(or(halves[1])) << 32
 }
 
-/// Copies the lanes in the mask.
+/// Copies the lanes in the mask, of the first `K` chunks.
 #[inline(always)]
-pub(super) fn masked_copy(file: File<'_>, d: Reg, s: Reg, mask: Mask) {
+pub(super) fn masked_copy<const K: usize>(file: File<'_>, d: Reg, s: Reg, mask: Mask) {
     let (d, s) = (chunks(file, d), chunks(file, s));
     if mask == !0 {
-        for c in 0..CHUNKS {
+        for c in 0..K {
             d[c].set(s[c].get());
         }
         return;
     }
-    for c in 0..CHUNKS {
+    for c in 0..K {
         let m = &EXPANDED[(mask >> (CHUNK * c)) as usize & 0xff];
         let (x, mut y) = (s[c].get(), d[c].get());
         for i in 0..CHUNK {
@@ -110,9 +118,9 @@ static EXPANDED: [[u32; CHUNK]; 256] = {
     table
 };
 
-/// Applies `f` to eight lanes at a time: `f(operands) -> results`.
+/// Applies `f` to eight lanes at a time, of the first `K` chunks: `f(operands) -> results`.
 #[inline(always)]
-pub(super) fn apply<const N: usize, const M: usize>(
+pub(super) fn apply<const K: usize, const N: usize, const M: usize>(
     file: File<'_>,
     d: [Reg; M],
     s: [Reg; N],
@@ -120,7 +128,7 @@ pub(super) fn apply<const N: usize, const M: usize>(
 ) {
     let s = s.map(|r| chunks(file, r));
     let d = d.map(|r| chunks(file, r));
-    for c in 0..CHUNKS {
+    for c in 0..K {
         let x: [[u32; CHUNK]; N] = std::array::from_fn(|n| s[n][c].get());
         let mut y = [[0u32; CHUNK]; M];
         for i in 0..CHUNK {
@@ -135,17 +143,17 @@ pub(super) fn apply<const N: usize, const M: usize>(
     }
 }
 
-/// An operation about to be applied.
-pub(super) struct Apply<'a> {
+/// An operation about to be applied to the first `K` chunks.
+pub(super) struct Apply<'a, const K: usize> {
     pub file: File<'a>,
     pub op: &'a Op,
 }
 
-impl Kernels for Apply<'_> {
+impl<const K: usize> Kernels for Apply<'_, K> {
     #[inline(always)]
     fn unary(&self, f: impl Fn(u32) -> u32) {
         let (d, a) = (chunks(self.file, self.op.r[0]), chunks(self.file, self.op.r[1]));
-        for c in 0..CHUNKS {
+        for c in 0..K {
             let mut x = a[c].get();
             for i in 0..CHUNK {
                 x[i] = f(x[i]);
@@ -158,7 +166,7 @@ impl Kernels for Apply<'_> {
     fn binary(&self, f: impl Fn(u32, u32) -> u32) {
         let r = &self.op.r;
         let (d, a, b) = (chunks(self.file, r[0]), chunks(self.file, r[1]), chunks(self.file, r[2]));
-        for c in 0..CHUNKS {
+        for c in 0..K {
             let (mut x, y) = (a[c].get(), b[c].get());
             for i in 0..CHUNK {
                 x[i] = f(x[i], y[i]);
@@ -172,7 +180,7 @@ impl Kernels for Apply<'_> {
         let r = &self.op.r;
         let (d, a) = (chunks(self.file, r[0]), chunks(self.file, r[1]));
         let (b, e) = (chunks(self.file, r[2]), chunks(self.file, r[3]));
-        for c in 0..CHUNKS {
+        for c in 0..K {
             let (mut x, y, z) = (a[c].get(), b[c].get(), e[c].get());
             for i in 0..CHUNK {
                 x[i] = f(x[i], y[i], z[i]);

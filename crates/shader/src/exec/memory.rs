@@ -11,7 +11,7 @@ use crate::resources::{Resource, Resources};
 use num::{LANES, Lanes, Mask};
 use work::RequestKind;
 
-use super::kernels::{File, get, lane, set};
+use super::kernels::{File, fill, get, lane, set};
 use super::record::Scratch;
 use super::run::Machine;
 
@@ -151,7 +151,7 @@ pub(super) fn load<const RECORD: bool>(m: &Machine<'_>, file: File<'_>, mask: Ma
             if op.data[c] != NO_REG {
                 let at = at + size * c as u64;
                 let bits = if size == 4 { w.load(at) } else { eval::from_half(w.load_half(at)).to_bits() };
-                set(file, op.data[c], &Lanes::splat(bits));
+                fill(file, op.data[c], bits, m.chunks);
             }
         }
         if RECORD && op.space != Space::Shared {

@@ -19,6 +19,7 @@ use num::{Lanes, LimitOverrun, Mask, Meter, Words};
 use super::module::Place;
 use super::program::{NO_REG, Program, Reg};
 use super::resources::Resources;
+use kernels::CHUNK;
 use record::Scratch;
 pub use record::{Extra, QuadCost, Recorder};
 use run::{Machine, PAUSE, Stop};
@@ -116,9 +117,9 @@ impl Program {
             masks.clear();
             masks.resize(self.prologue.slots, 0);
             for (register, &bits) in file.iter_mut().zip(&self.prologue_constants) {
-                *register = Lanes::splat(bits);
+                register.0[..CHUNK].fill(bits);
             }
-            let mut machine = Machine::new(&self.prologue, resources, shared, 1, 1);
+            let mut machine = Machine::new(&self.prologue, resources, shared, 1, 1).narrow();
             let stop = run::dispatch::<false>(&mut machine, file, masks, scratch);
             debug_assert!(matches!(stop, Stop::End));
             Uniforms { values: self.uniform_sources.iter().map(|&r| file[usize::from(r)].0[0]).collect() }
@@ -294,7 +295,7 @@ impl Bound<'_> {
     ) -> Result<Outcome, ShaderFault> {
         let Bound { executor, program, resources, allowance, .. } = &mut *self;
         let Executor { file, masks, shared, scratch, spent, .. } = &mut **executor;
-        let mut machine = Machine::new(&program.body, resources, shared, active | helpers, active);
+        let mut machine = Machine::new(&program.body, resources, shared, active | helpers, active).narrow();
         *spent += program.body.all_steps();
         loop {
             let stop = run::dispatch::<RECORD>(&mut machine, file, masks, scratch);

@@ -6,7 +6,7 @@ use crate::resources::Resources;
 use gfx::math;
 use num::{Lanes, Mask, Words};
 
-use super::kernels::{self, Apply, File, apply, get, set, truth};
+use super::kernels::{self, Apply, CHUNKS, File, apply, get, set, truth};
 use super::record::Scratch;
 
 /// Why the loop returned.
@@ -37,13 +37,21 @@ pub(super) struct Machine<'a> {
     pub mask: Mask,
     /// Lanes that may leave side effects: neither helpers nor discarded.
     pub live: Mask,
+    /// How many [chunks](kernels::CHUNK) of the registers hold lanes that may ever execute, from the first on.
+    pub chunks: usize,
     /// Steps since the last pause in turns of loops, without the first turn of each.
     pub spent: u64,
 }
 
 impl<'a> Machine<'a> {
     pub fn new(body: &'a Body, resources: &'a Resources<'a>, shared: &'a Words, mask: Mask, live: Mask) -> Machine<'a> {
-        Machine { body, resources, shared, pc: 0, mask, live, spent: 0 }
+        Machine { body, resources, shared, pc: 0, mask, live, chunks: CHUNKS, spent: 0 }
+    }
+
+    /// The same, for a batch of which no other lanes than those of `mask` will ever execute.
+    pub fn narrow(self) -> Machine<'a> {
+        let lanes = Mask::BITS as usize - self.mask.leading_zeros() as usize;
+        Machine { chunks: lanes.div_ceil(kernels::CHUNK), ..self }
     }
 }
 
@@ -57,21 +65,28 @@ pub(super) fn dispatch<const RECORD: bool>(
 ) -> Stop {
     #[cfg(target_arch = "x86_64")]
     if gfx::simd::has_avx2() {
-        // SAFETY: the host has all the instruction sets that the function is compiled for.
-        return unsafe { run_avx2::<RECORD>(machine, file, masks, recorder) };
+        // SAFETY: the host has all the instruction sets that the functions are compiled for.
+        return unsafe {
+            match machine.chunks {
+                // Draws of few vertices, and of few pixels, leave most of a register empty.
+                0..=1 if !RECORD => run_avx2::<false, 1>(machine, file, masks, recorder),
+                2..=4 if !RECORD => run_avx2::<false, 4>(machine, file, masks, recorder),
+                _ => run_avx2::<RECORD, CHUNKS>(machine, file, masks, recorder),
+            }
+        };
     }
-    run::<RECORD, false>(machine, file, masks, recorder)
+    run::<RECORD, false, CHUNKS>(machine, file, masks, recorder)
 }
 
 #[cfg(target_arch = "x86_64")]
 #[target_feature(enable = "avx2,bmi1,bmi2,lzcnt,popcnt")]
-fn run_avx2<const RECORD: bool>(
+fn run_avx2<const RECORD: bool, const K: usize>(
     machine: &mut Machine<'_>,
     file: &mut [Lanes],
     masks: &mut [Mask],
     recorder: &mut Scratch,
 ) -> Stop {
-    run::<RECORD, true>(machine, file, masks, recorder)
+    run::<RECORD, true, K>(machine, file, masks, recorder)
 }
 
 /// All lanes of the quads that have a lane in the mask.
@@ -89,9 +104,10 @@ fn leave(masks: &mut [Mask], op: &Op, lanes: Mask) {
     }
 }
 
-/// Runs until the end, a barrier or an error. `WIDE`: the caller is compiled for AVX2 and its companions.
+/// Runs until the end, a barrier or an error. `WIDE`: the caller is compiled for AVX2 and its companions. `K`: as many chunks of the
+/// registers are computed.
 #[inline(always)]
-fn run<const RECORD: bool, const WIDE: bool>(
+fn run<const RECORD: bool, const WIDE: bool, const K: usize>(
     m: &mut Machine<'_>,
     file: &mut [Lanes],
     masks: &mut [Mask],
@@ -115,7 +131,7 @@ fn run<const RECORD: bool, const WIDE: bool>(
     }
     loop {
         let op = &body.ops[pc];
-        if code::arithmetic(op.code, &Apply { file, op }) {
+        if code::arithmetic(op.code, &Apply::<K> { file, op }) {
             pc += 1;
             continue;
         }
@@ -124,23 +140,23 @@ fn run<const RECORD: bool, const WIDE: bool>(
         }
         let r = &op.r;
         match op.code {
-            Code::MulAdd => apply(file, [r[0]], [r[1], r[2], r[3]], |[a, b, c]| [a * b + c]),
-            Code::MulSub => apply(file, [r[0]], [r[1], r[2], r[3]], |[a, b, c]| [a * b - c]),
-            Code::NegMulAdd => apply(file, [r[0]], [r[1], r[2], r[3]], |[a, b, c]| [c - a * b]),
-            Code::Dot2 => apply(file, [r[0]], [r[1], r[2], r[3], r[4]], |[a, b, x, y]| [a * x + b * y]),
-            Code::Dot3 => {
-                apply(file, [r[0]], [r[1], r[2], r[3], r[4], r[5], r[6]], |[a, b, c, x, y, z]| [a * x + b * y + c * z])
-            }
+            Code::MulAdd => apply::<K, _, _>(file, [r[0]], [r[1], r[2], r[3]], |[a, b, c]| [a * b + c]),
+            Code::MulSub => apply::<K, _, _>(file, [r[0]], [r[1], r[2], r[3]], |[a, b, c]| [a * b - c]),
+            Code::NegMulAdd => apply::<K, _, _>(file, [r[0]], [r[1], r[2], r[3]], |[a, b, c]| [c - a * b]),
+            Code::Dot2 => apply::<K, _, _>(file, [r[0]], [r[1], r[2], r[3], r[4]], |[a, b, x, y]| [a * x + b * y]),
+            Code::Dot3 => apply::<K, _, _>(file, [r[0]], [r[1], r[2], r[3], r[4], r[5], r[6]], |[a, b, c, x, y, z]| {
+                [a * x + b * y + c * z]
+            }),
             Code::Dot4 => {
-                apply(file, [r[0]], [r[1], r[2], r[3], r[4], r[5], r[6], r[7], r[8]], |[a, b, c, d, x, y, z, w]| {
+                apply::<K, _, _>(file, [r[0]], [r[1], r[2], r[3], r[4], r[5], r[6], r[7], r[8]], |[a, b, c, d, x, y, z, w]| {
                     [a * x + b * y + c * z + d * w]
                 });
             }
-            Code::Normalize2 => apply(file, [r[0], r[1]], [r[2], r[3]], |[a, b]| {
+            Code::Normalize2 => apply::<K, _, _>(file, [r[0], r[1]], [r[2], r[3]], |[a, b]| {
                 let s = math::inverse_sqrt(a * a + b * b);
                 [a * s, b * s]
             }),
-            Code::Normalize3 => apply(file, [r[0], r[1], r[2]], [r[3], r[4], r[5]], |[a, b, c]| {
+            Code::Normalize3 => apply::<K, _, _>(file, [r[0], r[1], r[2]], [r[3], r[4], r[5]], |[a, b, c]| {
                 let s = math::inverse_sqrt(a * a + b * b + c * c);
                 [a * s, b * s, c * s]
             }),
@@ -156,8 +172,8 @@ fn run<const RECORD: bool, const WIDE: bool>(
                 math::lanes::atan2(&y, &x, &mut out);
                 set(file, r[0], &out);
             }
-            Code::Mov => kernels::masked_copy(file, r[0], r[1], mask),
-            Code::Copy => kernels::masked_copy(file, r[0], r[1], !0),
+            Code::Mov => kernels::masked_copy::<K>(file, r[0], r[1], mask),
+            Code::Copy => kernels::masked_copy::<K>(file, r[0], r[1], !0),
             Code::Undef => {}
             Code::Derivative => kernels::derivative(file, r[0], r[1], op.imm),
             Code::LoadIndexed => kernels::load_indexed(file, op),

@@ -45,6 +45,8 @@ pub use pass::{BundleEncoder, ComputePass, RenderPass};
 /// Records commands into a trace in memory.
 pub struct Recorder {
     builder: Builder,
+    /// Blobs by length and [`sample`]: the name of the first, until there is a second and both have a hash.
+    by_sample: BTreeMap<(usize, u64), Option<String>>,
     /// Blobs by contents: the name under which they are kept.
     by_hash: BTreeMap<[u8; 32], String>,
     /// Whether contents that are given twice are kept once.
@@ -78,6 +80,16 @@ fn take(next: &mut u32) -> u32 {
     id
 }
 
+/// A number of some of the bytes, by which most contents of one length are told apart.
+fn sample(bytes: &[u8]) -> u64 {
+    const WORDS: usize = 64;
+    let words = bytes.as_chunks::<8>();
+    let step = (words.0.len() / WORDS).max(1);
+    let of = |sum: u64, word: u64| (sum ^ word).wrapping_mul(0x9e37_79b9_7f4a_7c15).rotate_left(29);
+    let sum = words.0.iter().step_by(step).fold(0, |sum, word| of(sum, u64::from_le_bytes(*word)));
+    words.1.iter().fold(sum, |sum, byte| of(sum, (*byte).into()))
+}
+
 fn some_label(label: &str) -> Option<String> {
     (!label.is_empty()).then(|| label.to_owned())
 }
@@ -87,6 +99,7 @@ impl Recorder {
     pub fn new(name: impl AsRef<Path>) -> Recorder {
         Recorder {
             builder: Builder::new(name),
+            by_sample: BTreeMap::new(),
             by_hash: BTreeMap::new(),
             joins: true,
             numbers: BTreeMap::new(),
@@ -108,6 +121,7 @@ impl Recorder {
 
     /// Takes what has been recorded so far; the recording goes on behind it.
     pub fn drain(&mut self) -> Part {
+        self.by_sample.clear();
         self.by_hash.clear();
         self.bytes = 0;
         self.builder.drain()
@@ -120,7 +134,8 @@ impl Recorder {
 
     /// Keeps bytes as a blob called after `label`, or finds the blob that has these contents already.
     fn keep(&mut self, label: &str, extension: &str, bytes: &[u8]) -> String {
-        let hash = self.joins.then(|| *blake3::hash(bytes).as_bytes());
+        let sampled = (bytes.len(), sample(bytes));
+        let hash = self.hash(sampled, bytes);
         if let Some(name) = hash.and_then(|hash| self.by_hash.get(&hash)) {
             return name.clone();
         }
@@ -144,10 +159,27 @@ impl Recorder {
         }
         self.bytes += bytes.len() as u64;
         self.builder.add_blob(&name, bytes.to_vec()).expect("the name is plain and free");
-        if let Some(hash) = hash {
-            self.by_hash.insert(hash, name.clone());
+        match hash {
+            Some(hash) => {
+                self.by_hash.insert(hash, name.clone());
+            }
+            None if self.joins => {
+                self.by_sample.insert(sampled, Some(name.clone()));
+            }
+            None => {}
         }
         name
+    }
+
+    /// The hash of bytes that may be known; most contents differ from all others in length or in what is sampled, and need none.
+    fn hash(&mut self, sampled: (usize, u64), bytes: &[u8]) -> Option<[u8; 32]> {
+        let first = self.by_sample.get_mut(&sampled).filter(|_| self.joins)?;
+        if let Some(first) = first.take()
+            && let Some(bytes) = self.builder.blob(&first)
+        {
+            self.by_hash.insert(*blake3::hash(&bytes).as_bytes(), first);
+        }
+        Some(*blake3::hash(bytes).as_bytes())
     }
 
     fn data(&mut self, label: &str, bytes: &[u8]) -> Data {
