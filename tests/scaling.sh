@@ -1,7 +1,9 @@
 #!/bin/sh
 # What sequences take on 1, 2, 4, ... processors, of the time on one: a table in Markdown. The whole command, without pictures. A share of 1.25/n
-# on n processors is what is wanted: the column `x n` at most 1.25. Kinds of runs take turns, so that a slow minute of the host meets all of them.
-#   tests/scaling.sh [REPETITIONS [FRAMES...]]      medians of so many repetitions, else of one
+# on n processors is what is wanted: the column `x n` at most 1.25. Processors that share power, caches or a host are not n times one: so many
+# copies at once, each on one processor, show what n of them do. The column `of copies` has the time on n over that of n copies, times n: what the
+# command itself loses. Runs take turns, and a ratio has two runs of the same turn, so that a slow minute of the host meets both.
+#   tests/scaling.sh [REPETITIONS [FRAMES...]]      medians of so many repetitions, else of one; of short sequences as many as take a minute
 # With FRAMES also the peak memory and the rate of replays of so many frames of `interface`, on all processors: neither should depend on how many.
 # Needs util-linux (taskset, lscpu), with FRAMES GNU time, and a quiet host. FILLRATE=PROGRAM takes that program, else the release build.
 set -eu
@@ -36,24 +38,48 @@ seconds() {
 median() { sort -n "$1" | awk '{ at[NR] = $1 } END { print NR % 2 ? at[(NR + 1) / 2] : (at[NR / 2] + at[NR / 2 + 1]) / 2 }'; }
 
 last=$(echo "$counts" | tail -n 1)
-printf '| sequence | on one processor |'
-for n in $counts; do [ "$n" = 1 ] || printf ' %s: share | x %s |' "$n" "$n"; done
-printf ' `sampled`, 8 frames: times as fast as `cycle`, on %s |\n|---|--:|' "$last"
-for n in $counts; do [ "$n" = 1 ] || printf -- '--:|--:|'; done
+# copies PROCESSORS TRACE: seconds of so many replays at once
+copies() {
+    begun=$(date +%s.%N)
+    for cpu in $(echo "$order" | head -n "$1"); do
+        taskset -c "$cpu" "$program" replay "$work/$2.zip" --images none --threads 1 --out "$work/out.$cpu" > "$work/log.$cpu" 2>&1 &
+    done
+    wait
+    for cpu in $(echo "$order" | head -n "$1"); do
+        [ -s "$work/out.$cpu/stats.json" ] || { cat "$work/log.$cpu" >&2; exit 1; }
+        rm -r "$work/out.$cpu"
+    done
+    echo "$begun $(date +%s.%N)" | awk '{ print $2 - $1 }'
+}
+# ratio A B: appends the quotient of two times
+ratio() { echo "$1 $2" | awk '{ print $1 / $2 }' >> "$3"; }
+
+last=$(echo "$counts" | tail -n 1)
+printf '| sequence | turns | on one processor |'
+for n in $counts; do [ "$n" = 1 ] || printf ' %s: share | x %s | of copies |' "$n" "$n"; done
+printf ' `sampled`, 8 frames: times as fast as `cycle`, on %s |\n|---|--:|--:|' "$last"
+for n in $counts; do [ "$n" = 1 ] || printf -- '--:|--:|--:|'; done
 printf -- '--:|\n'
 for trace in flight interface swarm shadow-once; do
-    for repetition in $(seq "$repetitions"); do
+    turn=0 until=$(($(date +%s) + (repetitions > 1 ? 60 : 0)))
+    while [ "$turn" -lt "$repetitions" ] || [ "$(date +%s)" -lt "$until" ]; do
+        turn=$((turn + 1)) one=$(seconds 1 "$trace")
+        echo "$one" >> "$work/$trace.1"
+        time=$one
         for n in $counts; do
-            seconds "$n" "$trace" >> "$work/$trace.$n"
+            [ "$n" != 1 ] || continue
+            time=$(seconds "$n" "$trace")
+            ratio "$time" "$one" "$work/$trace.$n"
+            ratio "$time" "$(copies "$n" "$trace")" "$work/$trace.$n.copies"
         done
-        seconds "$last" "$trace" --fidelity sampled --samples 8 >> "$work/$trace.sampled"
+        ratio "$time" "$(seconds "$last" "$trace" --fidelity sampled --samples 8)" "$work/$trace.sampled"
     done
-    one=$(median "$work/$trace.1")
-    printf '| `%s` | %.2f s |' "$trace" "$one"
+    printf '| `%s` | %s | %.2f s |' "$trace" "$turn" "$(median "$work/$trace.1")"
     for n in $counts; do
-        [ "$n" = 1 ] || median "$work/$trace.$n" | awk -v one="$one" -v n="$n" '{ printf " %.3f | %.2f |", $1 / one, $1 / one * n }'
+        [ "$n" = 1 ] || echo "$(median "$work/$trace.$n") $(median "$work/$trace.$n.copies")" \
+            | awk -v n="$n" '{ printf " %.3f | %.2f | %.2f |", $1, $1 * n, $2 * n }'
     done
-    echo "$(median "$work/$trace.$last") $(median "$work/$trace.sampled")" | awk '{ printf " %.1f |\n", $1 / $2 }'
+    printf ' %.1f |\n' "$(median "$work/$trace.sampled")"
 done
 if [ $# -gt 0 ]; then
     printf '\n| `interface` |'
@@ -75,5 +101,5 @@ if [ $# -gt 0 ]; then
         printf '\n'
     done
 fi
-printf '\nMeasured on %s, %s processors of %s cores, medians of %s, %s\n' \
+printf '\nMeasured on %s, %s processors of %s cores, medians of at least %s turns, %s\n' \
     "$(lscpu | sed -n 's/^Model name: *//p' | head -n 1)" "$all" "$cores" "$repetitions" "$(date +%F)"
