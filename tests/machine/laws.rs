@@ -68,6 +68,10 @@ fn accounts_add_up_nothing_is_lost_and_clocks_agree_on_any_scene() {
             accounts_add_up(&report.total);
             frames_add_up(&report);
             conserved(&config, &report.total, fragments);
+            for frame in &report.frames {
+                let wrong = frame.picture.as_ref().map(|picture| picture.wrong_pixels);
+                assert_eq!(wrong, Some(0), "frame {} of {name} on {}", frame.number, config.name);
+            }
             for (leaf, expected) in funnel.named() {
                 // The renderer shades each vertex once and tests every quad; a machine forgets vertices and culls whole blocks.
                 if !matches!(leaf, "vertices_shaded" | "tiles_hiz_culled") {

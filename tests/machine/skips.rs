@@ -45,7 +45,8 @@ fn all(trace: &Trace) -> Vec<Saving> {
 #[test]
 fn skips_change_no_picture_and_save_work() {
     // One after the other: a replay on a thread of the pool waits for its renderer, which needs threads of the pool.
-    let scenes = ["cube", "panel.zip", "viewer.zip", "town.zip"];
+    // The command of `docs/data/skips.md` ends with an error if something changes on the cube.
+    let scenes = ["panel.zip", "viewer.zip", "town.zip"];
     let traces = scenes.into_iter().map(scene).chain([screens()]);
     let found: Vec<Vec<Saving>> = traces.map(|trace| all(&trace)).collect();
     for saving in found.iter().flatten() {

@@ -86,7 +86,7 @@ const ORDERS: [&[&str]; 2] =
     [&["layers-front-first", "layers-random", "layers-back-first"], &["torus-bands", "torus-rows", "torus-random"]];
 
 /// The scenes kept in `traces/`. Those of `ORDERS` are compared with each other. Four more go without another renderer's pictures: the long sequence is for
-/// `tests/machine/estimates.rs`, which compares its pictures between fidelities; the dials are for `tests/machine/same_tiles.rs`,
+/// `tests/machine/estimates.rs`, which compares its pictures between fidelities; the dials are for `tests/machine/sort_traces.rs`,
 /// which compares those of machines with the renderer's; the town (many small draws, most of them out of view) and the viewer (resources
 /// that are bound and not read) show nothing that other scenes do not.
 fn scenes() -> Vec<Case> {
@@ -202,10 +202,15 @@ fn differences(case: &Case, replay: &Replay, limits: &[(String, Limit)]) -> Vec<
     failures
 }
 
-fn compare_all(cases: &[Case]) {
+/// Replays traces without a machine, hands on each replay, and compares all with the references.
+fn compare_all(cases: &[Case], also: impl Fn(&Case, &Replay)) {
     let limits = limits();
-    let replayed = |case| run(case, Fidelity::Functional, config("baseline"));
-    let failures: Vec<String> = cases.iter().flat_map(|case| differences(case, &replayed(case), &limits)).collect();
+    let mut failures = Vec::new();
+    for case in cases {
+        let functional = run(case, Fidelity::Functional, config("baseline"));
+        failures.extend(differences(case, &functional, &limits));
+        also(case, &functional);
+    }
     assert!(failures.is_empty(), "images beyond their limits:\n{}", failures.join("\n"));
 }
 
@@ -216,34 +221,36 @@ const LARGE: f64 = 200_000.0;
 const OF_MACHINES: [&str; 2] = ["vertices_shaded", "tiles_hiz_culled"];
 
 /// The card's own image is the renderer's on every machine, and so are its counters.
-fn machines_agree(cases: &[Case]) {
-    for case in cases {
-        let functional = run(case, Fidelity::Functional, config("baseline"));
-        // Of large pictures one machine: `tests/machine/sort_traces.rs` draws them on one of each class.
-        let large = functional.total.number("funnel.fragments_shaded").is_some_and(|shaded| shaded > LARGE);
-        let cards: &[&str] = if large { &["baseline"] } else { &["baseline", "tiny"] };
-        for &card in cards {
-            let cycle = run(case, Fidelity::Cycle, config(card));
-            assert_eq!(cycle.frames.len(), functional.frames.len(), "{} on {card}: frames", case.name);
-            for (a, b) in functional.frames.iter().zip(&cycle.frames) {
-                assert_eq!(a.number, b.number, "{} on {card}", case.name);
-                let bytes = |frame: &Frame| frame.shown.as_ref().map(|(_, bytes)| bytes.clone());
-                assert!(bytes(a) == bytes(b), "{} on {card}: frame {} differs", case.name, a.number);
-            }
-            for name in Funnel::DECLARATIONS.iter().map(|counter| counter.name).filter(|name| !OF_MACHINES.contains(name)) {
-                let count = |replay: &Replay| replay.total.number(&format!("funnel.{name}"));
-                assert_eq!(count(&functional), count(&cycle), "{} on {card}: {name}", case.name);
-            }
-            let json = cycle.total.json();
-            let wrong = json.pointer("/sort/wrong_pixels").and_then(serde_json::Value::as_u64);
-            assert_eq!(wrong, Some(0), "{} on {card}: wrong pixels", case.name);
+fn machines_agree(case: &Case, functional: &Replay) {
+    // Of large pictures one machine: `tests/machine/sort_traces.rs` draws them on one of each class.
+    let large = functional.total.number("funnel.fragments_shaded").is_some_and(|shaded| shaded > LARGE);
+    let cards: &[&str] = if large { &["baseline"] } else { &["baseline", "tiny"] };
+    for &card in cards {
+        let cycle = run(case, Fidelity::Cycle, config(card));
+        assert_eq!(cycle.frames.len(), functional.frames.len(), "{} on {card}: frames", case.name);
+        for (a, b) in functional.frames.iter().zip(&cycle.frames) {
+            assert_eq!(a.number, b.number, "{} on {card}", case.name);
+            let bytes = |frame: &Frame| frame.shown.as_ref().map(|(_, bytes)| bytes.clone());
+            assert!(bytes(a) == bytes(b), "{} on {card}: frame {} differs", case.name, a.number);
         }
+        for name in Funnel::DECLARATIONS.iter().map(|counter| counter.name).filter(|name| !OF_MACHINES.contains(name)) {
+            let count = |replay: &Replay| replay.total.number(&format!("funnel.{name}"));
+            assert_eq!(count(functional), count(&cycle), "{} on {card}: {name}", case.name);
+        }
+        let json = cycle.total.json();
+        let wrong = json.pointer("/sort/wrong_pixels").and_then(serde_json::Value::as_u64);
+        assert_eq!(wrong, Some(0), "{} on {card}: wrong pixels", case.name);
     }
 }
 
 #[test]
 fn scenes_are_near_their_references() {
-    compare_all(&scenes());
+    compare_all(&scenes(), |case, functional| {
+        // Machines draw the others in `tests/machine/laws.rs`.
+        if case.name == "torus-knot" {
+            machines_agree(case, functional);
+        }
+    });
 }
 
 #[test]
@@ -251,7 +258,8 @@ fn a_scene_in_several_orders_has_one_picture() {
     for names in ORDERS {
         let picture = |name: &&str| {
             let case = Case { name: (*name).into(), trace: here(&format!("traces/{name}.zip")), references: Vec::new() };
-            let replay = run(&case, Fidelity::Cycle, config("baseline"));
+            // Machines draw each as the renderer does: `tests/machine/sort_traces.rs`.
+            let replay = run(&case, Fidelity::Functional, config("baseline"));
             (replay.frames[0].shown.as_ref().expect("a picture").1.clone(), replay.total.number("funnel.triangles_setup"))
         };
         let pictures: Vec<_> = names.iter().map(picture).collect();
@@ -261,26 +269,11 @@ fn a_scene_in_several_orders_has_one_picture() {
 }
 
 #[test]
-fn fixtures_are_near_their_references() {
-    compare_all(&fixtures());
+fn fixtures_are_near_their_references_and_machines_draw_them_as_the_renderer_does() {
+    compare_all(&fixtures(), machines_agree);
 }
 
 #[test]
-fn visible_traces_are_near_their_references() {
-    compare_all(&peers());
-}
-
-#[test]
-fn machines_draw_the_scenes_as_the_renderer_does() {
-    machines_agree(&scenes());
-}
-
-#[test]
-fn machines_draw_the_fixtures_as_the_renderer_does() {
-    machines_agree(&fixtures());
-}
-
-#[test]
-fn machines_draw_the_visible_traces_as_the_renderer_does() {
-    machines_agree(&peers());
+fn visible_traces_are_near_their_references_and_machines_draw_them_as_the_renderer_does() {
+    compare_all(&peers(), machines_agree);
 }

@@ -63,7 +63,8 @@ impl List {
     /// Joins consecutive primitives. What one of them leaves in the current attributes the next ones set themselves.
     fn join(&mut self) {
         let mut joined = Vec::with_capacity(self.steps.len());
-        let (mut run, mut left): (Vec<Rc<Geometry>>, Option<(Box<Vertex>, u32)>) = (Vec::new(), None);
+        let mut run: Vec<Rc<Geometry>> = Vec::new();
+        let mut left: Option<(Box<Vertex>, u32)> = None;
         for step in self.steps.drain(..) {
             match step {
                 Step::Primitive(next) => {

@@ -240,7 +240,7 @@ fn place_here(frame: &PreparedDraw<'_>, position: [&Lanes; 4], spread: usize, he
     // Many draws have few vertices.
     match spread * here.len() {
         ..=8 => place_first::<8>(frame, position, spread, here, task),
-        ..=32 => place_first::<32>(frame, position, spread, here, task),
+        9..=32 => place_first::<32>(frame, position, spread, here, task),
         _ => place_first::<LANES>(frame, position, spread, here, task),
     }
 }

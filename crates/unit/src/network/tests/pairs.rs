@@ -25,11 +25,14 @@ fn an_empty_network_takes_the_hops() {
             for (bytes, link_bytes) in [(4, 16), (16, 16), (40, 16), (144, 32)] {
                 let config = NetworkConfig { link_bytes, ..config(topology) };
                 for sender in [0, senders / 2, senders - 1] {
-                    let orders = (0..receivers).map(|to| Order::new(200 * to as Cycle, to, bytes)).collect();
+                    let takes = |to| unloaded(&config, senders, receivers, (sender, to), bytes);
+                    // Each parcel is sent when the one before has arrived.
+                    let apart = 1 + (0..receivers).map(takes).max().expect("a receiver");
+                    let orders = (0..receivers).map(|to| Order::new(apart * to as Cycle, to, bytes)).collect();
                     let case = Case::new(config.clone(), only(senders, sender, orders), receivers);
                     let outcome = case.settle();
                     for (to, got) in outcome.got.iter().enumerate() {
-                        let expected = 200 * to as Cycle + unloaded(&config, senders, receivers, (sender, to), bytes);
+                        let expected = apart * to as Cycle + takes(to);
                         assert_eq!(got.len(), 1);
                         assert_eq!(got[0].0, expected, "{topology:?} {sender} to {to} of {senders} and {receivers}");
                     }
