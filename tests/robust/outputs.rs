@@ -105,13 +105,13 @@ fn a_killed_program_leaves_nothing_that_looks_complete() {
         let _ = std::fs::remove_file(path);
     };
     let (folder, archive, out) = (path("folder"), path("archive.zip"), path("out"));
-    killed(&run(&["import", "traces/flight.zip", "--out", &text(&folder)]), || {
+    killed(&run(&["import", "traces/town.zip", "--out", &text(&folder)]), || {
         if folder.join("trace.ron").exists() {
             reads(&folder);
         }
         clear(&folder);
     });
-    killed(&run(&["import", "traces/flight.zip", "--out", &text(&archive)]), || {
+    killed(&run(&["import", "traces/town.zip", "--out", &text(&archive)]), || {
         if archive.exists() {
             reads(&archive);
         }
