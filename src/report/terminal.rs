@@ -46,10 +46,23 @@ impl Seen {
     }
 }
 
+impl Seen {
+    /// The pictures that the counts of a replay are of. Where frames were sampled these are all frames of the sequence, and those that were
+    /// reported are taken to show as many pictures as the others.
+    fn pictures_counted(&self, done: &Outcome) -> Option<Pictures> {
+        let seen = self.pictures?;
+        let Some(sampled) = &done.sampled else { return Some(seen) };
+        Some(Pictures { frames: seen.frames * sampled.frames / self.frames.max(1) as u64, ..seen })
+    }
+}
+
 /// What a replay came to: how many frames, the knobs that differ from the named configuration, where the work went and where the cycles,
 /// and the host's time.
 pub fn report(done: &Outcome, seen: &mut Seen, options: &Options, changed: &[KnobDifference]) -> String {
     let mut out = format!("{} frame{}\n", seen.frames, if seen.frames == 1 { "" } else { "s" });
+    if let Some(sampled) = &done.sampled {
+        out = format!("{} frames, {} of them reported\n", sampled.frames, seen.frames);
+    }
     out.push_str(&knobs(changed, &options.config.name));
     let mut section = |title: &str, text: &str| {
         // A text takes all that is written to it.
@@ -57,7 +70,7 @@ pub fn report(done: &Outcome, seen: &mut Seen, options: &Options, changed: &[Kno
     };
     let funnel: Funnel = FUNNEL.sum(&done.total);
     section("What was drawn, and what was thrown away where", &summary::funnel(&funnel));
-    section("In shares", &summary::shares(&done.total, &funnel, seen.pictures.as_ref()));
+    section("In shares", &summary::shares(&done.total, &funnel, seen.pictures_counted(done).as_ref()));
     let Some(cycles) = done.cycles else {
         let all = done.clock_time.as_secs_f64();
         out.push_str("\ncounted, not timed: as on a card that reuses every shaded vertex (docs/fidelity.md)\n");

@@ -238,6 +238,26 @@ fn images_none_leaves_statistics_only() {
     assert!(code == 2 && message.contains("some"), "{message}");
 }
 
+/// Counts of sampled frames are estimates for the whole sequence, so overdraw is by the pictures of the whole sequence. (By those of the three
+/// frames that are reported it was eight times as much.)
+#[test]
+fn overdraw_of_sampled_frames_is_that_of_all() {
+    let overdraw = |options: &[&str]| {
+        let start = ["replay", "traces/flight.zip", "--frames", "0..24", "--images", "none", "--config", "tiny"];
+        let folder = tempfile::tempdir().expect("a folder");
+        let out = folder.path().join("out").display().to_string();
+        let (code, text, message) = run(&[&start[..], &["--out", &out], options].concat());
+        assert_eq!(code, 0, "{message}");
+        let line = text.lines().find(|line| line.contains("overdraw")).expect("a line of it");
+        line.split_whitespace().nth(1).and_then(|number| number.parse::<f64>().ok()).expect("a number")
+    };
+    let all = overdraw(&["--fidelity", "functional"]);
+    for fidelity in ["sampled", "bound"] {
+        let estimated = overdraw(&["--fidelity", fidelity, "--samples", "2"]);
+        assert!((0.5..2.0).contains(&(estimated / all)), "{fidelity}: {estimated}, and {all} of all frames");
+    }
+}
+
 #[test]
 fn pictures_of_frames_that_are_not_simulated_come_on_demand() {
     let out = tempfile::tempdir().expect("a folder");
