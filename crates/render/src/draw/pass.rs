@@ -232,13 +232,13 @@ impl RenderPass {
         let frame = self.prepare(call)?;
         let mut scratch = self.scratch.take().unwrap_or_else(Scratch::take);
         let mut planner = std::mem::take(&mut scratch.stages.planner);
-        let result = self.planned(call, &frame, &mut planner, &mut scratch, sink);
+        let result = self.segments(call, &frame, &mut planner, &mut scratch, sink);
         scratch.stages.planner = planner;
         self.scratch = Some(scratch);
         result
     }
 
-    fn planned(
+    fn segments(
         &mut self,
         call: &DrawCall<'_>,
         frame: &PreparedDraw<'_>,
@@ -250,17 +250,6 @@ impl RenderPass {
         if call.record {
             sink(Event::Draw(Arc::new(record::draw(call, frame, self.depth.is_some(), culling))));
         }
-        self.segments(call, frame, planner, scratch, sink)
-    }
-
-    fn segments(
-        &mut self,
-        call: &DrawCall<'_>,
-        frame: &PreparedDraw<'_>,
-        planner: &mut Planner,
-        scratch: &mut Scratch,
-        sink: &mut dyn FnMut(Event),
-    ) -> Result<Drawn, DrawError> {
         let Range { first, base_vertex, .. } = call.range;
         let source = StreamSource { index: call.index.map(|i| i.buffer()), first, base_vertex };
         let mut drawn = Drawn::default();
