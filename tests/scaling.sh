@@ -3,7 +3,7 @@
 # on n processors is what is wanted: the column `x n` at most 1.25. Processors that share power, caches or a host are not n times one: so many
 # copies at once, each on one processor, show what n of them do. The column `of copies` has the time on n over that of n copies, times n: what the
 # command itself loses. Runs take turns, and a ratio has two runs of the same turn, so that a slow minute of the host meets both.
-#   tests/scaling.sh [REPETITIONS [FRAMES...]]      medians of so many repetitions, else of one; of short sequences as many as take a minute
+#   tests/scaling.sh [REPETITIONS [FRAMES...]]      medians of so many repetitions, else of one; of short sequences as many as take two minutes
 # With FRAMES also the peak memory and the rate of replays of so many frames of `interface`, on all processors: neither should depend on how many.
 # Needs util-linux (taskset, lscpu), with FRAMES GNU time, and a quiet host. FILLRATE=PROGRAM takes that program, else the release build.
 set -eu
@@ -61,7 +61,7 @@ printf ' `sampled`, 8 frames: times as fast as `cycle`, on %s |\n|---|--:|--:|' 
 for n in $counts; do [ "$n" = 1 ] || printf -- '--:|--:|--:|'; done
 printf -- '--:|\n'
 for trace in flight interface swarm shadow-once; do
-    turn=0 until=$(($(date +%s) + (repetitions > 1 ? 60 : 0)))
+    turn=0 until=$(($(date +%s) + (repetitions > 1 ? 120 : 0)))
     while [ "$turn" -lt "$repetitions" ] || [ "$(date +%s)" -lt "$until" ]; do
         turn=$((turn + 1)) one=$(seconds 1 "$trace")
         echo "$one" >> "$work/$trace.1"

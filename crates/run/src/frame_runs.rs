@@ -25,8 +25,9 @@ use work::Event;
 pub type WarmsUp<'w> = &'w (dyn Fn(u32) -> bool + Sync);
 
 /// Bytes of work that may wait, for each machine that runs beside the first. A run begins when all work of the run before has been handed on: of
-/// machines side by side one has just begun, one is almost done, and half of a run's work waits for each in the mean. With less, machines wait.
-const WORK_WAITING: u64 = 8 << 20;
+/// machines side by side one has just begun, one is almost done, and half of a run's work waits for each in the mean. With less, machines wait:
+/// with 8 MiB two machines on `swarm` (tests/scaling.sh) left a ninth of two processors idle, with 16 a twenty-fifth.
+const WORK_WAITING: u64 = 16 << 20;
 
 /// Bytes of frames that may wait for those in front of them.
 const FRAMES_WAITING: u64 = 8 << 20;
