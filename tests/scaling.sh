@@ -37,7 +37,6 @@ seconds() {
 }
 median() { sort -n "$1" | awk '{ at[NR] = $1 } END { print NR % 2 ? at[(NR + 1) / 2] : (at[NR / 2] + at[NR / 2 + 1]) / 2 }'; }
 
-last=$(echo "$counts" | tail -n 1)
 # copies PROCESSORS TRACE: seconds of so many replays at once
 copies() {
     begun=$(date +%s.%N)

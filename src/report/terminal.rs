@@ -44,9 +44,7 @@ impl Seen {
             }
         }
     }
-}
 
-impl Seen {
     /// The pictures that the counts of a replay are of. Where frames were sampled these are all frames of the sequence, and those that were
     /// reported are taken to show as many pictures as the others.
     fn pictures_counted(&self, done: &Outcome) -> Option<Pictures> {
