@@ -235,7 +235,7 @@ mod tests {
         let progress = |ended: Ended| {
             // As if each frame took a second.
             let (done, last) = (u64::from(ended.frame) + 1, Some(ended));
-            if ended.frame % 400 == 399 {
+            if done % u64::from(FRAMES / 10) == 0 {
                 let line = far.line_after(Duration::from_secs(done), done, last);
                 lines.lock().expect("a list").push((done, line));
             }
