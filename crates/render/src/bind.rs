@@ -67,6 +67,11 @@ impl ResolvedBindings {
         self.bindings.iter().map(|(_, elements)| elements.iter().map(Held::lend).collect()).collect()
     }
 
+    /// Whether the program reads or writes texels of textures in place.
+    pub fn has_storage_textures(&self) -> bool {
+        self.bindings.iter().flat_map(|(_, elements)| elements).any(|held| matches!(held, Held::Storage { .. }))
+    }
+
     /// Bytes that were looked up and copied for it, about.
     pub fn cost(&self) -> u64 {
         let held: usize = self.bindings.iter().map(|(_, held)| held.len()).sum();

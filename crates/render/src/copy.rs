@@ -12,7 +12,8 @@ use super::transfer::{Region, clear_image, layers_of};
 
 impl Renderer<'_, '_> {
     /// Counts bytes that are about to be moved; whether those of them that wait between reading and writing find room.
-    fn moves(&self, bytes: u64, waiting: u64) -> Result<(), Fault> {
+    fn moves(&mut self, bytes: u64, waiting: u64) -> Result<(), Fault> {
+        self.before(bytes)?;
         self.ledger.bytes.charge(bytes)?;
         Ok(self.ledger.passing("a copy", waiting)?)
     }
@@ -21,11 +22,11 @@ impl Renderer<'_, '_> {
         let mut moved = Transfer { kind: TransferKind::Copy, from: None, to: None, bytes: 0, surfaces: None };
         match command {
             &Command::WriteBuffer { id, offset, ref data } => {
-                let buffer = self.res.buffers.get(id.0)?;
                 let bytes = self.trace.data(data)?;
-                buffer.range(id, offset, Some(bytes.len() as u64))?;
+                self.res.buffers.get(id.0)?.range(id, offset, Some(bytes.len() as u64))?;
                 self.moves(bytes.len() as u64, 0)?;
-                buffer.words.write(offset, &bytes);
+                let buffer = self.res.buffers.get_mut(id.0)?;
+                buffer.unshared()?.write(offset, &bytes);
                 buffer.changed();
                 moved = Transfer {
                     kind: TransferKind::Upload,
@@ -42,14 +43,16 @@ impl Renderer<'_, '_> {
                 moved = Transfer { kind: TransferKind::Upload, to: Some(address), bytes: region.bytes(), ..moved };
             }
             &Command::CopyBufferToBuffer { from, from_offset, to, to_offset, size } => {
-                let source = self.res.buffers.get(from.0)?;
-                source.range(from, from_offset, Some(size))?;
-                let target = self.res.buffers.get(to.0)?;
-                target.range(to, to_offset, Some(size))?;
+                self.res.buffers.get(from.0)?.range(from, from_offset, Some(size))?;
+                self.res.buffers.get(to.0)?.range(to, to_offset, Some(size))?;
                 self.moves(size, size)?;
-                copy_words(&source.words, from_offset, &target.words, to_offset, size);
-                target.changed();
+                let mut bytes = vec![0; size as usize];
+                let source = self.res.buffers.get(from.0)?;
+                source.words.read(from_offset, &mut bytes);
                 moved.from = Some(source.address + from_offset);
+                let target = self.res.buffers.get_mut(to.0)?;
+                target.unshared()?.write(to_offset, &bytes);
+                target.changed();
                 moved.to = Some(target.address + to_offset);
                 moved.bytes = size;
             }
@@ -65,9 +68,10 @@ impl Renderer<'_, '_> {
             }
             Command::CopyTextureToBuffer { from, to, layout, size } => {
                 let (region, words, address) = self.texture_end(from, *size, false)?;
-                let target = self.res.buffers.get(to.0)?;
+                self.res.buffers.get(to.0)?;
                 self.moves(region.bytes(), 0)?;
-                region.read_to_buffer(&words, &target.words, layout)?;
+                let target = self.res.buffers.get_mut(to.0)?;
+                region.read_to_buffer(&words, target.unshared()?, layout)?;
                 target.changed();
                 moved.from = Some(address);
                 moved.to = Some(target.address + layout.offset);
@@ -76,10 +80,10 @@ impl Renderer<'_, '_> {
             }
             Command::CopyTextureToTexture { from, to, size } => self.copy_texture(from, to, *size, &mut moved)?,
             &Command::ClearBuffer { buffer: id, offset, size } => {
-                let buffer = self.res.buffers.get(id.0)?;
-                let (offset, size) = buffer.range(id, offset, size)?;
+                let (offset, size) = self.res.buffers.get(id.0)?.range(id, offset, size)?;
                 self.moves(size, 0)?;
-                fill_zero(&buffer.words, offset, size);
+                let buffer = self.res.buffers.get_mut(id.0)?;
+                fill_zero(buffer.unshared()?, offset, size);
                 buffer.changed();
                 moved = Transfer { kind: TransferKind::Clear, to: Some(buffer.address + offset), bytes: size, ..moved };
             }
@@ -104,14 +108,14 @@ impl Renderer<'_, '_> {
             }
             &Command::WriteTimestamp { set, index } => return self.write_timestamp(set, index),
             &Command::ResolveQuerySet { set: id, first, count, to, to_offset } => {
-                let buffer = self.res.buffers.get(to.0)?;
-                let (words, address) = (buffer.words.clone(), buffer.address);
+                self.res.buffers.get(to.0)?;
                 let set = self.res.query_sets.get_mut(id.0)?;
                 let size = u64::from(count) * set.stride() as u64 * 8;
                 self.ledger.bytes.charge(size)?;
-                let target = self.res.buffers.get(to.0)?;
+                let target = self.res.buffers.get_mut(to.0)?;
                 target.range(to, to_offset, Some(size))?;
                 target.changed();
+                let (words, address) = (target.unshared()?.clone(), target.address);
                 for index in first..first.saturating_add(count) {
                     let at = to_offset + u64::from(index - first) * set.stride() as u64 * 8;
                     for (k, value) in set.slot(index)?.iter().enumerate() {
@@ -125,7 +129,11 @@ impl Renderer<'_, '_> {
                 self.end_frame(Some((texture, 0, 0)))?;
                 self.begin_frame();
                 // Nobody asks for what comes after the last frame that is wanted.
-                return if self.options.frames.end() > self.frame { Ok(()) } else { Err(Fault::Stop) };
+                if self.options.frames.end() > self.frame {
+                    return Ok(());
+                }
+                self.land_all()?;
+                return Err(Fault::Stop);
             }
             command => return Err(format!("{} is not possible outside a pass", command.name()).into()),
         }
@@ -168,13 +176,6 @@ impl Renderer<'_, '_> {
         let address = texture.surface(end.texture, end.level, end.origin[2]).address;
         Ok((region, texture.words.clone(), address))
     }
-}
-
-/// Copies bytes between (or inside) buffers as if through a copy.
-fn copy_words(from: &Words, from_offset: u64, to: &Words, to_offset: u64, size: u64) {
-    let mut bytes = vec![0; size as usize];
-    from.read(from_offset, &mut bytes);
-    to.write(to_offset, &bytes);
 }
 
 fn fill_zero(words: &Words, offset: u64, size: u64) {

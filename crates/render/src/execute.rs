@@ -8,12 +8,13 @@ use num::*;
 use trace::check::Checker;
 use trace::command::*;
 use trace::{Trace, TraceError};
-use work::{EndFrame, Event, RenderKey, Surface, SurfaceKey};
+use work::{EndFrame, Event, Funnel, RenderKey, Segment, Surface, SurfaceKey};
 
 use super::compute::ActiveCompute;
 use super::debug_groups::DebugGroups;
 use super::draw::{Boxes, DrawError, Skips};
-use super::ledger::{Claim, ConsumerMemory, Ledger, Watch};
+use super::flight::{Begin, Boarding, Departure, Failure, Flights};
+use super::ledger::{Claim, ConsumerMemory, LARGE, Ledger, Watch};
 use super::memory::AddressSpace;
 use super::needs::Needs;
 use super::objects::is_about_objects;
@@ -117,8 +118,16 @@ pub(super) enum Fault {
     Reason(String),
     /// A blob or text of the trace could not be read; the error names it.
     Trace(TraceError),
+    /// An earlier command could not be run: a draw that was in flight.
+    Earlier(Failure),
     /// The receiver stopped.
     Stop,
+}
+
+impl From<Failure> for Fault {
+    fn from(failure: Failure) -> Fault {
+        Fault::Earlier(failure)
+    }
 }
 
 impl From<String> for Fault {
@@ -182,6 +191,9 @@ pub struct Summary {
     pub ledger: Arc<Ledger>,
 }
 
+/// Draws between two copies of attachments for passes in flight, at least: a copy takes as long as some draws.
+const DRAWS_A_COPY: u32 = 64;
+
 /// Bytes that a frame's statistics take where they are kept, about.
 const FRAME: u64 = 16 << 10;
 
@@ -195,22 +207,33 @@ pub fn render(trace: &Trace, options: &Options, sink: &mut Sink<'_>) -> Result<S
         watch.begin(&ledger);
     }
     let mut renderer = Renderer::new(trace, options.clone(), ledger.clone(), sink);
-    let commands = walk(trace, &ledger, &mut |command| match command {
-        Some(command) => renderer.run(command),
-        None => renderer.finish(),
+    let commands = walk(trace, &ledger, &mut |step| match step {
+        Step::Command(command) => renderer.run(command),
+        Step::End => renderer.finish(),
+        Step::Stopped => renderer.land_all(),
     })?;
     let frames = renderer.frame.max(u32::from(renderer.implicit_frame));
     Ok(Summary { frames, commands, overwritten: renderer.overwritten, ledger })
 }
 
-/// Checks the commands of a trace and hands them on in order, and none at its end; how many there were.
+/// What comes next in a walk over a trace.
+pub(super) enum Step<'c> {
+    /// A command.
+    Command(&'c Command),
+    /// Its end.
+    End,
+    /// It cannot go on: something is wrong with a command or the trace.
+    Stopped,
+}
+
+/// Checks the commands of a trace and hands them on in order; how many there were.
 ///
 /// # Errors
 /// What is wrong with the trace or with a command, which is named.
 pub(super) fn walk(
     trace: &Trace,
     ledger: &Ledger,
-    each: &mut dyn FnMut(Option<&Command>) -> Result<(), Fault>,
+    each: &mut dyn FnMut(Step<'_>) -> Result<(), Fault>,
 ) -> Result<u64, TraceError> {
     let mut checker = Checker::new(trace);
     let mut commands = 0;
@@ -218,14 +241,21 @@ pub(super) fn walk(
         commands = index;
         ledger.begin(index, command.name())?;
         checker.command(index, command)?;
-        each(Some(command))
+        each(Step::Command(command))
     });
     if result.is_ok() {
-        result = checker.finish().map_err(Fault::Trace).and_then(|_| each(None));
+        result = checker.finish().map_err(Fault::Trace).and_then(|_| each(Step::End));
+    }
+    if let Err(Fault::Reason(_) | Fault::Trace(_)) = result {
+        // What is wrong with an earlier command comes first.
+        result = each(Step::Stopped).and(result);
     }
     match result {
         Ok(()) | Err(Fault::Stop) => Ok(commands + 1),
         Err(Fault::Reason(reason)) => Err(trace.error_at(commands, format!("{}: {reason}", ledger.command().1))),
+        Err(Fault::Earlier(Failure { command: (index, name), reason })) => {
+            Err(trace.error_at(index, format!("{name}: {reason}")))
+        }
         Err(Fault::Trace(error)) if error.command.is_none() => Err(error.in_command(commands)),
         Err(Fault::Trace(error)) => Err(error),
     }
@@ -249,6 +279,10 @@ pub(super) struct Renderer<'t, 's> {
     pub(super) res: Resources,
     pub(super) addresses: AddressSpace,
     sink: &'s mut Sink<'s>,
+    /// Passes in flight, and events behind them.
+    waiting: VecDeque<Waiting>,
+    /// Number of draws when an attachment was copied for a pass in flight.
+    copied_at: u32,
     scope: Scope,
     /// Number of the current frame.
     pub(super) frame: u32,
@@ -300,6 +334,8 @@ impl<'t, 's> Renderer<'t, 's> {
             res: Resources::new(ledger.clone()),
             addresses: AddressSpace::new(),
             sink,
+            waiting: VecDeque::new(),
+            copied_at: 0,
             scope: Scope::Outside,
             frame: 0,
             implicit_frame: false,
@@ -351,7 +387,75 @@ impl<'t, 's> Renderer<'t, 's> {
             }
             self.pieces.push_back(self.ledger.claim("recorded work", piece)?);
         }
-        Ok((self.sink)(event)?)
+        if self.waiting.is_empty() {
+            return Ok((self.sink)(event)?);
+        }
+        self.waiting.push_back(Waiting::Event(event));
+        Ok(())
+    }
+
+    /// Hands on what need not wait any more; with `all`, waits for passes in flight.
+    fn arrivals(&mut self, all: bool) -> Result<(), Fault> {
+        while let Some(first) = self.waiting.front() {
+            if matches!(first, Waiting::Flight) {
+                if !all && !self.res.flights.is_over() {
+                    return Ok(());
+                }
+                self.land()?;
+            } else if let Some(Waiting::Event(event)) = self.waiting.pop_front() {
+                (self.sink)(event)?;
+            }
+        }
+        Ok(())
+    }
+
+    /// Takes in the first pass in flight; waits for its end.
+    fn land(&mut self) -> Result<(), Fault> {
+        self.waiting.pop_front();
+        let Some(landed) = self.res.flights.land() else { return Ok(()) };
+        let (landed, flight) = landed?;
+        self.ledger.quads.add(landed.quads);
+        self.ledger.steps.add(landed.steps);
+        self.ledger.bytes.add(landed.bytes);
+        self.overwritten += landed.overwritten;
+        match landed.counted {
+            Some(funnel) if flight.is_wanted() && !flight.is_home() => Ok((self.sink)(counts(funnel))?),
+            _ => Ok(()),
+        }
+    }
+
+    /// Waits until nothing is in flight.
+    pub(super) fn land_all(&mut self) -> Result<(), Fault> {
+        if let Scope::Render(pass) = &mut self.scope {
+            pass.close();
+        }
+        self.arrivals(true)
+    }
+
+    /// Makes sure that so many bytes can be charged: large amounts wait until nothing is in flight, so that the sums are exact.
+    pub(super) fn before(&mut self, bytes: u64) -> Result<(), Fault> {
+        if bytes >= LARGE { self.land_all() } else { Ok(()) }
+    }
+
+    /// Whether a pass may be in flight, as far as the renderer can tell; `copies` tells whether an attachment has to be copied for it.
+    pub(super) fn may_depart(&self, copies: bool) -> bool {
+        let counts_only = !self.options.record && !self.options.areas;
+        let copies = copies && self.draws - self.copied_at < DRAWS_A_COPY;
+        counts_only && !copies && Flights::are_possible() && self.ledger.has_room()
+    }
+
+    /// A pass takes off.
+    pub(super) fn depart(&mut self, begin: Begin, boarding: Vec<Option<Boarding>>) -> Result<Departure, Fault> {
+        self.arrivals(false)?;
+        while self.res.flights.is_full() {
+            self.land()?;
+            self.arrivals(false)?;
+        }
+        if boarding.iter().flatten().any(|boarding| boarding.source.needs_copy()) {
+            self.copied_at = self.draws;
+        }
+        self.waiting.push_back(Waiting::Flight);
+        Ok(self.res.flights.depart(begin, boarding, &self.ledger))
     }
 
     /// Claims the images that the receiver keeps of an attachment; it keeps them to the end.
@@ -372,6 +476,16 @@ impl<'t, 's> Renderer<'t, 's> {
     }
 
     fn run(&mut self, command: &Command) -> Result<(), Fault> {
+        if !self.waiting.is_empty() {
+            self.arrivals(false)?;
+            if !self.ledger.has_room() {
+                self.land_all()?;
+            }
+        }
+        self.run_now(command)
+    }
+
+    fn run_now(&mut self, command: &Command) -> Result<(), Fault> {
         if is_about_objects(command) {
             return self.objects(command);
         }
@@ -495,8 +609,20 @@ impl<'t, 's> Renderer<'t, 's> {
             let shown = self.copied.filter(exists).or(self.drawn.filter(exists));
             self.end_frame(shown)?;
         }
-        Ok(())
+        self.land_all()
     }
+}
+
+/// An event that has counts only.
+pub(super) fn counts(funnel: Funnel) -> Event {
+    Event::Segment(Arc::new(Segment { funnel, ..Segment::default() }))
+}
+
+/// A pass in flight, or an event behind one.
+enum Waiting {
+    /// The first of [`Flights`] that is not here before.
+    Flight,
+    Event(Event),
 }
 
 /// Bytes that a command of a bundle has beside itself.

@@ -9,6 +9,15 @@ use std::sync::{Arc, Mutex, PoisonError};
 
 use num::{Limit, LimitExceeded, Limits, Meter};
 
+/// Passes in flight, at most.
+pub const FLIGHTS: usize = 4;
+
+/// The share of a limit that a pass in flight may use: together half of it.
+const SHARE: u64 = 2 * FLIGHTS as u64;
+
+/// More bytes, or steps, than one command charges while passes are in flight.
+pub const LARGE: u64 = 1 << 32;
+
 /// Work and memory of one rendering of a trace.
 #[derive(Debug)]
 pub struct Ledger {
@@ -110,6 +119,41 @@ impl Ledger {
     fn claim_made(&self, bytes: u64) {
         let alive = self.alive.fetch_add(bytes, Relaxed) + bytes;
         self.most_alive.fetch_max(alive, Relaxed);
+    }
+
+    /// A ledger for a pass in flight. What is alive is told with each draw. The kinds of work that draws count have limits of their own, each a
+    /// [part](SHARE) of what the trace may do: a pass that comes to more is drawn again once it is known what the passes before it did.
+    pub fn share(&self) -> Ledger {
+        let part = |meter: &Meter| Meter::new(meter.limit().with(meter.limit().get() / SHARE));
+        let (steps, quads, bytes) = (part(&self.steps), part(&self.quads), part(&self.bytes));
+        Ledger { steps, quads, bytes, ..self.with_sums([0; 7]) }
+    }
+
+    /// Whether as much may still be done as any number of passes in flight can do, beside one command of the renderer's own.
+    pub fn has_room(&self) -> bool {
+        let far = |meter: &Meter| meter.spent() <= meter.limit().get() / 4 && meter.limit().get() / 4 >= LARGE;
+        far(&self.steps) && far(&self.bytes) && self.quads.spent() <= self.quads.limit().get() / 4
+    }
+
+    /// A ledger with the same limits, and with these sums.
+    pub fn with_sums(&self, sums: [u64; 7]) -> Ledger {
+        let [commands, vertices, quads, workgroups, steps, bytes, sources] = {
+            let mut sums = sums.into_iter();
+            self.meters().map(|meter| Meter::from(meter.limit(), sums.next().unwrap_or(0)))
+        };
+        let (alive, most_alive) = (AtomicU64::new(0), AtomicU64::new(0));
+        let command = Mutex::new(self.command());
+        Ledger { commands, vertices, quads, workgroups, steps, bytes, sources, memory: self.memory, alive, most_alive, command }
+    }
+
+    /// The sums of all kinds of work, in the order of [`Ledger::meters`].
+    pub fn sums(&self) -> [u64; 7] {
+        self.meters().map(Meter::spent)
+    }
+
+    /// Says what is alive.
+    pub fn set_alive(&self, bytes: u64) {
+        self.alive.store(bytes, Relaxed);
     }
 
     /// A meter for memory that threads claim while they work, which begins with what is alive.

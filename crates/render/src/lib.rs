@@ -3,17 +3,20 @@
 //! [`render`] runs the commands and hands on [`Event`](work::Event)s: the work of each draw, in API order, and each frame's
 //! image.
 
+mod attachments;
 mod bind;
 mod compute;
 mod copy;
 mod debug_groups;
 mod execute;
+mod flight;
 mod ledger;
 mod memory;
 mod needs;
 mod objects;
 mod parallel;
 mod pass;
+mod queued;
 mod resources;
 mod sprites;
 mod state;

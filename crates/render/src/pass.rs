@@ -2,31 +2,23 @@
 
 use std::sync::Arc;
 
-use gfx::format::{Format, TexelKind};
-use gfx::state::TextureDimension;
-use gfx::texel;
-use num::{QuerySetId, TextureId};
+use gfx::format::Format;
+use num::QuerySetId;
 use shader::{self, BuiltIn, Interface, Program};
 use trace::command::*;
-use work::{Attachment, Contents, Event, Funnel, Load, Pass, Segment, Signature, Surface};
+use work::{Attachment, Event, Funnel, Load, Pass, Segment, Signature, Surface};
 
+use super::attachments::{Clearing, Keep, Place, announce, clear_bits, place_of, put_tiles, stored_words, take_tiles};
 use super::bind::ResolvedBindings;
-use super::draw::{self, BufferRange, DrawCall, IndexRange, RenderPass, Signer};
-use super::execute::{Fault, Renderer};
-use super::ledger::Claim;
+use super::draw::{self, BufferRange, IndexRange, RenderPass, Signer};
+use super::execute::{Fault, Renderer, counts};
+use super::flight::{self, Begin, Boarding, Departure, Source, Tiles};
 use super::needs::Need;
 use super::pipeline::RenderPipeline;
-use super::resources::{Buffer, ImageState, Resources};
+use super::queued::{Charges, QueuedDraw, Shared};
+use super::resources::Buffer;
 use super::state::{DrawState, IndexSlot, MAX_VERTEX_BUFFERS, VertexSlot};
-use super::surface::{Shape, TileSurface};
-
-/// Where an attachment's image is.
-#[derive(Clone, Copy, Debug)]
-struct Place {
-    texture: TextureId,
-    level: u32,
-    layer: u32,
-}
+use super::surface::Shape;
 
 /// One attachment while the pass runs.
 struct Bound {
@@ -34,16 +26,25 @@ struct Bound {
     /// Format in which it is drawn: the view's.
     format: Format,
     resolve: Option<Place>,
-    /// Some aspect is kept.
-    keep_color_or_depth: bool,
-    keep_stencil: bool,
+    keep: Keep,
     /// Neither aspect may be written: the texture keeps its contents, and shaders may read it meanwhile.
     read_only: bool,
 }
 
+/// Who draws a pass.
+#[allow(clippy::large_enum_variant, reason = "there is one, in a box with the rest of its pass")]
+enum Way {
+    /// The renderer's thread.
+    Here(RenderPass),
+    /// Other threads.
+    Away(Departure),
+    /// Nobody any more.
+    Over,
+}
+
 /// A render pass between its begin and its end.
 pub(super) struct ActivePass {
-    pass: RenderPass,
+    way: Way,
     color: Vec<Option<Bound>>,
     depth: Option<Bound>,
     state: DrawState,
@@ -55,8 +56,8 @@ pub(super) struct ActivePass {
     /// The open statistics query and what was counted since.
     open_statistics: Option<(QuerySetId, u32, Funnel)>,
     timestamps: Option<PassTimestamps>,
-    /// What has to be done of it.
-    need: Need,
+    /// What is the same for all of its draws.
+    shared: Shared,
     /// What its draws have done, where they hand on nothing else.
     counted: Option<Funnel>,
 }
@@ -96,15 +97,11 @@ impl ActivePass {
             let surface = renderer.res.textures.get(place.texture.0)?.surface(place.texture, place.level, place.layer);
             check_extent(&surface)?;
             renderer.claim_images(&surface)?;
-            let load = match attachment.clear {
-                Some(value) => Load::Clear(clear_bits(format.kind(), value)),
-                None => Load::Load,
+            let (load, clearing) = match attachment.clear.map(|value| clear_bits(format.kind(), value)) {
+                Some(bits) => (Load::Clear(bits), Clearing::to(stored_words(format, bits))),
+                None => (Load::Load, Clearing::NONE),
             };
-            let mut tiles = take_tiles(&mut renderer.res, place, load != Load::Load)?;
-            if let Load::Clear(bits) = load {
-                tiles.clear(stored_words(format, bits));
-            }
-            storage.push(Some((tiles, format)));
+            let tiles = take_tiles(&mut renderer.res, place, clearing)?;
             let resolve = match attachment.resolve {
                 Some(view) => Some(place_of(renderer, view.0, None)?.0),
                 None => None,
@@ -113,19 +110,13 @@ impl ActivePass {
                 Some(to) => Some(renderer.res.textures.get(to.texture.0)?.surface(to.texture, to.level, to.layer)),
                 None => None,
             };
-            announce(
-                renderer,
-                place,
-                &surface,
-                load == Load::Load,
-                storage.last().and_then(Option::as_ref).map(|(tiles, _)| tiles),
-            )?;
+            announce(renderer, place, &surface, load == Load::Load, tiles.tiles())?;
+            storage.push(Some(tiles));
             bound.push(Some(Bound {
                 place,
                 format,
                 resolve,
-                keep_color_or_depth: attachment.store,
-                keep_stencil: false,
+                keep: Keep { main: attachment.store, stencil: false },
                 read_only: false,
             }));
             attachments.push(Some(Attachment {
@@ -155,27 +146,22 @@ impl ActivePass {
             let stencil_load = attachment.stencil_clear.map_or(Load::Load, |s| Load::Clear([0, s & 0xff, 0, 0]));
             let value = [attachment.depth_clear.unwrap_or(0.0).to_bits(), attachment.stencil_clear.unwrap_or(0) & 0xff, 0, 0];
             let (depth_mask, stencil_mask) = draw::aspect_masks(format);
-            let mut mask = [0; 4];
-            for i in 0..4 {
-                mask[i] |= if depth_load != Load::Load { depth_mask[i] } else { 0 };
-                mask[i] |= if stencil_load != Load::Load { stencil_mask[i] } else { 0 };
-            }
-            let both: [u32; 4] = std::array::from_fn(|i| depth_mask[i] | stencil_mask[i]);
-            let mut tiles = take_tiles(&mut renderer.res, place, mask == both)?;
-            if mask == both {
-                tiles.clear(stored_words(format, value));
-            } else if mask != [0; 4] {
-                renderer.ledger.bytes.charge(tiles.shape().bytes())?;
-                tiles.clear_masked(stored_words(format, value), mask);
-            }
-            announce(renderer, place, &surface, mask != both, Some(&tiles))?;
+            let cleared_bits = |load: Load, bits: u32| if load == Load::Load { 0 } else { bits };
+            let mask =
+                std::array::from_fn(|i| cleared_bits(depth_load, depth_mask[i]) | cleared_bits(stencil_load, stencil_mask[i]));
+            let whole = (0..4).all(|i| mask[i] == depth_mask[i] | stencil_mask[i]);
+            let clearing = Clearing { mask, value: stored_words(format, value), whole };
+            let tiles = take_tiles(&mut renderer.res, place, clearing)?;
+            announce(renderer, place, &surface, !whole, tiles.tiles())?;
             depth_storage = Some(tiles);
             depth_bound = Some(Bound {
                 place,
                 format,
                 resolve: None,
-                keep_color_or_depth: attachment.depth_store || attachment.depth_read_only,
-                keep_stencil: attachment.stencil_store || attachment.stencil_read_only,
+                keep: Keep {
+                    main: attachment.depth_store || attachment.depth_read_only,
+                    stencil: attachment.stencil_store || attachment.stencil_read_only,
+                },
                 read_only,
             });
             depth_attachment = Some(Attachment {
@@ -193,8 +179,37 @@ impl ActivePass {
         let need = renderer.options.needs.as_ref().map_or(Need::Colors, |needs| needs.pass(number));
         let info = Pass { number, label, width, height, samples, color: attachments, depth: depth_attachment };
         renderer.emit(Event::BeginPass(Arc::new(info)))?;
+        let shared = Shared {
+            key: renderer.options.key,
+            areas: renderer.options.areas,
+            skips: renderer.options.skips,
+            need,
+            boxes: renderer.boxes.clone(),
+        };
+        let sources = || storage.iter().chain([&depth_storage]).flatten();
+        let plain = |bound: &Bound| bound.resolve.is_none() && !bound.read_only;
+        let departs = occlusion.is_none()
+            && need != Need::Nothing
+            && bound.iter().chain([&depth_bound]).flatten().all(plain)
+            && flight::fits(sources().map(Source::shape))
+            && renderer.may_depart(sources().any(Source::needs_copy));
+        let way = if departs {
+            let begin = Begin { width, height, samples, shared: shared.clone(), wanted: renderer.in_range() };
+            let boarding = bound.iter().chain([&depth_bound]).zip(storage.into_iter().chain([depth_storage]));
+            let boarding = boarding.map(|(bound, source)| {
+                let (bound, source) = (bound.as_ref()?, source?);
+                Some(Boarding { source, format: bound.format, keep: bound.keep })
+            });
+            Way::Away(renderer.depart(begin, boarding.collect())?)
+        } else {
+            renderer.land_all()?;
+            let color = storage.into_iter().zip(&bound);
+            let color = color.map(|(source, bound)| Some((source?.landed(), bound.as_ref()?.format))).collect();
+            Way::Here(RenderPass::begin(width, height, samples, color, depth_storage.map(Source::landed)))
+        };
         Ok(ActivePass {
-            pass: RenderPass::begin(width, height, samples, storage, depth_storage),
+            way,
+            shared,
             color: bound,
             depth: depth_bound,
             state: DrawState::new(width, height),
@@ -204,7 +219,6 @@ impl ActivePass {
             open_occlusion: None,
             open_statistics: None,
             timestamps,
-            need,
             counted: None,
         })
     }
@@ -279,7 +293,11 @@ impl ActivePass {
                 let set = self.occlusion.ok_or("no occlusion query set")?;
                 renderer.res.query_sets.get_mut(set.0)?.slot(index)?[0] = passed;
             }
-            &Command::BeginStatisticsQuery { set, index } => self.open_statistics = Some((set, index, Funnel::default())),
+            &Command::BeginStatisticsQuery { set, index } => {
+                // The counts are read when the query ends.
+                self.come_home(renderer)?;
+                self.open_statistics = Some((set, index, Funnel::default()));
+            }
             Command::EndStatisticsQuery => {
                 let (set, index, funnel) = self.open_statistics.take().ok_or("no pipeline statistics query is open")?;
                 renderer.res.query_sets.get_mut(set.0)?.write_statistics(index, &funnel, 0)?;
@@ -367,19 +385,24 @@ impl ActivePass {
         let pipeline = renderer.res.render_pipelines.get(id)?.clone();
         let number = renderer.draws;
         renderer.draws += 1;
-        if range.count == 0 || range.instances == 0 || self.need == Need::Nothing {
+        if range.count == 0 || range.instances == 0 || self.shared.need == Need::Nothing {
             return Ok(());
         }
         let ledger = renderer.ledger.clone();
-        ledger.vertices.charge(u64::from(range.count) * u64::from(range.instances))?;
+        let mut charges = Charges { vertices: u64::from(range.count) * u64::from(range.instances), ..Charges::default() };
+        ledger.vertices.charge(charges.vertices)?;
+        renderer.res.charged.clear();
         let resolved: Vec<ResolvedBindings> = pipeline
             .programs()
             .iter()
             .map(|program| ResolvedBindings::new(&mut renderer.res, program.interface(), &state.bindings))
             .collect::<Result<_, _>>()?;
-        ledger.steps.charge(pipeline.programs().iter().map(Program::uniform_steps).sum())?;
-        ledger.bytes.charge(resolved.iter().map(ResolvedBindings::cost).sum())?;
-        let mut vertex_buffers = Vec::new();
+        charges.prepared = std::mem::take(&mut renderer.res.charged);
+        charges.steps = pipeline.programs().iter().map(Program::uniform_steps).sum();
+        charges.bindings = resolved.iter().map(ResolvedBindings::cost).sum();
+        ledger.steps.charge(charges.steps)?;
+        ledger.bytes.charge(charges.bindings)?;
+        let mut vertex_buffers = Vec::with_capacity(state.vertex.len());
         for slot in &state.vertex {
             vertex_buffers.push(match slot {
                 Some(slot) => {
@@ -400,37 +423,53 @@ impl ActivePass {
         let unasked = self.open_occlusion.is_none() && self.open_statistics.is_none();
         let signed = renderer.recording() && renderer.options.key.signatures && unasked;
         let signature = if signed { signature(&pipeline, resolved.get(1), state) } else { None };
-        let borrowed: Vec<_> = resolved.iter().map(ResolvedBindings::borrow).collect();
-        let mut resources = borrowed
-            .iter()
-            .zip(&resolved)
-            .map(|(bindings, resolved)| shader::Resources { bindings, immediates: resolved.immediates() });
-        let boxes = renderer.boxes.clone();
-        let call = DrawCall {
+        let draw = QueuedDraw {
+            command: ledger.command(),
+            charges,
+            alive: ledger.alive(),
             number,
             group: renderer.groups.innermost(),
-            pipeline: &pipeline,
-            vertex_buffers: &vertex_buffers,
-            index: index.as_ref(),
+            pipeline,
+            vertex_buffers,
+            index,
             range,
-            vertex_resources: resources.next().unwrap_or_default(),
-            fragment_resources: resources.next(),
+            resolved,
             viewport: state.viewport,
             scissor: state.scissor,
             blend_constant: state.blend_constant,
             stencil_reference: state.stencil_reference,
             count_samples: self.open_occlusion.is_some(),
-            need: self.need,
-            areas: renderer.options.areas,
-            key: renderer.options.key,
+            may_cull: self.open_statistics.is_none(),
             record: renderer.recording(),
             signature,
-            skips: renderer.options.skips,
-            boxes: self.open_statistics.is_none().then_some(&*boxes),
-            ledger: &ledger,
         };
+        if let Way::Away(departure) = &mut self.way {
+            if departure.takes(&draw) {
+                departure.push(draw);
+                return Ok(());
+            }
+            self.come_home(renderer)?;
+        }
+        self.draw_here(renderer, &draw)
+    }
+
+    /// Goes on with a pass in flight on this thread, alone.
+    fn come_home(&mut self, renderer: &mut Renderer<'_, '_>) -> Result<(), Fault> {
+        let Way::Away(departure) = &mut self.way else { return Ok(()) };
+        departure.close();
+        renderer.land_all()?;
+        let Way::Away(departure) = std::mem::replace(&mut self.way, Way::Over) else { return Ok(()) };
+        let (pass, counted) = departure.home();
+        self.way = Way::Here(pass);
+        self.counted = counted;
+        Ok(())
+    }
+
+    fn draw_here(&mut self, renderer: &mut Renderer<'_, '_>, draw: &QueuedDraw) -> Result<(), Fault> {
+        let Way::Here(pass) = &mut self.way else { return Ok(()) };
+        let ledger = renderer.ledger.clone();
         let mut stopped: Result<(), Fault> = Ok(());
-        let outcome = self.pass.draw(&call, &mut |event| {
+        let outcome = draw.draw(pass, &self.shared, &ledger, &mut |event| {
             if stopped.is_ok() {
                 stopped = renderer.emit(event);
             }
@@ -452,12 +491,19 @@ impl ActivePass {
         if let Some((_, _, funnel)) = &mut self.open_statistics {
             *funnel += outcome.funnel;
         }
-        if pipeline.has_side_effects() {
-            for bindings in &resolved {
+        if draw.pipeline.has_side_effects() {
+            for bindings in &draw.resolved {
                 bindings.note_writes(&mut renderer.res)?;
             }
         }
         Ok(())
+    }
+
+    /// Hands on the draws that wait to be: nothing more comes.
+    pub fn close(&mut self) {
+        if let Way::Away(departure) = &mut self.way {
+            departure.close();
+        }
     }
 
     /// Ends the pass: contents go back to their textures, samples are resolved.
@@ -466,36 +512,39 @@ impl ActivePass {
             return Err("the pass ends inside a query".into());
         }
         if let Some(funnel) = self.counted {
-            renderer.emit(Event::Segment(Arc::new(Segment { funnel, ..Segment::default() })))?;
+            renderer.emit(counts(funnel))?;
         }
-        let ended = self.pass.end();
-        for (bound, tiles) in self.color.iter().zip(ended.color) {
-            let (Some(bound), Some(tiles)) = (bound, tiles) else { continue };
-            if let Some(to) = bound.resolve.filter(|_| self.need == Need::Colors) {
-                renderer.ledger.bytes.charge(tiles.shape().bytes())?;
-                let single = Shape { samples: 1, ..tiles.shape() };
+        let images: Vec<Option<Tiles>> = match self.way {
+            Way::Here(pass) => {
+                let ended = pass.end();
+                ended.color.into_iter().chain([ended.depth]).map(|tiles| tiles.map(Tiles::Here)).collect()
+            }
+            Way::Away(departure) => departure.end().into_iter().map(|away| away.map(Tiles::Away)).collect(),
+            Way::Over => Vec::new(),
+        };
+        for (bound, tiles) in self.color.iter().chain([&self.depth]).zip(images) {
+            let (Some(bound), Some(mut tiles)) = (bound, tiles) else { continue };
+            let (Place { texture, level, layer }, shape) = (bound.place, tiles.shape());
+            if bound.format.is_depth_stencil() {
+                if bound.read_only {
+                    continue;
+                }
+                if bound.keep.lost(shape.format) != [0; 4] {
+                    renderer.ledger.bytes.charge(shape.bytes())?;
+                }
+            } else if let (Some(to), Tiles::Here(tiles), Need::Colors) = (bound.resolve, &tiles, self.shared.need) {
+                renderer.ledger.bytes.charge(shape.bytes())?;
+                let single = Shape { samples: 1, ..shape };
                 let claim = renderer.ledger.claim("the resolved samples of an attachment", single.tiled_bytes())?;
-                put_tiles(renderer, to, tiles.resolve(bound.format), true, Some(claim))?;
+                put_tiles(renderer, to, Tiles::Here(tiles.resolve(bound.format)), true, Some(claim))?;
                 renderer.drawn = Some((to.texture, to.level, to.layer));
-            } else if tiles.shape().samples == 1 {
-                renderer.drawn = Some((bound.place.texture, bound.place.level, bound.place.layer));
+            } else if shape.samples == 1 {
+                renderer.drawn = Some((texture, level, layer));
             }
-            put_tiles(renderer, bound.place, tiles, bound.keep_color_or_depth, None)?;
-        }
-        if let (Some(bound), Some(mut tiles)) = (&self.depth, ended.depth)
-            && !bound.read_only
-        {
-            let (depth_mask, stencil_mask) = draw::aspect_masks(tiles.shape().format);
-            let lose: [u32; 4] = std::array::from_fn(|i| {
-                (if bound.keep_color_or_depth { 0 } else { depth_mask[i] })
-                    | (if bound.keep_stencil { 0 } else { stencil_mask[i] })
-            });
-            let keep = bound.keep_color_or_depth || bound.keep_stencil;
-            if keep && lose != [0; 4] {
-                renderer.ledger.bytes.charge(tiles.shape().bytes())?;
-                tiles.clear_masked([0; 4], lose);
+            if let Tiles::Here(tiles) = &mut tiles {
+                bound.keep.apply(tiles);
             }
-            put_tiles(renderer, bound.place, tiles, keep, None)?;
+            put_tiles(renderer, bound.place, tiles, bound.keep.any(), None)?;
         }
         if let Some(PassTimestamps { set, end: Some(index), .. }) = self.timestamps {
             renderer.write_timestamp(set, index)?;
@@ -526,110 +575,4 @@ fn signature(pipeline: &RenderPipeline, fragment: Option<&ResolvedBindings>, sta
         bindings.sign(&mut signer, interface.immediate_bytes.div_ceil(4) as usize);
     }
     Some(signer.finish())
-}
-
-/// The image that a view used as an attachment names, and the format it is drawn in.
-fn place_of(renderer: &Renderer<'_, '_>, view: u32, slice: Option<u32>) -> Result<(Place, Format), Fault> {
-    let view = renderer.res.views.get(view)?;
-    let texture = renderer.res.textures.get(view.texture.0)?;
-    let layer = match texture.image.dimension {
-        TextureDimension::D3 => slice.ok_or("a 3D attachment without a depth slice")?,
-        _ => view.range.base_layer,
-    };
-    if layer >= texture.image.level_size(view.range.base_level)[2] {
-        return Err(format!("slice {layer} of texture {} is not there", view.texture.0).into());
-    }
-    if view.range.levels != 1 || view.range.layers != 1 && texture.image.dimension != TextureDimension::D3 {
-        return Err(format!("an attachment of {} levels and {} layers", view.range.levels, view.range.layers).into());
-    }
-    Ok((Place { texture: view.texture, level: view.range.base_level, layer }, view.range.format))
-}
-
-/// An image's contents as tiles, out of the texture for the length of the pass; any contents where all of them are `cleared` next.
-fn take_tiles(res: &mut Resources, place: Place, cleared: bool) -> Result<TileSurface, Fault> {
-    let texture = res.textures.get_mut(place.texture.0)?;
-    let state = texture.images.get_or_insert_with((place.level, place.layer), ImageState::default);
-    if let Some(tiles) = state.tiles.take() {
-        return Ok(tiles);
-    }
-    let [width, height, _] = texture.image.level_size(place.level);
-    let shape = Shape { width, height, samples: texture.image.samples, format: texture.image.format };
-    state.working = None;
-    state.working = Some(res.ledger.claim("the tiles of an attachment", shape.tiled_bytes())?);
-    res.ledger.bytes.charge(shape.tiled_bytes())?;
-    let mut tiles = TileSurface::new(shape);
-    if !cleared {
-        tiles.load(&texture.words, texture.image.offset(place.level, place.layer));
-    }
-    Ok(tiles)
-}
-
-/// Puts an image's contents back after a pass; what is not kept becomes zeros, as WebGPU has it. A claim replaces that of the tiles that
-/// the image had.
-fn put_tiles(
-    renderer: &mut Renderer<'_, '_>,
-    place: Place,
-    mut tiles: TileSurface,
-    keep: bool,
-    claim: Option<Claim>,
-) -> Result<(), Fault> {
-    let followed = renderer.recording();
-    let texture = renderer.res.textures.get_mut(place.texture.0)?;
-    if !keep {
-        tiles.clear([0; 4]);
-    }
-    texture.version += 1;
-    let state = texture.images.get_or_insert_with((place.level, place.layer), ImageState::default);
-    state.tiles = Some(tiles);
-    if claim.is_some() {
-        state.working = claim;
-    }
-    // What a pass did not keep is zeros here and whatever it was in the machine: the machine must be told before it loads.
-    state.machine_knows = followed && keep;
-    state.drawn = keep;
-    Ok(())
-}
-
-/// Tells a machine the contents of an attachment that it is about to load and cannot know.
-fn announce(
-    renderer: &mut Renderer<'_, '_>,
-    place: Place,
-    surface: &Surface,
-    loads: bool,
-    tiles: Option<&TileSurface>,
-) -> Result<(), Fault> {
-    if !loads || !renderer.recording() {
-        return Ok(());
-    }
-    let state = renderer
-        .res
-        .textures
-        .get_mut(place.texture.0)?
-        .images
-        .get_or_insert_with((place.level, place.layer), ImageState::default);
-    if state.machine_knows {
-        return Ok(());
-    }
-    state.machine_knows = true;
-    if let Some(tiles) = tiles {
-        renderer.ledger.bytes.charge(tiles.shape().bytes())?;
-        renderer.ledger.passing("the contents of an attachment", 2 * tiles.shape().bytes())?;
-    }
-    let bytes = tiles.map(TileSurface::to_bytes).unwrap_or_default();
-    renderer.emit(Event::Contents(Contents { surface: *surface, bytes: bytes.into() }))
-}
-
-/// A clear value as the bits that `texel::encode` takes.
-fn clear_bits(kind: TexelKind, value: [f64; 4]) -> [u32; 4] {
-    value.map(|c| match kind {
-        TexelKind::Uint => c as u32,
-        TexelKind::Sint => c as i32 as u32,
-        TexelKind::Float | TexelKind::Depth => (c as f32).to_bits(),
-    })
-}
-
-/// A value as the words of a stored texel.
-fn stored_words(format: Format, bits: [u32; 4]) -> [u32; 4] {
-    let bytes = texel::encode(format, bits);
-    std::array::from_fn(|i| u32::from_le_bytes(std::array::from_fn(|k| bytes[4 * i + k])))
 }

@@ -11,6 +11,8 @@ use shader::{self, BuiltIn, Connection, InputRegister, Interface, Interpolation,
 use trace::command::{BindingKind, LayoutEntry, RenderPipelineDesc};
 use work::Needless;
 
+use super::surface::aspect_masks;
+
 /// A vertex attribute that the vertex stage reads.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Attribute {
@@ -133,6 +135,16 @@ fn builtins(program: &Program) -> Vec<(usize, BuiltIn)> {
 }
 
 impl RenderPipeline {
+    /// The bits of a depth attachment's texels that draws may write, at most.
+    pub(super) fn may_write(&self, format: Format) -> [u32; 4] {
+        let Some(state) = &self.depth_stencil else { return [0; 4] };
+        let (depth, stencil) = aspect_masks(format);
+        let acts =
+            |face: &StencilFace| [face.fail_op, face.depth_fail_op, face.pass_op].iter().any(|op| *op != StencilOp::Keep);
+        let stencils = state.stencil_write_mask != 0 && [&state.stencil_front, &state.stencil_back].into_iter().any(acts);
+        std::array::from_fn(|w| depth[w] | if stencils { stencil[w] } else { 0 })
+    }
+
     /// Compiles and connects the stages of a description; of what nobody reads, with what is `needless`.
     ///
     /// # Errors

@@ -7,16 +7,16 @@ use std::sync::atomic::{AtomicU64, Ordering::Relaxed};
 use gfx::image::ImageDesc;
 use gfx::state::{TextureDimension, ViewDimension};
 use gfx::texture::{self, Sampler, ViewRange};
-use num::{BufferId, NumberMap, TextureId, Words};
+use num::{BufferId, NoMemory, NumberMap, TextureId, Words};
 use shader::Module;
 use trace::command::{BindGroupEntry, BindingKind, BoundResource, Command, LayoutEntry, QueryKind, ViewDesc};
 use work::{Funnel, Surface, SurfaceKey};
 
 use super::compute::ComputePipeline;
+use super::flight::{Flights, Tiles};
 use super::ledger::{Claim, Ledger};
 use super::memory::target_offset;
 use super::pipeline::RenderPipeline;
-use super::surface::TileSurface;
 
 /// Objects of one kind by id.
 #[derive(Debug)]
@@ -94,6 +94,22 @@ impl Buffer {
         Buffer { words: Arc::new(words), address, version: AtomicU64::new(0) }
     }
 
+    /// Its bytes, to write. Draws in flight that read them keep what they have: the buffer goes on with a copy, which does not count as memory
+    /// in use, since it depends on the host how many there are (a few).
+    ///
+    /// # Errors
+    /// If there is no memory for a copy.
+    pub fn unshared(&mut self) -> Result<&Arc<Words>, NoMemory> {
+        if Arc::strong_count(&self.words) > 1 {
+            let copy = Words::try_new(self.words.len())?;
+            for (to, from) in copy.words().iter().zip(self.words.words()) {
+                to.store(from.load(Relaxed), Relaxed);
+            }
+            self.words = Arc::new(copy);
+        }
+        Ok(&self.words)
+    }
+
     /// Counts changes of the contents.
     pub fn version(&self) -> u64 {
         self.version.load(Relaxed)
@@ -127,7 +143,7 @@ impl Buffer {
 #[derive(Debug, Default)]
 pub struct ImageState {
     /// The newest contents, where a pass left them, if they are not in the words.
-    pub tiles: Option<TileSurface>,
+    pub tiles: Option<Tiles>,
     /// Memory of the tiles, there or in the pass that draws in them.
     pub working: Option<Claim>,
     /// A machine that follows the event stream has these contents in its own frame buffers.
@@ -159,6 +175,7 @@ impl Texture {
         for (level, layer) in self.images.keys() {
             let Some(state) = self.images.get_mut((level, layer)) else { continue };
             if let Some(tiles) = state.tiles.take() {
+                let tiles = tiles.landed();
                 tiles.store(&self.words, image.offset(level, layer));
                 written += tiles.shape().bytes();
                 state.working = None;
@@ -203,7 +220,8 @@ impl Texture {
         let mut bytes: Arc<[u8]> = std::iter::repeat_n(0, self.image.layer_bytes(level) as usize).collect();
         let unshared = Arc::get_mut(&mut bytes).expect("nobody else has it yet");
         match self.images.get((level, layer)).and_then(|state| state.tiles.as_ref()) {
-            Some(tiles) => tiles.read(unshared),
+            Some(Tiles::Here(tiles)) => tiles.read(unshared),
+            Some(Tiles::Away(away)) => away.read(unshared),
             None => self.words.read(self.image.offset(level, layer), unshared),
         }
         bytes
@@ -415,6 +433,9 @@ pub struct Resources {
     pub bundles: Table<Arc<Vec<Command>>>,
     pub query_sets: Table<QuerySet>,
     pub ledger: Arc<Ledger>,
+    /// Charges of bytes since a draw began to look up its bindings.
+    pub charged: Vec<u64>,
+    pub flights: Flights,
 }
 
 impl Resources {
@@ -440,7 +461,17 @@ impl Resources {
             bundles: Table::new("bundle"),
             query_sets: Table::new("query set"),
             ledger,
+            charged: Vec::new(),
+            flights: Flights::default(),
         }
+    }
+
+    fn charge(&mut self, bytes: u64) -> Result<(), String> {
+        if bytes > 0 {
+            self.charged.push(bytes);
+            self.ledger.bytes.charge(bytes).map_err(|error| error.to_string())?;
+        }
+        Ok(())
     }
 
     /// A texture whose words are up to date with what passes have drawn.
@@ -448,10 +479,9 @@ impl Resources {
     /// # Errors
     /// If it does not exist, or too much has been copied.
     pub fn flushed(&mut self, id: TextureId) -> Result<&mut Texture, String> {
-        let texture = self.textures.get_mut(id.0)?;
-        let written = texture.flush();
-        self.ledger.bytes.charge(written).map_err(|error| error.to_string())?;
-        Ok(texture)
+        let written = self.textures.get_mut(id.0)?.flush();
+        self.charge(written)?;
+        self.textures.get_mut(id.0)
     }
 
     /// The newest contents of a view, ready for sampling; passes' results are flushed into the texture first.
@@ -470,6 +500,9 @@ impl Resources {
         }
         view.prepared = None;
         let bytes = texture::View::bytes(&texture.image, &view.range);
+        if bytes > 0 {
+            self.charged.push(bytes);
+        }
         self.ledger.bytes.charge(bytes).map_err(|error| error.to_string())?;
         let claim = self.ledger.claim("a view that is ready for sampling", bytes)?;
         let made = texture::View::new(&texture.words, &texture.image, &view.range, texture.address);

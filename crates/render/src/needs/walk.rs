@@ -25,9 +25,10 @@ pub(super) fn notes(trace: &Trace, end: u32) -> Result<Dependencies, TraceError>
     let options = Options { frames: (0..end).into(), ..Options::default() };
     let mut renderer = Renderer::new(trace, options, ledger.clone(), &mut sink);
     let mut walker = Walker::default();
-    walk(trace, &ledger, &mut |command| match command {
-        Some(command) => walker.command(&mut renderer, command, end),
-        None => walker.finish(&renderer),
+    walk(trace, &ledger, &mut |step| match step {
+        crate::execute::Step::Command(command) => walker.command(&mut renderer, command, end),
+        crate::execute::Step::End => walker.finish(&renderer),
+        crate::execute::Step::Stopped => Ok(()),
     })?;
     let Walker { mut notes, frame, .. } = walker;
     notes.end();

@@ -3,6 +3,7 @@
 mod common;
 mod compute;
 mod draw;
+mod flights;
 mod language;
 mod modules;
 mod needs;

@@ -1,0 +1,854 @@
+//! Render passes in flight.
+//!
+//! The draws of a pass are handed to a task of the thread pool, one after the other, while the renderer's thread goes on to the next pass. A
+//! pass that begins with its attachments cleared depends on none before it, so frames of many small draws, each of which is not worth other
+//! threads, are drawn side by side; one that loads what another draws begins after it. What reads an image of such a pass waits for it
+//! ([`Tiles`]).
+//!
+//! What comes out is what comes out of one thread, errors included:
+//! * Events wait behind the passes before them.
+//! * A draw in flight reads buffers that are not written any more: a command that writes one goes on with a copy
+//!   ([`Buffer::unshared`](super::resources::Buffer::unshared)). Draws with effects beside pixels, and dispatches, wait until nothing is in flight.
+//! * A pass counts its work in a ledger of its own. Passes are in flight only while all sums are far from their limits
+//!   ([`Ledger::has_room`]), so none of the renderer's own charges can be wrong. Where anything stops a draw, its own limits or a
+//!   fault, the whole pass is drawn again by the renderer's thread, with the sums that one thread would have had. For this its draws are kept,
+//!   and so are those of the passes whose images it loads, back to one that began cleared or from a copy ([`Start`]).
+
+use std::collections::VecDeque;
+use std::panic::{AssertUnwindSafe, catch_unwind, resume_unwind};
+use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering::*};
+use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
+use std::time::Duration;
+
+use gfx::format::Format;
+use work::Funnel;
+
+use super::attachments::{Clearing, Keep};
+use super::draw::RenderPass;
+use super::ledger::{FLIGHTS, Ledger};
+use super::queued::{QueuedDraw, Shared};
+use super::surface::{ALL, Shape, TileSurface};
+
+/// Draws that a task does before it lets others have the thread.
+const TURN: usize = 32;
+
+/// Draws of a pass in flight, at most: they are kept until all are done.
+pub(super) const DRAWS: usize = 1 << 16;
+
+/// Draws that are kept of passes whose images are loaded, and how many such passes there may be one behind the other: beyond these a pass begins
+/// from a copy.
+const KEPT: usize = 1 << 12;
+const CHAIN: usize = 64;
+
+/// Draws that wait, at most: beyond this the renderer's thread helps.
+const WAITING: usize = 1 << 12;
+
+/// Bytes of the attachments of a pass in flight, at most: each pass has its own.
+const ATTACHMENTS: u64 = 128 << 20;
+
+/// Images of passes that have been replaced, kept for the memory that they have.
+const SPARE: usize = 2 * FLIGHTS;
+
+/// How long a thread sleeps that waits for a pass and finds nothing to help with.
+const NAP: Duration = Duration::from_micros(100);
+
+fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
+    // What a task leaves when it panics is not read: the panic is handed on.
+    mutex.lock().unwrap_or_else(PoisonError::into_inner)
+}
+
+/// The newest contents of an image.
+#[derive(Debug)]
+pub(super) enum Tiles {
+    /// They are here.
+    Here(TileSurface),
+    /// A pass in flight has them.
+    Away(Away),
+}
+
+impl Tiles {
+    /// Their shape.
+    pub fn shape(&self) -> Shape {
+        match self {
+            Tiles::Here(tiles) => tiles.shape(),
+            Tiles::Away(away) => away.shape(),
+        }
+    }
+
+    /// The tiles; waits for the pass that draws them.
+    pub fn landed(self) -> TileSurface {
+        match self {
+            Tiles::Here(tiles) => tiles,
+            Tiles::Away(away) => away.take(),
+        }
+    }
+}
+
+/// An attachment of a pass in flight.
+pub(super) struct Away {
+    ticket: Arc<Ticket>,
+    slot: usize,
+    /// A texel of which these bits are known, once the pass has ended.
+    value: [u32; 4],
+    known: [u32; 4],
+}
+
+/// As long as there is one, the images of a pass may be loaded by another, and its draws are kept.
+struct Ticket(Arc<Flight>);
+
+impl Drop for Ticket {
+    fn drop(&mut self) {
+        self.0.forget();
+    }
+}
+
+impl std::fmt::Debug for Away {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        write!(f, "attachment {} of a pass in flight", self.slot)
+    }
+}
+
+impl Away {
+    fn flight(&self) -> &Arc<Flight> {
+        &self.ticket.0
+    }
+
+    /// A texel after a clear, and which bits of it are known.
+    fn after(&self, clearing: Clearing) -> ([u32; 4], [u32; 4]) {
+        let value = |w: usize| self.value[w] & !clearing.mask[w] | clearing.value[w] & clearing.mask[w];
+        (std::array::from_fn(value), std::array::from_fn(|w| self.known[w] | clearing.mask[w]))
+    }
+
+    /// The value of all texels after a clear, if that can be told.
+    pub fn cleared(&self, clearing: Clearing) -> Option<[u32; 4]> {
+        if clearing.whole {
+            return Some(clearing.value);
+        }
+        let (value, known) = self.after(clearing);
+        known[..self.shape().words()].iter().all(|&bits| bits == u32::MAX).then_some(value)
+    }
+
+    /// Its shape.
+    pub fn shape(&self) -> Shape {
+        self.flight().attached(self.slot).shape
+    }
+
+    /// Takes the tiles; waits for the pass.
+    pub fn take(self) -> TileSurface {
+        self.flight().finish();
+        let tiles = lock(&self.flight().painter).tiles[self.slot].take();
+        // Without tiles the pass has failed, which is told before anything sees this.
+        tiles.unwrap_or_else(|| TileSurface::new(self.shape()))
+    }
+
+    /// Reads the image, as [`TileSurface::read`]; waits for the pass.
+    pub fn read(&self, out: &mut [u8]) {
+        self.flight().finish();
+        if let Some(tiles) = &lock(&self.flight().painter).tiles[self.slot] {
+            tiles.read(out);
+        }
+    }
+}
+
+/// What an attachment of a pass begins with.
+pub(super) enum Source {
+    /// These tiles.
+    Tiles(TileSurface),
+    /// What a pass in flight leaves, with a part of it cleared.
+    Behind(Away, Clearing),
+}
+
+impl Source {
+    /// The tiles; waits for the pass that draws them.
+    pub fn landed(self) -> TileSurface {
+        match self {
+            Source::Tiles(tiles) => tiles,
+            Source::Behind(away, clearing) => {
+                let mut tiles = away.take();
+                tiles.clear_masked(clearing.value, clearing.mask);
+                tiles
+            }
+        }
+    }
+
+    /// The tiles, where they are here.
+    pub fn tiles(&self) -> Option<&TileSurface> {
+        match self {
+            Source::Tiles(tiles) => Some(tiles),
+            Source::Behind(..) => None,
+        }
+    }
+
+    /// Their shape.
+    pub fn shape(&self) -> Shape {
+        match self {
+            Source::Tiles(tiles) => tiles.shape(),
+            Source::Behind(away, _) => away.shape(),
+        }
+    }
+
+    /// Whether a pass can only take off with a copy of it.
+    pub fn needs_copy(&self) -> bool {
+        self.tiles().is_some_and(|tiles| !tiles.is_clear())
+    }
+}
+
+/// How the first tiles of an attachment can be had again.
+enum Start {
+    /// They are of one value.
+    Cleared([u32; 4]),
+    /// A copy.
+    Copy(TileSurface),
+    /// What the pass before it leaves.
+    Behind(Away, Clearing),
+}
+
+/// An attachment of a pass in flight.
+#[derive(Clone, Copy, Debug)]
+struct Attached {
+    shape: Shape,
+    /// Format in which it is drawn.
+    format: Format,
+    keep: Keep,
+    /// A texel of which these bits are known when the pass begins.
+    value: [u32; 4],
+    known: [u32; 4],
+}
+
+/// An attachment of a pass that takes off.
+pub(super) struct Boarding {
+    pub source: Source,
+    /// Format in which it is drawn.
+    pub format: Format,
+    pub keep: Keep,
+}
+
+/// A pass as it begins.
+pub(super) struct Begin {
+    pub width: u32,
+    pub height: u32,
+    pub samples: u32,
+    pub shared: Shared,
+    /// Whether its frame is wanted.
+    pub wanted: bool,
+}
+
+/// Whether a pass with attachments of these shapes may be in flight: each has memory of its own.
+pub(super) fn fits(shapes: impl Iterator<Item = Shape>) -> bool {
+    shapes.map(|shape| shape.tiled_bytes()).sum::<u64>() <= ATTACHMENTS
+}
+
+/// What a pass came to.
+#[derive(Clone, Copy, Debug, Default)]
+pub(super) struct Landed {
+    /// What its draws have done; none: there were none.
+    pub counted: Option<Funnel>,
+    /// Fragments whose colours were not computed.
+    pub overwritten: u64,
+    /// Work beside what the renderer's thread counted.
+    pub steps: u64,
+    pub quads: u64,
+    pub bytes: u64,
+}
+
+/// Why a draw could not be done: its command, and what it says.
+#[derive(Clone, Debug)]
+pub(super) struct Failure {
+    pub command: (u64, &'static str),
+    pub reason: String,
+}
+
+/// How a pass ends.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Close {
+    /// Its attachments go to their textures.
+    End,
+    /// The renderer's thread goes on with it.
+    Home,
+}
+
+#[derive(Default)]
+struct Queue {
+    draws: VecDeque<QueuedDraw>,
+    closed: Option<Close>,
+    /// A task works on it.
+    running: bool,
+    /// Passes that have to be over before it begins.
+    behind: usize,
+}
+
+struct Painter {
+    /// What its attachments begin with: colours by location, then depth.
+    starts: Vec<Option<Start>>,
+    pass: Option<RenderPass>,
+    begun: bool,
+    /// Draws that were done, or could not be done.
+    done: Vec<QueuedDraw>,
+    panic: Option<Box<dyn std::any::Any + Send>>,
+    landed: Landed,
+    /// What drawing it again has shown.
+    failure: Option<Failure>,
+    /// Where the pass has ended.
+    tiles: Vec<Option<TileSurface>>,
+}
+
+/// A pass in flight.
+pub(super) struct Flight {
+    begin: Begin,
+    /// Colours by location, then depth.
+    attachments: Vec<Option<Attached>>,
+    /// Draws that are kept for the passes before it whose images it loads, and how many these are.
+    kept: (usize, usize),
+    /// Draws of its own.
+    draws: AtomicUsize,
+    /// Passes that begin when it is over.
+    behind: Mutex<Vec<Arc<Flight>>>,
+    /// No other pass can load its images any more.
+    unneeded: AtomicBool,
+    /// The renderer's sums when it began, without those of the passes ahead.
+    sums: [u64; 7],
+    /// Passes that were in flight when it began.
+    ahead: Mutex<Vec<Arc<Flight>>>,
+    /// The renderer's ledger, for its limits.
+    whole: Arc<Ledger>,
+    /// Its own.
+    ledger: Ledger,
+    queue: Mutex<Queue>,
+    painter: Mutex<Painter>,
+    /// Draws that wait, of all passes.
+    waiting: Arc<AtomicUsize>,
+    /// Nobody wants it any more.
+    cancelled: AtomicBool,
+    /// It has to be drawn again.
+    failed: AtomicBool,
+    /// All draws are done.
+    over: AtomicBool,
+    sleepers: (Mutex<()>, Condvar),
+    /// It has been looked at, and drawn again where that was necessary.
+    finished: AtomicBool,
+}
+
+impl Flight {
+    fn new(begin: Begin, boarding: Vec<Option<Boarding>>, ledger: &Arc<Ledger>, flights: &Flights) -> Arc<Flight> {
+        let (mut starts, mut surfaces, mut attachments) = (Vec::new(), Vec::new(), Vec::new());
+        let mut sources: Vec<Arc<Flight>> = Vec::new();
+        for boarding in boarding {
+            let Some(Boarding { source, format, keep }) = boarding else {
+                starts.push(None);
+                surfaces.push(None);
+                attachments.push(None);
+                continue;
+            };
+            let shape = source.shape();
+            let (start, tiles, (value, known)) = match source {
+                Source::Tiles(tiles) if tiles.is_clear() => {
+                    let value = tiles.clear_value();
+                    (Start::Cleared(value), Some(tiles), (value, ALL))
+                }
+                Source::Tiles(tiles) => (Start::Copy(tiles.clone()), Some(tiles), ([0; 4], [0; 4])),
+                Source::Behind(away, clearing) => {
+                    if !sources.iter().any(|flight| Arc::ptr_eq(flight, away.flight())) {
+                        sources.push(away.flight().clone());
+                    }
+                    let texel = away.after(clearing);
+                    (Start::Behind(away, clearing), None, texel)
+                }
+            };
+            starts.push(Some(start));
+            surfaces.push(tiles);
+            attachments.push(Some(Attached { shape, format, keep, value, known }));
+        }
+        let begun = sources.is_empty();
+        let pass = begun.then(|| begin.pass(&attachments, std::mem::take(&mut surfaces)));
+        let tiles = if begun { attachments.iter().map(|_| None).collect() } else { surfaces };
+        let painter =
+            Painter { starts, pass, begun, done: Vec::new(), panic: None, landed: Landed::default(), failure: None, tiles };
+        let kept = |sum: (usize, usize), flight: &Arc<Flight>| {
+            (sum.0 + flight.kept.0 + flight.draws.load(Relaxed), sum.1.max(flight.kept.1 + 1))
+        };
+        let flight = Arc::new(Flight {
+            begin,
+            attachments,
+            kept: sources.iter().fold((0, 0), kept),
+            draws: AtomicUsize::new(0),
+            behind: Mutex::default(),
+            unneeded: AtomicBool::new(false),
+            sums: ledger.sums(),
+            ahead: Mutex::new(flights.air.iter().cloned().collect()),
+            whole: ledger.clone(),
+            ledger: ledger.share(),
+            queue: Mutex::new(Queue { behind: sources.len(), ..Queue::default() }),
+            painter: Mutex::new(painter),
+            waiting: flights.waiting.clone(),
+            cancelled: AtomicBool::new(false),
+            failed: AtomicBool::new(false),
+            over: AtomicBool::new(false),
+            sleepers: Default::default(),
+            finished: AtomicBool::new(false),
+        });
+        for source in sources {
+            let mut behind = lock(&source.behind);
+            match source.is_over() {
+                true => lock(&flight.queue).behind -= 1,
+                false => behind.push(flight.clone()),
+            }
+        }
+        flight
+    }
+
+    fn attached(&self, slot: usize) -> &Attached {
+        self.attachments[slot].as_ref().expect("an attachment of the pass")
+    }
+
+    /// Hands draws on.
+    fn push(self: &Arc<Flight>, draws: &mut Vec<QueuedDraw>) {
+        self.waiting.fetch_add(draws.len(), Relaxed);
+        let mut queue = lock(&self.queue);
+        queue.draws.extend(draws.drain(..));
+        self.start(queue);
+    }
+
+    fn close(self: &Arc<Flight>, how: Close) {
+        let mut queue = lock(&self.queue);
+        queue.closed = Some(how);
+        self.start(queue);
+    }
+
+    fn start(self: &Arc<Flight>, mut queue: MutexGuard<'_, Queue>) {
+        let due = queue.behind == 0 && (!queue.draws.is_empty() || queue.closed.is_some());
+        if due && !std::mem::replace(&mut queue.running, true) {
+            drop(queue);
+            self.spawn();
+        }
+    }
+
+    fn spawn(self: &Arc<Flight>) {
+        let flight = self.clone();
+        rayon::spawn(move || flight.turn());
+    }
+
+    /// Another pass that it waits for is over.
+    fn go_on(self: &Arc<Flight>) {
+        let mut queue = lock(&self.queue);
+        queue.behind -= 1;
+        self.start(queue);
+    }
+
+    /// Does some draws; the last turn ends the pass.
+    fn turn(self: Arc<Flight>) {
+        let mut queue = lock(&self.queue);
+        let n = queue.draws.len().min(TURN);
+        if n == 0 && queue.closed.is_none() {
+            queue.running = false;
+            return;
+        }
+        let (draws, closed): (Vec<QueuedDraw>, _) = (queue.draws.drain(..n).collect(), queue.closed);
+        drop(queue);
+        self.waiting.fetch_sub(n, Relaxed);
+        let mut painter = lock(&self.painter);
+        let work = || {
+            self.begin(&mut painter);
+            match closed {
+                Some(how) if draws.is_empty() => self.end(&mut painter, how),
+                _ => self.draw(&mut painter, draws),
+            }
+        };
+        let stopped = catch_unwind(AssertUnwindSafe(work));
+        if let Err(panic) = stopped {
+            self.failed.store(true, Relaxed);
+            painter.panic = Some(panic);
+        }
+        drop(painter);
+        if n > 0 {
+            return self.spawn();
+        }
+        let asleep = lock(&self.sleepers.0);
+        self.over.store(true, Release);
+        self.sleepers.1.notify_all();
+        drop(asleep);
+        let behind = std::mem::take(&mut *lock(&self.behind));
+        behind.iter().for_each(Flight::go_on);
+    }
+
+    /// Takes over the images that the passes before it have left.
+    fn begin(&self, painter: &mut Painter) {
+        if std::mem::replace(&mut painter.begun, true) {
+            return;
+        }
+        let mut surfaces = std::mem::take(&mut painter.tiles);
+        painter.tiles = surfaces.iter().map(|_| None).collect();
+        for (surface, start) in surfaces.iter_mut().zip(&mut painter.starts) {
+            let Some(Start::Behind(away, clearing)) = start else { continue };
+            // Where that pass has failed, all is drawn again, in order; it may be under way, so that its lock is taken.
+            let source = away.flight();
+            let whole = !source.failed.load(Acquire);
+            let taken = if whole { lock(&source.painter).tiles[away.slot].take() } else { None };
+            let Some(mut tiles) = taken else { return self.failed.store(true, Relaxed) };
+            tiles.clear_masked(clearing.value, clearing.mask);
+            if self.kept.0 > KEPT || self.kept.1 > CHAIN {
+                *start = Some(Start::Copy(tiles.clone()));
+            }
+            *surface = Some(tiles);
+        }
+        painter.pass = Some(self.begin.pass(&self.attachments, surfaces));
+    }
+
+    fn draw(&self, painter: &mut Painter, draws: Vec<QueuedDraw>) {
+        for draw in draws {
+            if !self.failed.load(Relaxed) && !self.cancelled.load(Relaxed) {
+                let pass = painter.pass.as_mut().expect("the pass has not ended");
+                self.ledger.set_alive(draw.alive);
+                match draw.draw(pass, &self.begin.shared, &self.ledger, &mut |_| ()) {
+                    Ok(drawn) => painter.landed.add(drawn.funnel, drawn.overwritten),
+                    Err(_) => self.failed.store(true, Relaxed),
+                }
+            }
+            painter.done.push(draw);
+        }
+    }
+
+    /// Ends the pass, if no draw has failed.
+    fn end(&self, painter: &mut Painter, how: Close) {
+        if self.failed.load(Relaxed) {
+            return;
+        }
+        let [_, _, quads, _, steps, bytes, _] = self.ledger.sums();
+        painter.landed = Landed { steps, quads, bytes, ..painter.landed };
+        if how == Close::End {
+            let ended = painter.pass.take().map(|pass| self.ended(pass));
+            painter.tiles = ended.unwrap_or_default();
+        }
+        if how == Close::Home || self.unneeded.load(Relaxed) {
+            (painter.done, painter.starts) = Default::default();
+        }
+    }
+
+    /// The attachments of the pass at its end.
+    fn ended(&self, pass: RenderPass) -> Vec<Option<TileSurface>> {
+        let ended = pass.end();
+        let mut tiles: Vec<_> = ended.color.into_iter().chain([ended.depth]).collect();
+        for (tiles, attachment) in tiles.iter_mut().zip(&self.attachments) {
+            if let (Some(tiles), Some(attachment)) = (tiles, attachment) {
+                attachment.keep.apply(tiles);
+            }
+        }
+        tiles
+    }
+
+    /// No other pass can load its images any more.
+    fn forget(&self) {
+        self.unneeded.store(true, Relaxed);
+        if self.is_over() && !self.failed.load(Relaxed) {
+            let mut painter = lock(&self.painter);
+            (painter.done, painter.starts) = Default::default();
+        }
+    }
+
+    /// Whether all its draws are done, so that [`Flight::finish`] need not wait.
+    fn is_over(&self) -> bool {
+        self.over.load(Acquire)
+    }
+
+    /// Waits for its end, and helps meanwhile. Then what it came to is known, of the passes ahead of it too.
+    fn finish(&self) {
+        if self.finished.load(Relaxed) {
+            return;
+        }
+        let ahead = std::mem::take(&mut *lock(&self.ahead));
+        ahead.iter().for_each(|flight| flight.finish());
+        while !self.is_over() {
+            if !help() {
+                let asleep = lock(&self.sleepers.0);
+                if !self.is_over() {
+                    let _ = self.sleepers.1.wait_timeout(asleep, NAP);
+                }
+            }
+        }
+        let panic = lock(&self.painter).panic.take();
+        if let Some(panic) = panic {
+            resume_unwind(panic);
+        }
+        // What has failed before it comes first; what it has drawn on is not there.
+        let failure = ahead.iter().find_map(|flight| lock(&flight.painter).failure.clone());
+        if failure.is_some() {
+            lock(&self.painter).failure = failure;
+        } else if self.failed.load(Relaxed) {
+            self.again(&ahead);
+        }
+        self.finished.store(true, Relaxed);
+    }
+
+    /// Draws it again, as the only pass. No lock is held: while this thread waits for others it may run tasks that need it.
+    fn again(&self, ahead: &[Arc<Flight>]) {
+        let mut sums = self.sums;
+        for flight in ahead {
+            let landed = lock(&flight.painter).landed;
+            for (at, more) in [(2, landed.quads), (4, landed.steps), (5, landed.bytes)] {
+                sums[at] += more;
+            }
+        }
+        let ledger = self.whole.with_sums(sums);
+        let mut landed = Landed::default();
+        let (starts, done) = self.kept_draws();
+        let mut pass = self.first(&starts);
+        let (mut steps, mut bytes) = (0, 0);
+        for draw in &done {
+            ledger.set_alive(draw.alive);
+            let charges = &draw.charges;
+            (steps, bytes) = (steps + charges.steps, bytes + charges.bindings + charges.prepared.iter().sum::<u64>());
+            let drawn = charges.charge(&ledger).map_err(|error| error.to_string()).and_then(|()| {
+                draw.draw(&mut pass, &self.begin.shared, &ledger, &mut |_| ()).map_err(|error| error.to_string())
+            });
+            match drawn {
+                Ok(drawn) => landed.add(drawn.funnel, drawn.overwritten),
+                Err(reason) => {
+                    lock(&self.painter).failure = Some(Failure { command: draw.command, reason });
+                    return;
+                }
+            }
+        }
+        let now = ledger.sums();
+        (landed.quads, landed.steps, landed.bytes) = (now[2] - sums[2], now[4] - sums[4] - steps, now[5] - sums[5] - bytes);
+        let (pass, tiles) = if self.is_home() { (Some(pass), Vec::new()) } else { (None, self.ended(pass)) };
+        let mut painter = lock(&self.painter);
+        (painter.landed, painter.pass, painter.tiles) = (landed, pass, tiles);
+        (painter.starts, painter.done) = (starts, done);
+        self.failed.store(false, Release);
+    }
+
+    /// What it takes to draw it again.
+    fn kept_draws(&self) -> (Vec<Option<Start>>, Vec<QueuedDraw>) {
+        let mut painter = lock(&self.painter);
+        (std::mem::take(&mut painter.starts), std::mem::take(&mut painter.done))
+    }
+
+    /// The pass as it began, once more.
+    fn first(&self, starts: &[Option<Start>]) -> RenderPass {
+        let mut again: Vec<(&Arc<Flight>, Vec<Option<TileSurface>>)> = Vec::new();
+        let mut surfaces = Vec::new();
+        for (start, attached) in starts.iter().zip(&self.attachments) {
+            surfaces.push(match (start, attached) {
+                (Some(Start::Copy(tiles)), _) => Some(tiles.clone()),
+                (&Some(Start::Cleared(value)), Some(attached)) => {
+                    let mut tiles = TileSurface::new(attached.shape);
+                    tiles.clear(value);
+                    Some(tiles)
+                }
+                (Some(Start::Behind(away, clearing)), _) => {
+                    let known = again.iter().position(|(flight, _)| Arc::ptr_eq(flight, away.flight()));
+                    let at = known.unwrap_or_else(|| {
+                        again.push((away.flight(), away.flight().images()));
+                        again.len() - 1
+                    });
+                    let tiles = again[at].1[away.slot].take();
+                    tiles.map(|mut tiles| {
+                        tiles.clear_masked(clearing.value, clearing.mask);
+                        tiles
+                    })
+                }
+                _ => None,
+            });
+        }
+        self.begin.pass(&self.attachments, surfaces)
+    }
+
+    /// The images that it has left, drawn once more. It has come to its end before.
+    fn images(&self) -> Vec<Option<TileSurface>> {
+        let (starts, done) = self.kept_draws();
+        let mut pass = self.first(&starts);
+        // These sums were allowed before.
+        let ledger = self.whole.with_sums([0; 7]);
+        for draw in &done {
+            ledger.set_alive(draw.alive);
+            let _ = draw.draw(&mut pass, &self.begin.shared, &ledger, &mut |_| ());
+        }
+        let mut painter = lock(&self.painter);
+        (painter.starts, painter.done) = (starts, done);
+        drop(painter);
+        self.ended(pass)
+    }
+}
+
+impl Flight {
+    /// Whether its frame is wanted.
+    pub fn is_wanted(&self) -> bool {
+        self.begin.wanted
+    }
+
+    /// Whether the renderer's thread goes on with the pass itself.
+    pub fn is_home(&self) -> bool {
+        lock(&self.queue).closed == Some(Close::Home)
+    }
+
+    /// What it came to; waits for its end.
+    ///
+    /// # Errors
+    /// If a draw could not be done.
+    fn settle(&self) -> Result<Landed, Failure> {
+        self.finish();
+        let painter = lock(&self.painter);
+        painter.failure.clone().map_or(Ok(painter.landed), Err)
+    }
+}
+
+impl Begin {
+    /// The pass, on these images: colours by location, then depth.
+    fn pass(&self, attachments: &[Option<Attached>], surfaces: Vec<Option<TileSurface>>) -> RenderPass {
+        let mut surfaces: Vec<_> = surfaces
+            .into_iter()
+            .zip(attachments)
+            .map(|(tiles, attachment)| Some((tiles?, attachment.as_ref()?.format)))
+            .collect();
+        let depth = surfaces.pop().flatten().map(|(tiles, _)| tiles);
+        RenderPass::begin(self.width, self.height, self.samples, surfaces, depth)
+    }
+}
+
+impl Landed {
+    fn add(&mut self, funnel: Funnel, overwritten: u64) {
+        *self.counted.get_or_insert_default() += funnel;
+        self.overwritten += overwritten;
+    }
+}
+
+/// Runs one task of the pool on this thread; whether there was one.
+fn help() -> bool {
+    rayon::yield_now() == Some(rayon::Yield::Executed)
+}
+
+/// All passes in flight.
+#[derive(Default)]
+pub(super) struct Flights {
+    /// In order; of the last ones it is not known how they end.
+    air: VecDeque<Arc<Flight>>,
+    /// Images that were replaced.
+    spare: VecDeque<(Arc<Flight>, usize)>,
+    waiting: Arc<AtomicUsize>,
+}
+
+impl Flights {
+    /// Whether passes may be in flight on this thread's pool.
+    pub fn are_possible() -> bool {
+        rayon::current_thread_index().is_some() && rayon::current_num_threads() > 1
+    }
+
+    /// Whether the first pass in flight is over.
+    pub fn is_over(&self) -> bool {
+        self.air.front().is_some_and(|flight| flight.is_over())
+    }
+
+    /// Memory for an image that replaces another, whatever it holds.
+    pub fn surface(&mut self, shape: Shape, replaced: Away) -> TileSurface {
+        self.spare.push_back((replaced.flight().clone(), replaced.slot));
+        let fits = |(flight, slot): &(Arc<Flight>, usize)| {
+            // Only an image that is there already: this must not wait. Another pass may begin with it, or have begun.
+            let painter = (flight.is_over() && flight.unneeded.load(Relaxed)).then(|| lock(&flight.painter));
+            painter
+                .is_some_and(|painter| painter.tiles.get(*slot).is_some_and(|t| t.as_ref().is_some_and(|t| t.shape() == shape)))
+        };
+        let found = self.spare.iter().position(fits).and_then(|at| self.spare.remove(at));
+        let tiles = found.and_then(|(flight, slot)| lock(&flight.painter).tiles[slot].take());
+        while self.spare.len() > SPARE {
+            self.spare.pop_front();
+        }
+        tiles.unwrap_or_else(|| TileSurface::new(shape))
+    }
+
+    /// Whether no other pass can be in flight: there are as many as threads, and one that is being looked up.
+    pub fn is_full(&self) -> bool {
+        self.air.len() >= FLIGHTS.min(rayon::current_num_threads() + 1)
+    }
+
+    /// A pass takes off.
+    pub fn depart(&mut self, begin: Begin, boarding: Vec<Option<Boarding>>, ledger: &Arc<Ledger>) -> Departure {
+        let flight = Flight::new(begin, boarding, ledger, self);
+        self.air.push_back(flight.clone());
+        let depth = flight.attachments.last().and_then(Option::as_ref).map_or([0; 4], |depth| depth.known);
+        Departure { flight, draws: Vec::with_capacity(TURN), depth }
+    }
+
+    /// What the first pass in flight came to; waits for its end. The caller adds it to the sums.
+    ///
+    /// # Errors
+    /// If a draw could not be done.
+    pub fn land(&mut self) -> Option<Result<(Landed, Arc<Flight>), Failure>> {
+        let flight = self.air.front()?.clone();
+        let landed = flight.settle();
+        self.air.pop_front();
+        Some(landed.map(|landed| (landed, flight)))
+    }
+}
+
+impl Drop for Flights {
+    fn drop(&mut self) {
+        self.air.iter().for_each(|flight| flight.cancelled.store(true, Relaxed));
+    }
+}
+
+/// What the renderer's thread has of a pass in flight whose commands it still reads.
+pub(super) struct Departure {
+    flight: Arc<Flight>,
+    /// Draws that were not handed on yet.
+    draws: Vec<QueuedDraw>,
+    /// Bits of depth and stencil that are known of all texels.
+    depth: [u32; 4],
+}
+
+impl Departure {
+    /// Whether it takes a draw.
+    pub fn takes(&self, draw: &QueuedDraw) -> bool {
+        self.flight.draws.load(Relaxed) < DRAWS && draw.can_wait()
+    }
+
+    /// Hands on a draw.
+    pub fn push(&mut self, draw: QueuedDraw) {
+        self.flight.draws.fetch_add(1, Relaxed);
+        if let Some(attached) = self.flight.attachments.last().and_then(Option::as_ref) {
+            let written = draw.pipeline.may_write(attached.format);
+            self.depth = std::array::from_fn(|w| self.depth[w] & !written[w]);
+        }
+        self.draws.push(draw);
+        if self.draws.len() == TURN {
+            self.flight.push(&mut self.draws);
+            while self.flight.waiting.load(Relaxed) > WAITING {
+                if !help() {
+                    std::thread::sleep(NAP);
+                }
+            }
+        }
+    }
+
+    /// Ends the pass; what its attachments will hold.
+    pub fn end(mut self) -> Vec<Option<Away>> {
+        self.flight.push(&mut self.draws);
+        self.flight.close(Close::End);
+        let ticket = Arc::new(Ticket(self.flight.clone()));
+        let away = |(slot, attached): (usize, &Option<Attached>)| {
+            let attached = attached.as_ref()?;
+            let depth = slot + 1 == self.flight.attachments.len();
+            let lost = attached.keep.lost(attached.shape.format);
+            let (value, known) = match (attached.keep.any(), depth) {
+                (false, _) => ([0; 4], ALL),
+                // Of colours it is not looked at which draws write them.
+                (true, false) => ([0; 4], [0; 4]),
+                (true, true) => {
+                    (std::array::from_fn(|w| attached.value[w] & !lost[w]), std::array::from_fn(|w| self.depth[w] | lost[w]))
+                }
+            };
+            Some(Away { ticket: ticket.clone(), slot, value, known })
+        };
+        self.flight.attachments.iter().enumerate().map(away).collect()
+    }
+
+    /// Hands on what is left, so that the pass can be waited for; whatever it has done so far is final.
+    pub fn close(&mut self) {
+        self.flight.push(&mut self.draws);
+        self.flight.close(Close::Home);
+    }
+
+    /// The pass after [`Departure::close`], and what was counted in it; it has been waited for, and no draw has failed.
+    pub fn home(self) -> (RenderPass, Option<Funnel>) {
+        let mut painter = lock(&self.flight.painter);
+        (painter.pass.take().expect("the pass has not ended"), painter.landed.counted)
+    }
+}

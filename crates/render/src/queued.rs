@@ -1,0 +1,126 @@
+//! A draw with all that it reads, so that it can be done by another thread, later, and again.
+
+use std::sync::{Arc, Mutex};
+
+use gfx::state::{Rect, Viewport};
+use num::LimitExceeded;
+use work::{Event, RenderKey, Signature};
+
+use super::bind::ResolvedBindings;
+use super::draw::{self, Boxes, BufferRange, DrawCall, DrawError, Drawn, IndexRange, RenderPass};
+use super::ledger::Ledger;
+use super::needs::Need;
+use super::pipeline::RenderPipeline;
+
+/// What the renderer's thread counts for a draw before it is done, in this order.
+#[derive(Clone, Debug, Default)]
+pub(super) struct Charges {
+    /// Vertices, or indices, times instances.
+    pub vertices: u64,
+    /// Bytes of texels that were made ready.
+    pub prepared: Vec<u64>,
+    /// Shader steps of what all invocations share.
+    pub steps: u64,
+    /// Bytes of bindings.
+    pub bindings: u64,
+}
+
+impl Charges {
+    /// Counts them again.
+    ///
+    /// # Errors
+    /// If one passes its limit.
+    pub fn charge(&self, ledger: &Ledger) -> Result<(), LimitExceeded> {
+        ledger.vertices.charge(self.vertices)?;
+        self.prepared.iter().try_for_each(|&bytes| ledger.bytes.charge(bytes))?;
+        ledger.steps.charge(self.steps)?;
+        ledger.bytes.charge(self.bindings)
+    }
+}
+
+/// What is the same for all draws of a pass.
+#[derive(Clone)]
+pub(super) struct Shared {
+    pub key: RenderKey,
+    pub areas: bool,
+    pub skips: draw::Skips,
+    pub need: Need,
+    pub boxes: Arc<Mutex<Boxes>>,
+}
+
+/// A draw, looked up.
+pub(super) struct QueuedDraw {
+    /// Number and name of the command that it belongs to.
+    pub command: (u64, &'static str),
+    pub charges: Charges,
+    /// Bytes alive when it is its turn.
+    pub alive: u64,
+    /// Number in the trace.
+    pub number: u32,
+    pub group: Arc<str>,
+    pub pipeline: Arc<RenderPipeline>,
+    pub vertex_buffers: Vec<Option<BufferRange>>,
+    pub index: Option<IndexRange>,
+    pub range: draw::Range,
+    /// The bindings of the vertex and of the fragment program.
+    pub resolved: Vec<ResolvedBindings>,
+    pub viewport: Viewport,
+    pub scissor: Rect,
+    pub blend_constant: [f32; 4],
+    pub stencil_reference: u32,
+    pub count_samples: bool,
+    /// Its bounds may be tested ahead of its vertices.
+    pub may_cull: bool,
+    pub record: bool,
+    pub signature: Option<Signature>,
+}
+
+impl QueuedDraw {
+    /// Draws it.
+    ///
+    /// # Errors
+    /// As [`RenderPass::draw`].
+    pub fn draw(
+        &self,
+        pass: &mut RenderPass,
+        shared: &Shared,
+        ledger: &Ledger,
+        sink: &mut dyn FnMut(Event),
+    ) -> Result<Drawn, DrawError> {
+        let borrowed: Vec<_> = self.resolved.iter().map(ResolvedBindings::borrow).collect();
+        let mut resources = borrowed
+            .iter()
+            .zip(&self.resolved)
+            .map(|(bindings, resolved)| shader::Resources { bindings, immediates: resolved.immediates() });
+        let call = DrawCall {
+            number: self.number,
+            group: self.group.clone(),
+            pipeline: &self.pipeline,
+            vertex_buffers: &self.vertex_buffers,
+            index: self.index.as_ref(),
+            range: self.range,
+            vertex_resources: resources.next().unwrap_or_default(),
+            fragment_resources: resources.next(),
+            viewport: self.viewport,
+            scissor: self.scissor,
+            blend_constant: self.blend_constant,
+            stencil_reference: self.stencil_reference,
+            count_samples: self.count_samples,
+            need: shared.need,
+            areas: shared.areas,
+            key: shared.key,
+            record: self.record,
+            signature: self.signature,
+            skips: shared.skips,
+            boxes: self.may_cull.then_some(&*shared.boxes),
+            ledger,
+        };
+        pass.draw(&call, sink)
+    }
+
+    /// Whether another thread may do it while later commands run: it writes attachments only, and what it reads is either not written any
+    /// more or copied before.
+    pub fn can_wait(&self) -> bool {
+        !self.pipeline.has_side_effects() && !self.resolved.iter().any(ResolvedBindings::has_storage_textures)
+    }
+}

@@ -1,0 +1,101 @@
+//! Passes in flight: whatever the number of threads, the same events, pictures and errors.
+
+use super::common::*;
+use gfx::format::Format;
+use gfx::state::VertexFormat;
+use render::{Options, render};
+use trace::Trace;
+use trace::command::*;
+use trace::record::{self, Recorder};
+use work::{Event, Funnel};
+
+const SHADER: &str = "
+    struct V { @builtin(position) p: vec4<f32>, @location(0) c: vec4<f32> }
+    @group(0) @binding(0) var<uniform> u: vec4<f32>;
+    @vertex fn vs(@location(0) p: vec2<f32>) -> V { return V(vec4(p * u.x + u.yz, 0.5, 1.0), vec4(abs(p), u.w, 0.5)); }
+    @fragment fn fs(v: V) -> @location(0) vec4<f32> {
+        var c = v.c;
+        loop { c.x += 0.01; if (u.w >= 0.0 || c.x < -1.0) { break; } }
+        return c;
+    }";
+
+/// Frames of a cleared pass and of one that loads what it has drawn, each of many small draws. The uniforms of all draws are one buffer, which
+/// is written again before each pass. In frame `endless` a loop of a shader has no end.
+fn frames(count: usize, endless: Option<usize>) -> Trace {
+    let mut card = Recorder::new("flights");
+    let mut next = unit_noise(5);
+    let size = 96;
+    let texture = card.create_texture("", record::texture_2d(size, size, Format::Rgba8Unorm));
+    let view = card.create_view(texture);
+    let shader = card.create_shader("program", SHADER);
+    let mut desc = record::render_pipeline(shader, Format::Rgba8Unorm);
+    desc.buffers = vec![record::vertex_buffer(&[(0, VertexFormat::Float32x2)])];
+    let pipeline = card.create_render_pipeline("", desc);
+    let uniforms = card.create_buffer("uniforms", 16);
+    let layout = card.get_bind_group_layout(AnyPipeline::Render(pipeline), 0);
+    let group = card.create_bind_group(layout, [(0, record::whole(uniforms))]);
+    let vertices = card.create_buffer_init("vertices", &bytes(&bits(&[-0.2, -0.2, 0.2, -0.1, 0.0, 0.3])));
+    for frame in 0..count {
+        for attachment in [record::clear(view, [0.1, 0.2, 0.3, 1.0]), record::load(view)] {
+            let blue = if endless == Some(frame) { -1.0 } else { next() };
+            card.write_buffer(uniforms, 0, "uniforms", &bytes(&bits(&[1.0 + next(), next() - 0.5, next() - 0.5, blue])));
+            let mut pass = card.begin_render_pass([attachment], None);
+            pass.set_pipeline(pipeline);
+            pass.set_bind_group(0, group);
+            pass.set_vertex_buffer(0, vertices);
+            for _ in 0..50 {
+                pass.draw(3, 1);
+            }
+        }
+        card.present(texture);
+    }
+    card.finish()
+}
+
+/// What comes out on so many threads: kinds of events with their counts, pictures, and the error.
+fn seen(trace: &Trace, threads: usize, pictures: bool) -> (Vec<(&'static str, Funnel)>, Vec<Vec<u8>>, Option<String>) {
+    let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().expect("threads");
+    pool.install(|| {
+        let (mut events, mut images) = (Vec::new(), Vec::new());
+        let options = Options { pictures, ..Options::default() };
+        let result = render(trace, &options, &mut |event| {
+            events.push(match event {
+                Event::Segment(segment) => ("segment", segment.funnel),
+                Event::BeginPass(_) => ("begin", Funnel::default()),
+                Event::EndPass => ("end", Funnel::default()),
+                Event::EndFrame(end) => {
+                    images.push(end.reference.to_vec());
+                    ("frame", Funnel::default())
+                }
+                _ => ("other", Funnel::default()),
+            });
+            Ok(())
+        });
+        (events, images, result.err().map(|error| error.to_string()))
+    })
+}
+
+#[test]
+fn any_number_of_threads_hands_on_the_same() {
+    let trace = frames(12, None);
+    for pictures in [false, true] {
+        let alone = seen(&trace, 1, pictures);
+        assert_eq!(alone.2, None);
+        assert_eq!(alone.0.iter().filter(|(kind, _)| *kind == "segment").count(), 24);
+        assert!(!pictures || alone.1[0] != alone.1[11], "frames differ");
+        for threads in [2, 3, 8] {
+            assert!(seen(&trace, threads, pictures) == alone, "{threads} threads, pictures: {pictures}");
+        }
+    }
+}
+
+#[test]
+fn a_loop_without_an_end_is_refused_by_the_same_draw() {
+    let trace = frames(8, Some(5));
+    let alone = seen(&trace, 1, false);
+    let text = alone.2.as_ref().expect("no end");
+    assert!(text.contains("Draw") && text.contains("without an end"), "{text}");
+    for threads in [2, 8] {
+        assert_eq!(seen(&trace, threads, false), alone, "{threads} threads");
+    }
+}
