@@ -52,8 +52,17 @@ fn frames(count: usize, endless: Option<usize>) -> Trace {
     card.finish()
 }
 
-/// What comes out on so many threads: kinds of events with their counts, pictures, and the error.
-fn seen(trace: &Trace, threads: usize, pictures: bool) -> (Vec<(&'static str, Funnel)>, Vec<Vec<u8>>, Option<String>) {
+/// What comes out of a rendering.
+#[derive(Debug, PartialEq)]
+struct Seen {
+    /// Kinds of events with their counts.
+    events: Vec<(&'static str, Funnel)>,
+    images: Vec<Vec<u8>>,
+    error: Option<String>,
+}
+
+/// What comes out on so many threads.
+fn seen(trace: &Trace, threads: usize, pictures: bool) -> Seen {
     let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().expect("threads");
     pool.install(|| {
         let (mut events, mut images) = (Vec::new(), Vec::new());
@@ -71,7 +80,7 @@ fn seen(trace: &Trace, threads: usize, pictures: bool) -> (Vec<(&'static str, Fu
             });
             Ok(())
         });
-        (events, images, result.err().map(|error| error.to_string()))
+        Seen { events, images, error: result.err().map(|error| error.to_string()) }
     })
 }
 
@@ -80,9 +89,9 @@ fn any_number_of_threads_hands_on_the_same() {
     let trace = frames(12, None);
     for pictures in [false, true] {
         let alone = seen(&trace, 1, pictures);
-        assert_eq!(alone.2, None);
-        assert_eq!(alone.0.iter().filter(|(kind, _)| *kind == "segment").count(), 24);
-        assert!(!pictures || alone.1[0] != alone.1[11], "frames differ");
+        assert_eq!(alone.error, None);
+        assert_eq!(alone.events.iter().filter(|(kind, _)| *kind == "segment").count(), 24);
+        assert!(!pictures || alone.images[0] != alone.images[11], "frames differ");
         for threads in [2, 3, 8] {
             assert!(seen(&trace, threads, pictures) == alone, "{threads} threads, pictures: {pictures}");
         }
@@ -93,7 +102,7 @@ fn any_number_of_threads_hands_on_the_same() {
 fn a_loop_without_an_end_is_refused_by_the_same_draw() {
     let trace = frames(8, Some(5));
     let alone = seen(&trace, 1, false);
-    let text = alone.2.as_ref().expect("no end");
+    let text = alone.error.as_ref().expect("no end");
     assert!(text.contains("Draw") && text.contains("without an end"), "{text}");
     for threads in [2, 8] {
         assert_eq!(seen(&trace, threads, false), alone, "{threads} threads");
