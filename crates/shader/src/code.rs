@@ -176,15 +176,21 @@ pub(super) mod eval {
         if x.abs() < LIMIT { n } else { bound }
     }
 
-    /// As `x as u32`, by shifting the significand: the compiler makes vector instructions of it.
+    /// As `x as u32`, without a choice that the compiler could make a branch of: ten vector instructions for eight lanes.
     #[inline(always)]
     pub fn to_u(x: f32) -> u32 {
-        let exponent = (x.to_bits() >> 23 & 255) as i32 - 150;
-        let significand = x.to_bits() & 0x7f_ffff | 0x80_0000;
-        let (right, left) = ((-exponent).clamp(0, 31) as u32, exponent.clamp(0, 8) as u32);
-        let n = if exponent >= 0 { significand << left } else { significand >> right };
-        let bound = if x > 0.0 { u32::MAX } else { 0 };
-        if x > 0.0 && x < 4_294_967_296.0 { n } else { bound }
+        const HALF: f32 = 2_147_483_648.0;
+        /// The largest below 2^32.
+        const LAST: f32 = 4_294_967_040.0;
+        let x = if x > 0.0 { x } else { 0.0 };
+        let beyond = u32::from(x > LAST).wrapping_neg();
+        let x = if x < LAST { x } else { LAST };
+        let upper = u32::from(x >= HALF).wrapping_neg();
+        // Exact: both are multiples of 128 there.
+        let rest = x - f32::from_bits(upper & HALF.to_bits());
+        // SAFETY: it is at least 0, below 2^31 and not NaN, so the truncated value is an `i32`.
+        let n = unsafe { rest.to_int_unchecked::<i32>() } as u32;
+        (n ^ upper & 0x8000_0000) | beyond
     }
 
     /// Nearest integer to `x` clamped to [low, high], scaled; NaN as the lower bound.
