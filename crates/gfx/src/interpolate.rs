@@ -184,6 +184,8 @@ struct Basis {
     inv_w: [f64; 3],
     /// The least that the sum of weights times 1/w may be.
     least: f64,
+    /// What the sum's inverse is everywhere where every 1/w is 1, as in an orthographic view: there the sum is the area, exactly. Else 0.
+    inverse: f64,
     base: [i32; 2],
 }
 
@@ -199,6 +201,7 @@ impl Basis {
             inv_area: t.inv_area,
             inv_w: [k0, k1, k2],
             least: (if k01 < k2 { k01 } else { k2 }) * area * (1.0 / 16.0),
+            inverse: if [k0, k1, k2] == [1.0; 3] && area > 0.0 { 1.0 / area } else { 0.0 },
             base: t.base(),
         }
     }
@@ -238,6 +241,13 @@ widest! {
             }
             let [e1, e2] = basis.values(site, offsets);
             let (area, [k0, k1, k2]) = (basis.area, basis.inv_w);
+            if basis.inverse > 0.0 {
+                // The same bits without a division for each lane, which takes most of the time.
+                put(&mut weights.one, q, each(|p| e1[p] * basis.inverse));
+                put(&mut weights.two, q, each(|p| e2[p] * basis.inverse));
+                put(inv_w, q, [area * basis.inv_area; 4]);
+                continue;
+            }
             let p1 = each(|p| e1[p] * k1);
             let p2 = each(|p| e2[p] * k2);
             let sum = each(|p| {
