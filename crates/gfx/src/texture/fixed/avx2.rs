@@ -8,6 +8,9 @@ use crate::texture::view::{Level, Texels};
 use crate::texture::{Sample, Sampler, View};
 use num::{LANES, Lanes, QUADS};
 
+/// Registers of a batch.
+const CHUNKS: usize = LANES / 8;
+
 /// A texel a lane: red and blue, green and alpha, 16 bits each.
 #[derive(Clone, Copy)]
 struct Values {
@@ -121,13 +124,20 @@ fn filter<const SRGB: bool, const OF: u8>(
         Places::Each(levels) if OF == LANE => load(&levels[level], chunk),
         _ => same[level],
     };
-    for chunk in 0..LANES / 8 {
+    let spot = |level: usize, chunk: usize| {
         let at = [fold(address[0], floats(coords[0], chunk)), fold(address[1], floats(coords[1], chunk))];
-        let mut value = bilinear::<SRGB>(words, address, at, &flat(0, chunk));
+        locate::<SRGB>(words, address, at, &flat(level, chunk))
+    };
+    // The places of the next register are found before what is at those of this one is read: each is a long chain of operations.
+    let mut next = spot(0, 0);
+    for chunk in 0..CHUNKS {
+        let here = next;
+        next = spot(0, (chunk + 1).min(CHUNKS - 1));
+        let mut value = bilinear::<SRGB>(words, &here);
         // Two quads that are enlarged, or in the last level, read no second one.
         let weights = [plan.weight[2 * chunk], plan.weight[2 * chunk + 1]];
         if plan.blend && (!plan.by_quad || weights != [0.0; 2]) {
-            let second = bilinear::<SRGB>(words, address, at, &flat(1, chunk));
+            let second = bilinear::<SRGB>(words, &spot(1, chunk));
             let weight = if plan.by_quad {
                 _mm256_set_m128(_mm_set1_ps(weights[1]), _mm_set1_ps(weights[0]))
             } else {
@@ -228,32 +238,66 @@ fn fixed(weight: __m256) -> __m256i {
     _mm256_shuffle_epi8(_mm256_castps_si256(bits), twice)
 }
 
-/// [`super::bilinear`].
+/// Where eight lanes read, and how what is there is weighted.
+#[derive(Clone, Copy)]
+struct Spot {
+    /// First words of what each lane reads; in sRGB in the upper row, then in the lower one.
+    words: [[u32; 8]; 2],
+    /// Whether all of it lies in the view's words.
+    inside: bool,
+    /// Weights of what is right and of what is below, in both halves of a word.
+    weights: [__m256i; 2],
+}
+
+/// Finds where lanes read.
 #[target_feature(enable = "avx2")]
 #[inline]
-fn bilinear<const SRGB: bool>(words: &[u32], address: [AddressMode; 2], at: [__m256; 2], level: &Flat) -> Values {
+fn locate<const SRGB: bool>(words: &[u32], address: [AddressMode; 2], at: [__m256; 2], level: &Flat) -> Spot {
     let (x, x_weight) = place(address[0], at[0], level.width);
     let (y, y_weight) = place(address[1], at[1], level.height);
     let left = _mm256_add_epi32(level.base, x);
-    let (upper, lower) = if SRGB {
+    // By way of memory: what takes lanes out of a register is what transposes words, of which there is one a cycle.
+    let lanes = |places: __m256i| -> [u32; 8] { std::hint::black_box(bytemuck::cast(places)) };
+    let weights = [x_weight, y_weight];
+    if SRGB {
         let next = _mm256_add_epi32(y, _mm256_set1_epi32(1));
-        let inside = _mm256_cmpgt_epi32(_mm256_cvttps_epi32(level.height), next);
+        let is_row = _mm256_cmpgt_epi32(_mm256_cvttps_epi32(level.height), next);
         let beyond = if address[1] == AddressMode::Repeat { _mm256_setzero_si256() } else { y };
-        let below = _mm256_blendv_epi8(beyond, next, inside);
-        // Texels of two words.
+        let below = _mm256_blendv_epi8(beyond, next, is_row);
+        // Texels of two words, two of them side by side.
         let word = |row: __m256i| _mm256_slli_epi32::<1>(_mm256_add_epi32(left, _mm256_mullo_epi32(row, level.stride)));
-        let (c, d) = (pairs(words, word(y)), pairs(words, word(below)));
-        (
-            mix(Values { rb: c[0], ga: c[1] }, Values { rb: c[2], ga: c[3] }, x_weight),
-            mix(Values { rb: d[0], ga: d[1] }, Values { rb: d[2], ga: d[3] }, x_weight),
-        )
-    } else {
-        // y / 3: the product of a number of 16 bits with 43691, shifted by 17, is exact. Columns of four words.
-        let group = _mm256_srli_epi32::<1>(_mm256_mulhi_epu16(y, _mm256_set1_epi32(43_691)));
-        let row = _mm256_sub_epi32(y, _mm256_add_epi32(group, _mm256_add_epi32(group, group)));
-        let column = _mm256_add_epi32(left, _mm256_mullo_epi32(group, level.stride));
-        let c = corners(words, _mm256_add_epi32(_mm256_slli_epi32::<2>(column), row));
-        (mix(spread(c[0]), spread(c[2]), x_weight), mix(spread(c[1]), spread(c[3]), x_weight))
+        let (upper, lower) = (word(y), word(below));
+        let inside = inside(words, upper, PAIR) && inside(words, lower, PAIR);
+        return Spot { words: [lanes(upper), lanes(lower)], inside, weights };
+    }
+    // y / 3: the product of a number of 16 bits with 43691, shifted by 17, is exact. Columns of four words.
+    let group = _mm256_srli_epi32::<1>(_mm256_mulhi_epu16(y, _mm256_set1_epi32(43_691)));
+    let row = _mm256_sub_epi32(y, _mm256_add_epi32(group, _mm256_add_epi32(group, group)));
+    let column = _mm256_add_epi32(left, _mm256_mullo_epi32(group, level.stride));
+    let places = _mm256_add_epi32(_mm256_slli_epi32::<2>(column), row);
+    Spot { words: [lanes(places), [0; 8]], inside: inside(words, places, COLUMNS), weights }
+}
+
+/// [`super::bilinear`]. Zeros where a place is outside.
+#[target_feature(enable = "avx2")]
+#[inline]
+fn bilinear<const SRGB: bool>(words: &[u32], spot: &Spot) -> Values {
+    if !spot.inside {
+        return Values { rb: _mm256_setzero_si256(), ga: _mm256_setzero_si256() };
+    }
+    let [x_weight, y_weight] = spot.weights;
+    // SAFETY: every lane's words lie in the slice.
+    let (upper, lower) = unsafe {
+        if SRGB {
+            let [c, d] = [pairs(words, &spot.words[0]), pairs(words, &spot.words[1])];
+            (
+                mix(Values { rb: c[0], ga: c[1] }, Values { rb: c[2], ga: c[3] }, x_weight),
+                mix(Values { rb: d[0], ga: d[1] }, Values { rb: d[2], ga: d[3] }, x_weight),
+            )
+        } else {
+            let c = corners(words, &spot.words[0]);
+            (mix(spread(c[0]), spread(c[2]), x_weight), mix(spread(c[1]), spread(c[3]), x_weight))
+        }
     };
     mix(upper, lower, y_weight)
 }
@@ -282,27 +326,30 @@ fn mix_half(a: __m256i, b: __m256i, weight: __m256i) -> __m256i {
     _mm256_add_epi16(a, _mm256_mulhrs_epi16(_mm256_sub_epi16(b, a), weight))
 }
 
-/// The places of lanes if `count` words from each of them on lie in the slice, as those of a level do.
+/// Words that a filter in columns reads at a place, and words of two texels side by side.
+const COLUMNS: i32 = 8;
+const PAIR: i32 = 4;
+
+/// Whether `count` words from the place of each lane on lie in the slice, as those of a level do.
 #[target_feature(enable = "avx2")]
 #[inline]
-fn inside(words: &[u32], places: __m256i, count: i32) -> Option<[u32; 8]> {
+fn inside(words: &[u32], places: __m256i, count: i32) -> bool {
     // One comparison for all lanes: a check of each took a third of the filter's instructions. Places are compared as signed
     // numbers, so that one beyond 2^31 is outside as well.
     let end = i32::try_from(words.len()).unwrap_or(i32::MAX).saturating_sub(count - 1);
     let inside =
         _mm256_and_si256(_mm256_cmpgt_epi32(_mm256_set1_epi32(end), places), _mm256_cmpgt_epi32(places, _mm256_set1_epi32(-1)));
-    (_mm256_movemask_epi8(inside) == -1).then(|| bytemuck::cast(places))
+    _mm256_movemask_epi8(inside) == -1
 }
 
-/// The four texels of a filter in columns, of all lanes: the upper left, lower left, upper right, lower right. Zeros where a place is outside.
+/// The four texels of a filter in columns, of all lanes: the upper left, lower left, upper right, lower right.
+///
+/// # Safety
+/// [`COLUMNS`] words from every place on lie in the slice.
 #[target_feature(enable = "avx2")]
 #[inline]
-fn corners(words: &[u32], places: __m256i) -> [__m256i; 4] {
-    let Some(places) = inside(words, places, 8) else { return [_mm256_setzero_si256(); 4] };
-    // By way of memory: what takes lanes out of a register is what transposes words, of which there is one a cycle.
-    let places = std::hint::black_box(places);
-    // SAFETY: every place is at least 0 and at most `words.len() - 8`: so `inside` says. Eight words from there on lie in the slice. The load
-    // needs no alignment.
+unsafe fn corners(words: &[u32], places: &[u32; 8]) -> [__m256i; 4] {
+    // SAFETY: the caller says that the words lie in the slice. The load needs no alignment.
     let lane = |lane: usize| unsafe { _mm256_loadu_si256(words.as_ptr().add(places[lane] as usize).cast()) };
     // A column in each half, of which the first two words are wanted.
     let two = |i: usize| _mm256_unpacklo_epi32(lane(i), lane(i + 1));
@@ -317,13 +364,14 @@ fn corners(words: &[u32], places: __m256i) -> [__m256i; 4] {
     ]
 }
 
-/// Four words at each lane's place, transposed: the first word of all lanes, the second, and so on. Zeros where a place is outside.
+/// Four words at each lane's place, transposed: the first word of all lanes, the second, and so on.
+///
+/// # Safety
+/// [`PAIR`] words from every place on lie in the slice.
 #[target_feature(enable = "avx2")]
 #[inline]
-fn pairs(words: &[u32], places: __m256i) -> [__m256i; 4] {
-    let Some(places) = inside(words, places, 4) else { return [_mm256_setzero_si256(); 4] };
-    // SAFETY: every place is at least 0 and at most `words.len() - 4`: so `inside` says. Four words from there on lie in the slice. The load
-    // needs no alignment.
+unsafe fn pairs(words: &[u32], places: &[u32; 8]) -> [__m256i; 4] {
+    // SAFETY: as in `corners`.
     let lane = |lane: usize| unsafe { _mm_loadu_si128(words.as_ptr().add(places[lane] as usize).cast()) };
     let row = |i: usize| _mm256_set_m128i(lane(i + 4), lane(i));
     let (r0, r1, r2, r3) = (row(0), row(1), row(2), row(3));
