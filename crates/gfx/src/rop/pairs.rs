@@ -14,22 +14,26 @@ use num::{Lanes, QUADS};
 /// A register for the first and third channel, and one for the second and alpha.
 type Pair = [__m256i; 2];
 
-/// What a factor may name: the source, its alpha, what is stored, its alpha, the constant, its alpha.
-type Rows = [Pair; 6];
-const SOURCE: u8 = 0;
-const STORED: u8 = 2;
-const CONSTANT: u8 = 4;
-
 /// Two codes of 1 in a word.
 const ONES: u32 = 0x00ff_00ff;
 /// The upper of them.
 const UPPER: u32 = 0xffff_0000;
 
-/// A factor: the numbers of a row for the colour and of one for alpha, as far as they are kept, or what they lack to 1.
+/// What a factor names.
+#[derive(Clone, Copy, Debug, PartialEq)]
+enum Of {
+    Source,
+    Stored,
+    Constant,
+}
+
+/// A factor: the numbers of an operand for the colour and of one for alpha, as far as they are kept, or what they lack to 1.
 #[derive(Clone, Copy, Debug, PartialEq)]
 struct Factor {
-    color: u8,
-    alpha: u8,
+    color: Of,
+    alpha: Of,
+    /// Whether the colour's is the operand's alpha.
+    by_alpha: bool,
     keep: [u32; 2],
     flip: [u32; 2],
 }
@@ -37,21 +41,21 @@ struct Factor {
 impl Factor {
     /// None where a factor is the lesser of two numbers, or names the second source.
     fn of([color, alpha]: [BlendFactor; 2]) -> Option<Factor> {
-        // A row, whether it is kept, whether what it lacks is meant.
+        // An operand, whether its alpha, whether it is kept, whether what it lacks is meant.
         let one = |factor: BlendFactor, is_alpha: bool| {
             Some(match Weight::new(factor, is_alpha) {
                 // Times 255 is exact: the nearest integer to `255 x / 255`.
-                Weight::Zero => (SOURCE, false, false),
-                Weight::One => (SOURCE, false, true),
+                Weight::Zero => (Of::Source, false, false, false),
+                Weight::One => (Of::Source, false, false, true),
                 Weight::Saturated => return None,
                 Weight::Of { operand, alpha, rest } => {
-                    let first = match operand {
-                        Operand::Source => SOURCE,
-                        Operand::Stored => STORED,
-                        Operand::Constant => CONSTANT,
+                    let of = match operand {
+                        Operand::Source => Of::Source,
+                        Operand::Stored => Of::Stored,
+                        Operand::Constant => Of::Constant,
                         Operand::Second => return None,
                     };
-                    (first + u8::from(alpha), true, rest)
+                    (of, alpha, true, rest)
                 }
             })
         };
@@ -60,13 +64,23 @@ impl Factor {
             let of = |which: bool| if which { ONES } else { 0 };
             [of(color), of(color) & !UPPER | of(alpha) & UPPER]
         };
-        let (keep, flip) = (words(color.1, alpha.1), words(color.2, alpha.2));
-        Some(Factor { color: color.0, alpha: alpha.0, keep, flip })
+        let (keep, flip) = (words(color.2, alpha.2), words(color.3, alpha.3));
+        Some(Factor { color: color.0, alpha: alpha.0, by_alpha: color.1, keep, flip })
     }
 
     /// Whether it is 0 for all channels.
     fn is_zero(&self) -> bool {
         [self.keep, self.flip] == [[0; 2]; 2]
+    }
+
+    /// Whether it depends on nothing but the source's alpha.
+    fn is_by_source_alpha(&self) -> bool {
+        self.alpha == Of::Source && (self.color == Of::Source && self.by_alpha || self.keep[0] == 0)
+    }
+
+    /// Whether it is 1 for all channels.
+    fn is_one(&self) -> bool {
+        [self.keep, self.flip] == [[0; 2], [ONES; 2]]
     }
 }
 
@@ -79,6 +93,8 @@ enum Way {
     /// What is stored times a factor.
     Stored(Factor),
     Add([Factor; 2]),
+    /// The source times a factor, added to what is stored.
+    AddTo(Factor),
     Subtract([Factor; 2]),
     ReverseSubtract([Factor; 2]),
 }
@@ -107,6 +123,7 @@ impl Pairs {
             _ if color.op != alpha.op => return None,
             BlendOp::Add if factors[1].is_zero() => Way::Source(factors[0]),
             BlendOp::Add if factors[0].is_zero() => Way::Stored(factors[1]),
+            BlendOp::Add if factors[1].is_one() => Way::AddTo(factors[0]),
             BlendOp::Add => Way::Add(factors),
             BlendOp::Subtract => Way::Subtract(factors),
             BlendOp::ReverseSubtract => Way::ReverseSubtract(factors),
@@ -141,57 +158,54 @@ impl Pairs {
     fn blend_all<const S: usize, const P: usize>(&self, batch: &Batch<'_, P>, tile: &mut [u32]) {
         let tile = tile.as_chunks_mut().0;
         match &self.way {
-            Way::Replace => self.run::<S, _>(batch, tile, |source, _, _| join(source)),
-            Way::Source(factor) => self.run::<S, _>(batch, tile, |source, stored, rows| {
-                fill(source, stored, rows);
-                times(source, factor, rows)
-            }),
-            Way::Stored(factor) => self.run::<S, _>(batch, tile, |source, stored, rows| {
-                fill(source, stored, rows);
-                times(stored, factor, rows)
-            }),
-            Way::Add(factors) => {
-                self.run::<S, _>(batch, tile, |source, stored, rows| {
-                    let [a, b] = weigh(factors, source, stored, rows);
-                    _mm256_adds_epu8(a, b)
+            Way::Replace => self.run::<S, _>(batch, tile, |[source, ..]| join(source)),
+            Way::Source(factor) => self.run::<S, _>(batch, tile, |of| times(of[0], factor, of)),
+            Way::Stored(factor) => self.run::<S, _>(batch, tile, |of| times(of[1], factor, of)),
+            Way::AddTo(factor) if factor.is_one() => {
+                self.run::<S, _>(batch, tile, |[source, stored, _]| _mm256_adds_epu8(join(source), join(stored)));
+            }
+            Way::AddTo(factor) => {
+                self.run::<S, _>(batch, tile, |of| _mm256_adds_epu8(times(of[0], factor, of), join(of[1])));
+            }
+            // The most frequent of all.
+            Way::Add([a, b]) if a.is_by_source_alpha() && b.is_by_source_alpha() => {
+                self.run::<S, _>(batch, tile, |[source, stored, _]| {
+                    let alpha = [alphas(source); 2];
+                    _mm256_adds_epu8(weigh(source, a, alpha), weigh(stored, b, alpha))
                 });
             }
-            Way::Subtract(factors) => {
-                self.run::<S, _>(batch, tile, |source, stored, rows| {
-                    let [a, b] = weigh(factors, source, stored, rows);
-                    _mm256_subs_epu8(a, b)
-                });
+            Way::Add([a, b]) => {
+                self.run::<S, _>(batch, tile, |of| _mm256_adds_epu8(times(of[0], a, of), times(of[1], b, of)));
             }
-            Way::ReverseSubtract(factors) => {
-                self.run::<S, _>(batch, tile, |source, stored, rows| {
-                    let [a, b] = weigh(factors, source, stored, rows);
-                    _mm256_subs_epu8(b, a)
-                });
+            Way::Subtract([a, b]) => {
+                self.run::<S, _>(batch, tile, |of| _mm256_subs_epu8(times(of[0], a, of), times(of[1], b, of)));
+            }
+            Way::ReverseSubtract([a, b]) => {
+                self.run::<S, _>(batch, tile, |of| _mm256_subs_epu8(times(of[1], b, of), times(of[0], a, of)));
             }
         }
     }
 
+    /// `new` makes pixels of the source, of what is stored and of the constant.
     #[target_feature(enable = "avx2")]
     #[inline]
     fn run<const S: usize, const P: usize>(
         &self,
         batch: &Batch<'_, P>,
         tile: &mut [[u32; 4]],
-        new: impl Fn(Pair, Pair, &mut Rows) -> __m256i,
+        new: impl Fn([Pair; 3]) -> __m256i,
     ) {
         let (first, third) = if self.bgra { (2, 0) } else { (0, 2) };
         let [a, b, c, d] = [first, third, 1, 3].map(|c| batch.src[c]);
         let low = _mm256_set1_epi32(ONES as i32);
         let bits = _mm256_set1_epi32(self.bits as i32);
         let constant = |c: usize| u32::from(self.constant[c]);
-        let constants = [constant(first) | constant(third) << 16, constant(1) | constant(3) << 16, constant(3) * 0x0001_0001];
-        let [c0, c1, c2] = constants.map(|word| _mm256_set1_epi32(word as i32));
-        let zero = _mm256_setzero_si256();
-        let mut rows: Rows = [[zero; 2], [zero; 2], [zero; 2], [zero; 2], [c0, c1], [c2, c2]];
-        let mut blend = |source: Pair, old: [[u32; 4]; 2], masks: [u16; 2]| -> [[u32; 4]; 2] {
+        let constants = [constant(first) | constant(third) << 16, constant(1) | constant(3) << 16];
+        let constants = constants.map(|word| _mm256_set1_epi32(word as i32));
+        let blend = |source: Pair, old: [[u32; 4]; 2], masks: [u16; 2]| -> [[u32; 4]; 2] {
             let old: __m256i = bytemuck::cast(old);
             let stored = [_mm256_and_si256(old, low), _mm256_and_si256(_mm256_srli_epi16::<8>(old), low)];
-            let new = new(source, stored, &mut rows);
+            let new = new([source, stored, constants]);
             let write = _mm256_and_si256(bytemuck::cast(masks.map(|mask| select_mask(mask as u8))), bits);
             bytemuck::cast(_mm256_blendv_epi8(old, new, write))
         };
@@ -248,40 +262,38 @@ fn join([lower, upper]: Pair) -> __m256i {
     _mm256_or_si256(lower, _mm256_slli_epi16::<8>(upper))
 }
 
-/// The source and what is stored times their factors, as words of pixels.
-#[target_feature(enable = "avx2")]
-#[inline]
-fn weigh(factors: &[Factor; 2], source: Pair, stored: Pair, rows: &mut Rows) -> [__m256i; 2] {
-    fill(source, stored, rows);
-    [times(source, &factors[0], rows), times(stored, &factors[1], rows)]
-}
-
-/// Puts what belongs to pixels into the rows.
-#[target_feature(enable = "avx2")]
-#[inline]
-fn fill(source: Pair, stored: Pair, rows: &mut Rows) {
-    // Alpha in both halves of a word.
-    let alpha = |pair: Pair| {
-        let twice = _mm256_setr_epi8(
-            2, 3, 2, 3, 6, 7, 6, 7, 10, 11, 10, 11, 14, 15, 14, 15, 2, 3, 2, 3, 6, 7, 6, 7, 10, 11, 10, 11, 14, 15, 14, 15,
-        );
-        [_mm256_shuffle_epi8(pair[1], twice); 2]
-    };
-    rows[usize::from(SOURCE)] = source;
-    rows[usize::from(SOURCE) + 1] = alpha(source);
-    rows[usize::from(STORED)] = stored;
-    rows[usize::from(STORED) + 1] = alpha(stored);
-}
-
 /// Numbers times a factor, as words of pixels.
 #[target_feature(enable = "avx2")]
 #[inline]
-fn times(numbers: Pair, of: &Factor, rows: &Rows) -> __m256i {
-    let [color, alpha] = [of.color, of.alpha].map(|row| rows[usize::from(row).min(5)]);
-    let mixed = [color[0], _mm256_blend_epi16::<0b1010_1010>(color[1], alpha[1])];
+fn times(numbers: Pair, factor: &Factor, [source, stored, constant]: [Pair; 3]) -> __m256i {
+    // The same choices in every turn of the loop: branches, since to store all that may be chosen and to load one of them takes longer.
+    let operand = |of: Of| match of {
+        Of::Source => source,
+        Of::Stored => stored,
+        Of::Constant => constant,
+    };
+    let color = operand(factor.color);
+    let color = if factor.by_alpha { [alphas(color); 2] } else { color };
+    weigh(numbers, factor, [color[0], _mm256_blend_epi16::<0b1010_1010>(color[1], operand(factor.alpha)[1])])
+}
+
+/// Alpha in both halves of a word.
+#[target_feature(enable = "avx2")]
+#[inline]
+fn alphas(of: Pair) -> __m256i {
+    let twice = _mm256_setr_epi8(
+        2, 3, 2, 3, 6, 7, 6, 7, 10, 11, 10, 11, 14, 15, 14, 15, 2, 3, 2, 3, 6, 7, 6, 7, 10, 11, 10, 11, 14, 15, 14, 15,
+    );
+    _mm256_shuffle_epi8(of[1], twice)
+}
+
+/// Numbers times what a factor makes of others, as words of pixels.
+#[target_feature(enable = "avx2")]
+#[inline]
+fn weigh(numbers: Pair, factor: &Factor, others: Pair) -> __m256i {
     let one = |i: usize| {
-        let factor = _mm256_and_si256(mixed[i], _mm256_set1_epi32(of.keep[i] as i32));
-        product(numbers[i], _mm256_xor_si256(factor, _mm256_set1_epi32(of.flip[i] as i32)))
+        let kept = _mm256_and_si256(others[i], _mm256_set1_epi32(factor.keep[i] as i32));
+        product(numbers[i], _mm256_xor_si256(kept, _mm256_set1_epi32(factor.flip[i] as i32)))
     };
     join([one(0), one(1)])
 }
