@@ -2,7 +2,7 @@
 
 use std::arch::x86_64::*;
 
-use super::{FIXED_ONE, Geometry, Places, Plan, QuadLevels, following, needs_rho, plan};
+use super::{FIXED_ONE, Geometry, Places, Plan, QuadLevels, following, needs_rho, plan, sole_level};
 use crate::state::AddressMode;
 use crate::texture::view::{Level, Texels};
 use crate::texture::{Sample, Sampler, View};
@@ -30,12 +30,16 @@ struct Flat {
 /// [`super::sample`].
 #[target_feature(enable = "avx2")]
 pub(super) fn sample(view: &View, sampler: &Sampler, args: &Sample<'_>, found: &mut Option<QuadLevels>, out: &mut [Lanes; 4]) {
-    let mut rho = [0.0; QUADS];
-    if needs_rho(view, args) {
-        quad_rho(view, args, &mut rho);
-    }
-    let (mut each, mut weight) = (None, [0.0; LANES]);
-    let plan = plan(view, sampler, args, &rho, found, &mut each, &mut weight);
+    let (mut rho, mut each, mut weight);
+    let plan = if let Some(plan) = sole_level(view, args) {
+        plan
+    } else {
+        (rho, each, weight) = ([0.0; QUADS], None, [0.0; LANES]);
+        if needs_rho(view, args) {
+            quad_rho(view, args, &mut rho);
+        }
+        plan(view, sampler, args, &rho, found, &mut each, &mut weight)
+    };
     let address = [sampler.address[0], sampler.address[1]];
     let coords = [args.coords[0].f32(), args.coords[1].f32()];
     match (&view.texels, &plan.places) {
@@ -43,6 +47,9 @@ pub(super) fn sample(view: &View, sampler: &Sampler, args: &Sample<'_>, found: &
             let words = columns.as_flattened();
             match (places, address) {
                 // Most textures repeat: no choice is left in the loop.
+                (Places::Same(levels), [AddressMode::Repeat, _]) if levels.iter().all(|level| level.size[1] == 1) => {
+                    filter::<false, ROW>(view, words, REPEATS, coords, &plan, out);
+                }
                 (Places::Same(_), REPEATS) => filter::<false, SAME>(view, words, REPEATS, coords, &plan, out),
                 (Places::Quads(_), REPEATS) => filter::<false, QUAD>(view, words, REPEATS, coords, &plan, out),
                 (Places::Same(_), _) => filter::<false, SAME>(view, words, address, coords, &plan, out),
@@ -69,6 +76,8 @@ const REPEATS: [AddressMode; 2] = [AddressMode::Repeat; 2];
 const SAME: u8 = 0;
 const QUAD: u8 = 1;
 const LANE: u8 = 2;
+/// As [`SAME`], and those levels are a row of texels, as one-dimensional textures are: what a filter finds below is the row again.
+const ROW: u8 = 3;
 
 /// [`crate::texture::lod::quad_rho`].
 #[target_feature(enable = "avx2")]
@@ -113,7 +122,7 @@ fn filter<const SRGB: bool, const OF: u8>(
     let scale = _mm256_set1_ps(1.0 / FIXED_ONE);
     let low = _mm256_set1_epi32(0xffff);
     let same = match &plan.places {
-        Places::Same([first, second]) if OF == SAME => [two(first, first), two(second, second)],
+        Places::Same([first, second]) if OF == SAME || OF == ROW => [two(first, first), two(second, second)],
         _ => [two(&view.levels[0], &view.levels[0]); 2],
     };
     let flat = |level: usize, chunk: usize| match &plan.places {
@@ -125,19 +134,23 @@ fn filter<const SRGB: bool, const OF: u8>(
         _ => same[level],
     };
     let spot = |level: usize, chunk: usize| {
-        let at = [fold(address[0], floats(coords[0], chunk)), fold(address[1], floats(coords[1], chunk))];
-        locate::<SRGB>(words, address, at, &flat(level, chunk))
+        let at = |axis: usize| fold(address[axis], floats(coords[axis], chunk));
+        if OF == ROW {
+            return locate_in_row(words, address[0], at(0), &flat(level, chunk));
+        }
+        locate::<SRGB>(words, address, [at(0), at(1)], &flat(level, chunk))
     };
     // The places of the next register are found before what is at those of this one is read: each is a long chain of operations.
     let mut next = spot(0, 0);
     for chunk in 0..CHUNKS {
         let here = next;
         next = spot(0, (chunk + 1).min(CHUNKS - 1));
-        let mut value = bilinear::<SRGB>(words, &here);
+        let value_at = |spot: &Spot| if OF == ROW { linear(words, spot) } else { bilinear::<SRGB>(words, spot) };
+        let mut value = value_at(&here);
         // Two quads that are enlarged, or in the last level, read no second one.
         let weights = [plan.weight[2 * chunk], plan.weight[2 * chunk + 1]];
         if plan.blend && (!plan.by_quad || weights != [0.0; 2]) {
-            let second = bilinear::<SRGB>(words, &spot(1, chunk));
+            let second = value_at(&spot(1, chunk));
             let weight = if plan.by_quad {
                 _mm256_set_m128(_mm_set1_ps(weights[1]), _mm_set1_ps(weights[0]))
             } else {
@@ -249,6 +262,16 @@ struct Spot {
     weights: [__m256i; 2],
 }
 
+/// [`locate`] in columns of a level that is a row of texels.
+#[target_feature(enable = "avx2")]
+#[inline]
+fn locate_in_row(words: &[u32], address: AddressMode, at: __m256, level: &Flat) -> Spot {
+    let (x, x_weight) = place(address, at, level.width);
+    let places = _mm256_slli_epi32::<2>(_mm256_add_epi32(level.base, x));
+    let weights = [x_weight, _mm256_setzero_si256()];
+    Spot { words: [bytemuck::cast(places), [0; 8]], inside: inside(words, places, COLUMNS), weights }
+}
+
 /// Finds where lanes read.
 #[target_feature(enable = "avx2")]
 #[inline]
@@ -256,8 +279,6 @@ fn locate<const SRGB: bool>(words: &[u32], address: [AddressMode; 2], at: [__m25
     let (x, x_weight) = place(address[0], at[0], level.width);
     let (y, y_weight) = place(address[1], at[1], level.height);
     let left = _mm256_add_epi32(level.base, x);
-    // By way of memory: what takes lanes out of a register is what transposes words, of which there is one a cycle.
-    let lanes = |places: __m256i| -> [u32; 8] { std::hint::black_box(bytemuck::cast(places)) };
     let weights = [x_weight, y_weight];
     if SRGB {
         let next = _mm256_add_epi32(y, _mm256_set1_epi32(1));
@@ -268,14 +289,14 @@ fn locate<const SRGB: bool>(words: &[u32], address: [AddressMode; 2], at: [__m25
         let word = |row: __m256i| _mm256_slli_epi32::<1>(_mm256_add_epi32(left, _mm256_mullo_epi32(row, level.stride)));
         let (upper, lower) = (word(y), word(below));
         let inside = inside(words, upper, PAIR) && inside(words, lower, PAIR);
-        return Spot { words: [lanes(upper), lanes(lower)], inside, weights };
+        return Spot { words: [bytemuck::cast(upper), bytemuck::cast(lower)], inside, weights };
     }
     // y / 3: the product of a number of 16 bits with 43691, shifted by 17, is exact. Columns of four words.
     let group = _mm256_srli_epi32::<1>(_mm256_mulhi_epu16(y, _mm256_set1_epi32(43_691)));
     let row = _mm256_sub_epi32(y, _mm256_add_epi32(group, _mm256_add_epi32(group, group)));
     let column = _mm256_add_epi32(left, _mm256_mullo_epi32(group, level.stride));
     let places = _mm256_add_epi32(_mm256_slli_epi32::<2>(column), row);
-    Spot { words: [lanes(places), [0; 8]], inside: inside(words, places, COLUMNS), weights }
+    Spot { words: [bytemuck::cast(places), [0; 8]], inside: inside(words, places, COLUMNS), weights }
 }
 
 /// [`super::bilinear`]. Zeros where a place is outside.
@@ -300,6 +321,18 @@ fn bilinear<const SRGB: bool>(words: &[u32], spot: &Spot) -> Values {
         }
     };
     mix(upper, lower, y_weight)
+}
+
+/// [`bilinear`] in a row of texels, with the same bits: there both rows are this one.
+#[target_feature(enable = "avx2")]
+#[inline]
+fn linear(words: &[u32], spot: &Spot) -> Values {
+    if !spot.inside {
+        return Values { rb: _mm256_setzero_si256(), ga: _mm256_setzero_si256() };
+    }
+    // SAFETY: every lane's words lie in the slice.
+    let [left, _, right, _] = unsafe { corners(words, &spot.words[0]) };
+    mix(spread(left), spread(right), spot.weights[0])
 }
 
 /// Four 8-bit channels as 16-bit values.
@@ -339,7 +372,14 @@ fn inside(words: &[u32], places: __m256i, count: i32) -> bool {
     let end = i32::try_from(words.len()).unwrap_or(i32::MAX).saturating_sub(count - 1);
     let inside =
         _mm256_and_si256(_mm256_cmpgt_epi32(_mm256_set1_epi32(end), places), _mm256_cmpgt_epi32(places, _mm256_set1_epi32(-1)));
-    _mm256_movemask_epi8(inside) == -1
+    // The compiler would keep the comparison's eight lanes until the answer is needed, which takes more instructions.
+    std::hint::black_box(_mm256_movemask_epi8(inside)) == -1
+}
+
+/// Places to be loaded one by one. What takes lanes out of a vector is what transposes words, of which a core does one or two a cycle.
+#[inline(always)]
+fn in_memory(places: &[u32; 8]) -> &[u32; 8] {
+    std::hint::black_box(places)
 }
 
 /// The four texels of a filter in columns, of all lanes: the upper left, lower left, upper right, lower right.
@@ -349,6 +389,7 @@ fn inside(words: &[u32], places: __m256i, count: i32) -> bool {
 #[target_feature(enable = "avx2")]
 #[inline]
 unsafe fn corners(words: &[u32], places: &[u32; 8]) -> [__m256i; 4] {
+    let places = in_memory(places);
     // SAFETY: the caller says that the words lie in the slice. The load needs no alignment.
     let lane = |lane: usize| unsafe { _mm256_loadu_si256(words.as_ptr().add(places[lane] as usize).cast()) };
     // A column in each half, of which the first two words are wanted.
@@ -371,6 +412,7 @@ unsafe fn corners(words: &[u32], places: &[u32; 8]) -> [__m256i; 4] {
 #[target_feature(enable = "avx2")]
 #[inline]
 unsafe fn pairs(words: &[u32], places: &[u32; 8]) -> [__m256i; 4] {
+    let places = in_memory(places);
     // SAFETY: as in `corners`.
     let lane = |lane: usize| unsafe { _mm_loadu_si128(words.as_ptr().add(places[lane] as usize).cast()) };
     let row = |i: usize| _mm256_set_m128i(lane(i + 4), lane(i));

@@ -55,7 +55,15 @@ fn needs_rho(view: &View, args: &Sample<'_>) -> bool {
     view.levels.len() > 1 && matches!(args.lod, Lod::Auto)
 }
 
-/// Finds levels and weights; `rho` is [`quad_rho`] where [`needs_rho`] says so. `found` receives those of quads, `each` the geometry of lanes,
+/// The plan where there is one level and one layer: nothing is looked for.
+#[inline(always)]
+fn sole_level<'a>(view: &'a View, args: &Sample<'_>) -> Option<Plan<'a>> {
+    const ZEROS: &[f32; LANES] = &[0.0; LANES];
+    let [level] = &view.levels[..] else { return None };
+    args.layer.is_none().then_some(Plan { places: Places::Same([level; 2]), weight: ZEROS, by_quad: true, blend: false })
+}
+
+/// Finds levels and weights where there are several levels or layers; `rho` is [`quad_rho`] where [`needs_rho`] says so. `found` receives those of quads, `each` the geometry of lanes,
 /// `weight`, which is zeros, weights: they would be copied in what is returned.
 #[inline(always)]
 fn plan<'a>(
@@ -98,8 +106,6 @@ fn plan<'a>(
     } else if view.levels.len() > 1 {
         by_quad = false;
         blend = choose(view, sampler, args, &mut first, weight);
-    } else if args.layer.is_none() {
-        return Plan { places, weight, by_quad, blend };
     }
     let mut second = first;
     for level in &mut second {
@@ -136,7 +142,7 @@ pub(super) fn sample_lanes(
         quad_rho(view, args, &mut rho);
     }
     let (mut each, mut weight) = (None, [0.0; LANES]);
-    let plan = plan(view, sampler, args, &rho, found, &mut each, &mut weight);
+    let plan = sole_level(view, args).unwrap_or_else(|| plan(view, sampler, args, &rho, found, &mut each, &mut weight));
     let address = [sampler.address[0], sampler.address[1]];
     for i in 0..LANES {
         let at = [fold(address[0], args.coords[0].f32()[i]), fold(address[1], args.coords[1].f32()[i])];
