@@ -6,7 +6,7 @@ use super::taps::{Place, Taps, gather_taps, taps};
 use super::view::{Level, ROWS, Texels};
 use super::{Sample, Sampler, View, ellipse};
 use crate::texel::srgb_table;
-use num::{Lanes, Mask};
+use num::{LANES, Lanes, Mask};
 
 /// Texels that filter as four numbers.
 pub(super) trait Source: Copy {
@@ -236,6 +236,12 @@ pub(super) fn gather(view: &View, sampler: &Sampler, args: &Sample<'_>, componen
 
 /// Loads texels by integer coordinates; zeros where there is none.
 pub(super) fn load(view: &View, coords: [&Lanes; 3], layer: Option<&Lanes>, level: &Lanes, mask: Mask, out: &mut [Lanes; 4]) {
+    if let Texels::Unorm8(columns) = &view.texels
+        && layer.is_none()
+        && load_flat(view, columns.as_flattened(), coords, level, mask, out)
+    {
+        return;
+    }
     for lane in lanes_of(mask) {
         let value = match locate(view, coords, layer, level, lane) {
             Some((level, texel, sample)) => {
@@ -248,6 +254,43 @@ pub(super) fn load(view: &View, coords: [&Lanes; 3], layer: Option<&Lanes>, leve
             out[c].0[lane] = value[c];
         }
     }
+}
+
+/// [`load`] of four 8-bit channels from one level of a flat view, as programs that read the frame buffer do. False, and nothing is loaded, where
+/// that is not what is asked for or a texel does not exist.
+fn load_flat(view: &View, words: &[u32], [x, y, _]: [&Lanes; 3], level: &Lanes, mask: Mask, out: &mut [Lanes; 4]) -> bool {
+    let first = level.0[mask.trailing_zeros() as usize % LANES];
+    let Some(geometry) = view.levels.get(first as usize) else { return false };
+    if view.samples != 1 || view.dimension != crate::state::ViewDimension::D2 {
+        return false;
+    }
+    let [width, height, _] = geometry.size;
+    let present: [u32; LANES] = std::array::from_fn(|i| ((mask >> i) as u32 & 1).wrapping_neg());
+    let mut missing = 0;
+    for i in 0..LANES {
+        let exists = (x.0[i] < width) & (y.0[i] < height) & (level.0[i] == first);
+        missing |= u32::from(!exists).wrapping_neg() & present[i];
+    }
+    if missing != 0 {
+        return false;
+    }
+    let mut place = [0; LANES];
+    for i in 0..LANES {
+        let y = y.0[i] & present[i];
+        let (group, row) = (y / ROWS, y % ROWS);
+        let column = geometry.columns[0].wrapping_add(group.wrapping_mul(geometry.stride)).wrapping_add(x.0[i] & present[i]);
+        place[i] = column.wrapping_mul(4) + row;
+    }
+    let mut codes = [0; LANES];
+    for i in 0..LANES {
+        codes[i] = words[place[i] as usize];
+    }
+    for (c, out) in out.iter_mut().enumerate() {
+        for i in 0..LANES {
+            out.0[i] = (((codes[i] >> (8 * c) & 255) as f32) / 255.0).to_bits() & present[i];
+        }
+    }
+    true
 }
 
 /// The level, texel and sample that a load names, if they exist.

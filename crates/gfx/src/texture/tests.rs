@@ -3,13 +3,13 @@ use crate::format::{Format, TexelKind};
 use crate::image::ImageDesc;
 use crate::state::*;
 use crate::texel::decode;
-use num::{LANES, Words};
+use num::{LANES, Random, Words};
 use proptest::prelude::*;
 
 /// A texture of pseudo-random bytes.
 fn noise(image: &ImageDesc, seed: u32) -> Words {
     let words = Words::new(image.bytes());
-    let mut random = num::Random::new(seed.into());
+    let mut random = Random::new(seed.into());
     for i in 0..words.words().len() {
         let bits = random.bits();
         // Floating-point texels stay in [0.5, 1).
@@ -86,6 +86,41 @@ fn every_format_loads_what_its_codec_decodes() {
             }
         }
     }
+}
+
+#[test]
+fn lanes_load_alike_together_and_apart() {
+    let desc = image([7, 5, 1], 2, Format::Bgra8Unorm);
+    let words = noise(&desc, 5);
+    let view = View::new(&words, &desc, &whole(&desc, ViewDimension::D2), 0).expect("a valid view");
+    let mut random = Random::new(11);
+    let mut present = 0;
+    for round in 0..400 {
+        // All texels exist, or some do not; levels are one or several; lanes are all there, or some are.
+        let (beyond, levels) = (round % 3, if round % 5 == 0 { 3 } else { 1 });
+        let first = random.between(0, 2) as u32;
+        let any = random.between(0, 2) == 0;
+        let mask = if round % 2 == 0 { !0 } else { u64::from(random.bits()) << 32 | u64::from(random.bits()) };
+        let mut lanes = |end: u32| Lanes(std::array::from_fn(|_| random.between(0, end as i32) as u32));
+        let [mut x, y, mut level] = [lanes(3 + beyond), lanes(2 + beyond), lanes(levels)];
+        if levels == 1 {
+            level = Lanes::splat(first);
+        }
+        if any {
+            // What does not take part names nothing.
+            (0..LANES).filter(|lane| mask >> lane & 1 == 0).for_each(|lane| x.0[lane] = !0);
+        }
+        let mut out = [Lanes::ZERO; 4];
+        view.load([&x, &y, &Lanes::ZERO], None, &level, mask, &mut out);
+        for i in 0..LANES {
+            let [w, h, _] = if level.0[i] < 2 { desc.level_size(level.0[i]) } else { [0; 3] };
+            let exists = mask >> i & 1 == 1 && x.0[i] < w && y.0[i] < h;
+            present += u32::from(exists);
+            let want = if exists { texel(&words, &desc, level.0[i], 0, x.0[i], y.0[i]) } else { [0; 4] };
+            assert_eq!(out.map(|channel| channel.0[i]), want, "round {round}, lane {i}");
+        }
+    }
+    assert!((5_000..20_000).contains(&present), "{present}");
 }
 
 #[test]
@@ -263,7 +298,7 @@ fn cubes_are_seamless() {
         }
     }
     let view = View::new(&words, &desc, &whole(&desc, ViewDimension::Cube), 0).expect("a valid view");
-    let mut random = num::Random::new(5);
+    let mut random = Random::new(5);
     for _ in 0..20_000 {
         let mut next = || random.range(-1.0, 1.0);
         let d = [next(), next(), next()];
@@ -341,15 +376,18 @@ proptest! {
     #[test]
     fn the_fast_path_agrees_with_the_general_one(
         address in [addresses(), addresses()],
-        size in [1_u32..40, 1_u32..40],
+        // Rows, as one-dimensional textures are, have a filter of their own.
+        size in (1_u32..40, prop_oneof![Just(1), 1_u32..40]),
         srgb in any::<bool>(),
         mip in any::<bool>(),
+        alone in any::<bool>(),
         lod in 0_u32..3,
         coords in proptest::collection::vec(-3.0_f32..3.0, 2 * LANES),
         near in any::<bool>(),
         layer in 0_u32..4,
     ) {
-        let levels = 32 - size[0].max(size[1]).leading_zeros();
+        let size = [size.0, size.1];
+        let levels = if alone { 1 } else { 32 - size[0].max(size[1]).leading_zeros() };
         let format = if srgb { Format::Bgra8UnormSrgb } else { Format::Rgba8Unorm };
         let dimension = if layer == 0 { ViewDimension::D2 } else { ViewDimension::D2Array };
         let view = view_of(&image([size[0], size[1], layer.max(1)], levels, format), dimension);
