@@ -36,6 +36,18 @@ pub enum Place<'a> {
     PerLane(&'a [u8; LANES]),
 }
 
+impl Place<'_> {
+    /// The offset from the centre where it is the same in all pixels.
+    #[inline(always)]
+    fn same(&self) -> Option<Same> {
+        match self {
+            Place::Center => Some(Same([0, 0])),
+            Place::Sample(s) => Some(Same(OFFSETS[(s + 1) & 7])),
+            Place::PerLane(_) => None,
+        }
+    }
+}
+
 /// Weights of vertices 1 and 2 of each lane's primitive; vertex 0 has the rest to 1.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Weights {
@@ -156,10 +168,7 @@ macro_rules! for_each_quad {
     ($sites:ident, $place:ident, |$q:ident, $site:ident, $offsets:ident| $one:block) => {
         match $place {
             Place::Center | Place::Sample(_) => {
-                let $offsets = Same(match $place {
-                    Place::Sample(s) => OFFSETS[(s + 1) & 7],
-                    _ => [0, 0],
-                });
+                let $offsets = $place.same().unwrap_or(Same([0, 0]));
                 for ($q, $site) in $sites.iter().take(QUADS).enumerate() $one
             }
             Place::PerLane(codes) => {
@@ -206,6 +215,47 @@ impl Basis {
         }
     }
 
+    /// What E_1 and E_2 of quads differ by from those of the quad at the base: of all quads of a register together, which takes half of the
+    /// instructions. Sums of whole numbers are the same in any order.
+    #[inline(always)]
+    fn moved(&self, sites: &[Site; QUADS], offset: Same) -> [[f64; QUADS]; 2] {
+        let (mut x, mut y) = ([0.0; QUADS], [0.0; QUADS]);
+        for q in 0..QUADS {
+            x[q] = f64::from((i32::from(sites[q].x) - self.base[0]) * SUBPIXEL + offset.0[0]);
+            y[q] = f64::from((i32::from(sites[q].y) - self.base[1]) * SUBPIXEL + offset.0[1]);
+        }
+        let moved = |edge: &ExactEdge| {
+            let mut moved = [0.0; QUADS];
+            for q in 0..QUADS {
+                moved[q] = edge.slope[0] * x[q] + edge.slope[1] * y[q];
+            }
+            moved
+        };
+        [moved(&self.edges[0]), moved(&self.edges[1])]
+    }
+
+    /// Weights and 1/w of a quad.
+    #[inline(always)]
+    fn weigh(&self, q: usize, [e1, e2]: [Quad; 2], weights: &mut Weights, inv_w: &mut Lanes) {
+        if self.inverse > 0.0 {
+            // The same bits without a division for each lane, which takes most of the time.
+            put(&mut weights.one, q, each(|p| e1[p] * self.inverse));
+            put(&mut weights.two, q, each(|p| e2[p] * self.inverse));
+            return put(inv_w, q, [self.area * self.inv_area; 4]);
+        }
+        let (area, [k0, k1, k2]) = (self.area, self.inv_w);
+        let p1 = each(|p| e1[p] * k1);
+        let p2 = each(|p| e2[p] * k2);
+        let sum = each(|p| {
+            let sum = ((area - e1[p]) - e2[p]) * k0 + p1[p] + p2[p];
+            if sum > self.least { sum } else { self.least }
+        });
+        let inv = each(|p| 1.0 / sum[p]);
+        put(&mut weights.one, q, each(|p| p1[p] * inv[p]));
+        put(&mut weights.two, q, each(|p| p2[p] * inv[p]));
+        put(inv_w, q, each(|p| sum[p] * self.inv_area));
+    }
+
     /// E_1 and E_2 at the four pixels of a quad.
     #[inline(always)]
     fn values(&self, site: &Site, offsets: impl Offsets) -> [Quad; 2] {
@@ -234,30 +284,24 @@ widest! {
     pub fn perspective(triangles: &[Triangle], sites: &[Site], place: Place<'_>, weights: &mut Weights, inv_w: &mut Lanes) {
         let Some(first) = sites.first() else { return };
         let (mut current, mut basis) = (first.triangle, Basis::new(&triangles[first.triangle as usize]));
+        if let Some(sites) = sites.first_chunk::<QUADS>()
+            && let Some(offset) = place.same()
+            && sites.iter().fold(0, |different, site| different | site.triangle ^ current) == 0
+        {
+            let [one, two] = basis.moved(sites, offset);
+            for q in 0..QUADS {
+                let e1 = each(|p| basis.edges[0].quad[p] + one[q]);
+                let e2 = each(|p| basis.edges[1].quad[p] + two[q]);
+                basis.weigh(q, [e1, e2], weights, inv_w);
+            }
+            return;
+        }
         for_each_quad!(sites, place, |q, site, offsets| {
             // The quads of a primitive follow each other.
             if site.triangle != current {
                 (current, basis) = (site.triangle, Basis::new(&triangles[site.triangle as usize]));
             }
-            let [e1, e2] = basis.values(site, offsets);
-            let (area, [k0, k1, k2]) = (basis.area, basis.inv_w);
-            if basis.inverse > 0.0 {
-                // The same bits without a division for each lane, which takes most of the time.
-                put(&mut weights.one, q, each(|p| e1[p] * basis.inverse));
-                put(&mut weights.two, q, each(|p| e2[p] * basis.inverse));
-                put(inv_w, q, [area * basis.inv_area; 4]);
-                continue;
-            }
-            let p1 = each(|p| e1[p] * k1);
-            let p2 = each(|p| e2[p] * k2);
-            let sum = each(|p| {
-                let sum = ((area - e1[p]) - e2[p]) * k0 + p1[p] + p2[p];
-                if sum > basis.least { sum } else { basis.least }
-            });
-            let inv = each(|p| 1.0 / sum[p]);
-            put(&mut weights.one, q, each(|p| p1[p] * inv[p]));
-            put(&mut weights.two, q, each(|p| p2[p] * inv[p]));
-            put(inv_w, q, each(|p| sum[p] * basis.inv_area));
+            basis.weigh(q, basis.values(site, offsets), weights, inv_w);
         });
     }
 }

@@ -106,18 +106,49 @@ fn an_attribute_that_is_the_same_at_all_vertices_is_constant() {
     assert!(!weights.are_finite());
 }
 
+/// Where all 1/w are 1 nothing is divided: the weights are those of any other 1/w that is the same at all vertices.
+#[test]
+fn orthographic_weights_are_those_of_one_distance() {
+    let mut random = Random::new(6);
+    let mut counted = 0;
+    for _ in 0..100 {
+        let near = random_triangle(&mut random, 200, false);
+        let far = near.map(|vertex| ScreenVertex { inv_w: 0.5, ..vertex });
+        let [Ok(near), Ok(far)] = [near, far].map(|v| setup::triangle(&state(1, [0, 0, 200, 200]), &v)) else { continue };
+        for chunk in sites(&near).chunks(QUADS) {
+            let batch: Vec<Site> = chunk.iter().map(|c| c.0).collect();
+            let [(near, near_w), (far, far_w)] = [near, far].map(|triangle| {
+                let (mut weights, mut inv_w) = (Weights::default(), Lanes::ZERO);
+                interpolate::perspective(&[triangle], &batch, Place::Center, &mut weights, &mut inv_w);
+                (weights, inv_w)
+            });
+            assert_eq!(near, far);
+            for lane in 0..4 * batch.len() {
+                assert_eq!(near_w.f32()[lane], 2.0 * far_w.f32()[lane]);
+                counted += 1;
+            }
+        }
+    }
+    assert!(counted > 100_000, "{counted}");
+}
+
 #[test]
 fn mixed_batches_and_uniform_ones_give_the_same_bits() {
     let mut random = Random::new(3);
-    let triangles: Vec<Triangle> = std::iter::repeat_with(|| random_triangle(&mut random, 60, true))
+    // Every other one is orthographic.
+    let triangles: Vec<Triangle> = (0..)
+        .map(|i| random_triangle(&mut random, 60, i % 2 == 0))
         .filter_map(|v| setup::triangle(&state(4, [0, 0, 60, 60]), &v).ok())
         .take(40)
         .collect();
     let mut random = Random::new(4);
-    for _ in 0..200 {
-        let batch: Vec<Site> = (0..1 + random.between(0, QUADS as i32))
+    for round in 0..200 {
+        // A register of one triangle, or up to one of any.
+        let sole = (round % 3 == 0).then(|| random.between(0, 40) as u32);
+        let quads = if sole.is_some() { QUADS as i32 } else { 1 + random.between(0, QUADS as i32) };
+        let batch: Vec<Site> = (0..quads)
             .map(|_| Site {
-                triangle: random.between(0, 40) as u32,
+                triangle: sole.unwrap_or(random.between(0, 40) as u32),
                 x: 2 * random.between(0, 30) as u16,
                 y: 2 * random.between(0, 30) as u16,
             })
