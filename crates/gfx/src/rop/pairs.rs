@@ -73,9 +73,18 @@ impl Factor {
         [self.keep, self.flip] == [[0; 2]; 2]
     }
 
-    /// Whether it depends on nothing but the source's alpha.
+    /// Whether it is the same for all channels and depends on nothing but the source's alpha.
     fn is_by_source_alpha(&self) -> bool {
-        self.alpha == Of::Source && (self.color == Of::Source && self.by_alpha || self.keep[0] == 0)
+        let is_alpha = self.alpha == Of::Source && (self.color == Of::Source && self.by_alpha || self.keep[0] == 0);
+        is_alpha && self.keep[0] == self.keep[1] && self.flip[0] == self.flip[1]
+    }
+
+    /// What it makes of half of an operand's channels.
+    #[target_feature(enable = "avx2")]
+    #[inline]
+    fn of_half(&self, half: usize, channels: __m256i) -> __m256i {
+        let kept = _mm256_and_si256(channels, _mm256_set1_epi32(self.keep[half] as i32));
+        _mm256_xor_si256(kept, _mm256_set1_epi32(self.flip[half] as i32))
     }
 
     /// Whether it is 1 for all channels.
@@ -170,8 +179,11 @@ impl Pairs {
             // The most frequent of all.
             Way::Add([a, b]) if a.is_by_source_alpha() && b.is_by_source_alpha() => {
                 self.run::<S, _>(batch, tile, |[source, stored, _]| {
-                    let alpha = [alphas(source); 2];
-                    _mm256_adds_epu8(weigh(source, a, alpha), weigh(stored, b, alpha))
+                    let alpha = alphas(source);
+                    let (a, b) = (a.of_half(0, alpha), b.of_half(0, alpha));
+                    let source = [product(source[0], a), product(source[1], a)];
+                    let stored = [product(stored[0], b), product(stored[1], b)];
+                    _mm256_adds_epu8(join(source), join(stored))
                 });
             }
             Way::Add([a, b]) => {
@@ -215,7 +227,7 @@ impl Pairs {
                 covered[1] = 0;
             }
             let two = |a: [u32; 8], b: [u32; 8]| {
-                let [a, b] = [a, b].map(|color| codes(bytemuck::cast(color)));
+                let (a, b) = (codes(bytemuck::cast(a)), codes(bytemuck::cast(b)));
                 _mm256_or_si256(_mm256_and_si256(a, low), _mm256_slli_epi32::<16>(b))
             };
             let source = [two(a[i % P], b[i % P]), two(c[i % P], d[i % P])];
@@ -274,7 +286,8 @@ fn times(numbers: Pair, factor: &Factor, [source, stored, constant]: [Pair; 3]) 
     };
     let color = operand(factor.color);
     let color = if factor.by_alpha { [alphas(color); 2] } else { color };
-    weigh(numbers, factor, [color[0], _mm256_blend_epi16::<0b1010_1010>(color[1], operand(factor.alpha)[1])])
+    let upper = _mm256_blend_epi16::<0b1010_1010>(color[1], operand(factor.alpha)[1]);
+    join([product(numbers[0], factor.of_half(0, color[0])), product(numbers[1], factor.of_half(1, upper))])
 }
 
 /// Alpha in both halves of a word.
@@ -287,21 +300,11 @@ fn alphas(of: Pair) -> __m256i {
     _mm256_shuffle_epi8(of[1], twice)
 }
 
-/// Numbers times what a factor makes of others, as words of pixels.
-#[target_feature(enable = "avx2")]
-#[inline]
-fn weigh(numbers: Pair, factor: &Factor, others: Pair) -> __m256i {
-    let one = |i: usize| {
-        let kept = _mm256_and_si256(others[i], _mm256_set1_epi32(factor.keep[i] as i32));
-        product(numbers[i], _mm256_xor_si256(kept, _mm256_set1_epi32(factor.flip[i] as i32)))
-    };
-    join([one(0), one(1)])
-}
-
 /// [`super::number::Number::times`] of codes.
 #[target_feature(enable = "avx2")]
 #[inline]
 fn product(a: __m256i, b: __m256i) -> __m256i {
+    // With t of at most 255 * 255 + 128, (t + floor(t / 256)) / 256 and 257 t / 65536 have the same whole part.
     let product = _mm256_add_epi16(_mm256_mullo_epi16(a, b), _mm256_set1_epi16(128));
-    _mm256_srli_epi16::<8>(_mm256_add_epi16(product, _mm256_srli_epi16::<8>(product)))
+    _mm256_mulhi_epu16(product, _mm256_set1_epi16(257))
 }

@@ -171,7 +171,8 @@ impl Pending {
         };
         // Numbers of the quads, side by side: those of the block's first half, then those of the second.
         let mask = _mm_movemask_epi8(_mm_cmpgt_epi8(bytes(left), _mm_setzero_si128())) as u32;
-        let [first, second] = [mask & 255, mask >> 8 & 255].map(|half| (ORDER[half as usize], half.count_ones()));
+        let (first, second) = (mask & 255, mask >> 8 & 255);
+        let (first, second) = ((ORDER[first as usize], first.count_ones()), (ORDER[second as usize], second.count_ones()));
         let numbers = u128::from(first.0) | u128::from(second.0 | 0x0808_0808_0808_0808) << (8 * first.1);
         let taken = (first.1 + second.1).min(room);
         // The first for which there is no room.
@@ -209,7 +210,7 @@ impl Pending {
             before = _mm_add_epi8(before, _mm_slli_si128::<8>(before));
             self.record[n..n + QUADS].copy_from_slice(&from(record, _mm_shuffle_epi8(before, numbers)));
         }
-        let [coverage, alive] = [coverage, alive].map(|of| _mm_shuffle_epi8(bytes(of), numbers));
+        let (coverage, alive) = (_mm_shuffle_epi8(bytes(coverage), numbers), _mm_shuffle_epi8(bytes(alive), numbers));
         let samples = |of: __m128i| -> [u16; QUADS] { bytemuck::cast(_mm256_cvtepu8_epi16(of)) };
         // What is written beyond the ends does not count.
         self.sites[n..n + QUADS].copy_from_slice(&sites);

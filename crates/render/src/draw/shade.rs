@@ -61,7 +61,9 @@ impl TileRun<'_, '_, '_> {
             }
         };
         let mut kept = *self.pending.passed();
-        kept[n..].fill(0);
+        if n < QUADS {
+            kept[n..].fill(0);
+        }
         if frame.shrinks {
             self.shrink::<S>(survivors, &mut kept);
         }
@@ -204,7 +206,8 @@ impl TileRun<'_, '_, '_> {
                 interpolate::linear(triangles, sites, place, weights);
             }
             // Colours of many programs are those of a whole triangle. Where triangles are small, to find that out takes longer than to interpolate.
-            let fills = !flat && pending.owners <= FEW && weights.are_finite();
+            let fills = !flat && pending.owners <= FEW;
+            let mut finite = None;
             let mut start = 0;
             for (&(batch, number), &end) in pending.names.iter().zip(ends) {
                 let end = usize::from(end);
@@ -223,7 +226,7 @@ impl TileRun<'_, '_, '_> {
                 if flat {
                     let words = words(corners.flat);
                     for &(register, word) in &class.inputs {
-                        bound.register_mut(register).0[4 * start..4 * end].fill(words[word]);
+                        fill(bound.register_mut(register), start..end, words[word]);
                     }
                 } else {
                     let [a, b, c] = corners.vertices.map(words);
@@ -232,8 +235,8 @@ impl TileRun<'_, '_, '_> {
                     while fills && let Some(&(register, word)) = inputs.next() {
                         let values = [a[word], b[word], c[word]];
                         let register = bound.register_mut(register);
-                        if interpolate::is_constant(values) {
-                            register.0[4 * start..4 * end].fill(values[0]);
+                        if interpolate::is_constant(values) && *finite.get_or_insert_with(|| weights.are_finite()) {
+                            fill(register, start..end, values[0]);
                         } else {
                             attribute::<WIDE>(weights, start..end, values.map(f32::from_bits), register);
                         }
@@ -371,6 +374,13 @@ impl TileRun<'_, '_, '_> {
         record.work.payload.resize(first + 4 * frame.payload_words * pending.n, 0);
         put_payload::<S>(frame, bound, &mut record.work.payload[first..]);
     }
+}
+
+/// The same value in all lanes of quads.
+#[inline(always)]
+fn fill(out: &mut Lanes, quads: std::ops::Range<usize>, value: u32) {
+    // A register that belongs to one triangle takes a few stores, without a loop.
+    if quads.len() == QUADS { *out = Lanes([value; LANES]) } else { out.0[4 * quads.start..4 * quads.end].fill(value) }
 }
 
 /// One attribute component of the quads of one triangle. `WIDE`: the caller is compiled for AVX2 and its companions.
