@@ -5,6 +5,8 @@
 //! run of memory in the order of coverage bits (`4 sample + pixel`), and those of a block with one sample are a batch of 64 lanes.
 //! A texel of up to four bytes takes one word here, whatever its size in memory.
 
+use std::sync::atomic::Ordering::Relaxed;
+
 use crate::parallel;
 use gfx::format::Format;
 use gfx::rop;
@@ -294,7 +296,7 @@ impl TileSurface {
                     let (pixels, _) = out.as_chunks_mut::<4>();
                     match self.tile(ty * across + tx) {
                         None => pixels.fill(self.value[0].to_le_bytes()),
-                        Some(codes) => copy_row(codes, y as u32, pixels),
+                        Some(codes) => copy_row(codes, y as u32, pixels, u32::to_le_bytes),
                     }
                 }
             }
@@ -385,8 +387,13 @@ fn load_row(shape: Shape, geometry: &TileGeometry, row: u32, codes: &mut [u32], 
     let (words, samples) = (shape.words(), shape.samples as usize);
     if shape.is_plain() && at.is_multiple_of(4) {
         let source = &from.words()[at / 4..at / 4 + geometry.width as usize];
-        for (x, word) in source.iter().enumerate() {
-            codes[texel_at(x as u32, row)] = word.load(std::sync::atomic::Ordering::Relaxed);
+        let (pairs, odd) = source.as_chunks::<2>();
+        if let [last] = odd {
+            codes[pair_at(pairs.len(), row)] = last.load(Relaxed);
+        }
+        for (x, pair) in pairs.iter().enumerate() {
+            let at = pair_at(x, row);
+            codes[at..at + 2].copy_from_slice(&[pair[0].load(Relaxed), pair[1].load(Relaxed)]);
         }
         return;
     }
@@ -410,18 +417,23 @@ fn load_row(shape: Shape, geometry: &TileGeometry, row: u32, codes: &mut [u32], 
 }
 
 /// Copies the start of a row of a tile of one word and one sample, a quad's two texels at a time.
-fn copy_row(codes: &[u32], y: u32, out: &mut [[u8; 4]]) {
-    let first = texel_at(0, y);
-    // Blocks of four quads a row.
-    let at = |x: usize| first + 4 * (x % 4) + x / 4 * (BLOCK * BLOCK) as usize;
+fn copy_row<T>(codes: &[u32], y: u32, out: &mut [T], texel: impl Fn(u32) -> T) {
     let (pairs, odd) = out.as_chunks_mut::<2>();
     if let [last] = odd {
-        *last = codes[at(pairs.len())].to_le_bytes();
+        *last = texel(codes[pair_at(pairs.len(), y)]);
     }
     for (x, pair) in pairs.iter_mut().enumerate() {
-        let codes = &codes[at(x)..at(x) + 2];
-        *pair = [codes[0].to_le_bytes(), codes[1].to_le_bytes()];
+        let at = pair_at(x, y);
+        let codes = &codes[at..at + 2];
+        *pair = [texel(codes[0]), texel(codes[1])];
     }
+}
+
+/// Where the texels of two columns, those of a quad, begin in a tile of one word and one sample.
+#[inline(always)]
+fn pair_at(pair: usize, y: u32) -> usize {
+    // Blocks of four quads a row.
+    texel_at(0, y) + 4 * (pair % 4) + pair / 4 * (BLOCK * BLOCK) as usize
 }
 
 /// Index of a pixel's code in a tile of one word and one sample.
@@ -435,10 +447,12 @@ fn store_row(shape: Shape, geometry: &TileGeometry, row: u32, codes: Option<&[u3
     let (words, samples) = (shape.words(), shape.samples as usize);
     if shape.is_plain() && at.is_multiple_of(4) {
         let target = &to.words()[at / 4..at / 4 + geometry.width as usize];
-        for (x, word) in target.iter().enumerate() {
-            let code = codes.map_or(value[0], |c| c[texel_at(x as u32, row)]);
-            word.store(code, std::sync::atomic::Ordering::Relaxed);
+        let mut texels = [value[0]; TILE as usize];
+        let texels = &mut texels[..target.len()];
+        if let Some(codes) = codes {
+            copy_row(codes, row, texels, |code| code);
         }
+        target.iter().zip(texels).for_each(|(word, texel)| word.store(*texel, Relaxed));
         return;
     }
     for x in 0..geometry.width {
