@@ -9,7 +9,7 @@ use super::ir::{Builder, Def, Inst, NONE, V, texture_src as at};
 use super::lower::Lowered;
 use super::optimize::is_control;
 use super::options::Fault;
-use super::program::{Body, NO_REG, Op, Program, Reg};
+use super::program::{Body, MemoryOp, NO_REG, Op, Placed, Program, Reg, Space, Width};
 use super::vector;
 
 /// Most registers of a program: operations number them with 16 bits.
@@ -209,13 +209,19 @@ pub(super) fn assemble(module: &str, l: Lowered, fault: Option<Fault>) -> Result
     let mut body = emit(b, &b.insts, &homes);
     body.registers = registers;
 
-    let (_, prologue_constants) = shared_values(b, &b.prologue, &[]);
+    // Loads at places that are known here come first: they need no interpreter.
+    let (placed, computed): (Vec<Inst>, Vec<Inst>) = b.prologue.iter().cloned().partition(|inst| is_placed(b, inst));
+    let loaded: Vec<V> = placed.iter().flat_map(|inst| &inst.dst).copied().filter(|&v| v != NONE).collect();
+    let (_, prologue_constants) = shared_values(b, &computed, &[]);
     let mut prologue_homes = no_homes();
     for (r, &v) in prologue_constants.iter().enumerate() {
         prologue_homes.values[v as usize] = r.min(usize::from(NO_REG)) as Reg;
     }
-    let kept = allocate(b, &b.prologue, &[], &uniforms, true, prologue_constants.len(), &mut prologue_homes, fault);
-    let mut prologue = emit(b, &b.prologue, &prologue_homes);
+    let kept = allocate(b, &computed, &loaded, &uniforms, true, prologue_constants.len(), &mut prologue_homes, fault);
+    let mut prologue = emit(b, &computed, &prologue_homes);
+    let placed_loads = placed.len();
+    let placed = placed.iter().flat_map(|inst| placed_words(&memory_operation(b, inst, &prologue_homes))).collect();
+    prologue.steps.iter_mut().for_each(|steps| *steps += placed_loads as u64 * Code::Load.steps());
     prologue.registers = prologue_constants.len() + kept;
     if prologue.registers > MAX_REGISTERS {
         let needed = prologue.registers;
@@ -235,6 +241,8 @@ pub(super) fn assemble(module: &str, l: Lowered, fault: Option<Fault>) -> Result
         inputs: l.inputs.iter().map(|v| v.iter().map(|&v| homes.of(b, v)).collect()).collect(),
         outputs: l.outputs.iter().map(|v| v.iter().map(|&v| homes.of(b, v)).collect()).collect(),
         interface,
+        placed,
+        placed_loads,
         prologue,
         body,
     })
@@ -273,6 +281,35 @@ fn emit(b: &Builder, insts: &[Inst], homes: &Homes) -> Body {
     body
 }
 
+/// Whether an instruction loads from a buffer at a place that is known when the program is compiled.
+fn is_placed(b: &Builder, inst: &Inst) -> bool {
+    let buffer = |inst: &Inst| matches!(b.memory[inst.imm as usize].space, Space::Buffer(_));
+    inst.code == Code::Load && inst.src.iter().all(|&v| v == NONE) && buffer(inst)
+}
+
+/// The components of a load from a buffer.
+fn placed_words(op: &MemoryOp) -> Vec<Placed> {
+    let Space::Buffer(binding) = op.space else { return Vec::new() };
+    let size = if op.width == Width::Half { 2 } else { 4 };
+    let components = op.data.iter().zip(0..u32::from(op.count)).filter(|(register, _)| **register != NO_REG);
+    let one =
+        |(&register, c)| Placed { register, binding, offset: u64::from(op.offset) + u64::from(size * c), width: op.width };
+    components.map(one).collect()
+}
+
+/// A load, store or atomic with its registers.
+fn memory_operation(b: &Builder, inst: &Inst, homes: &Homes) -> MemoryOp {
+    let home = |v: V| homes.of(b, v);
+    let src = |k: usize| inst.src.get(k).map_or(NO_REG, |&v| home(v));
+    let dst = |k: usize| inst.dst.get(k).map_or(NO_REG, |&v| home(v));
+    let data = match inst.code {
+        Code::Load => [dst(0), dst(1), dst(2), dst(3)],
+        Code::Store => [src(2), src(3), src(4), src(5)],
+        _ => [dst(0), src(2), src(3), dst(1)],
+    };
+    MemoryOp { address: src(0), element: src(1), data, ..b.memory[inst.imm as usize] }
+}
+
 fn operation(b: &Builder, inst: &Inst, homes: &Homes, body: &mut Body) -> Op {
     let home = |v: V| homes.of(b, v);
     let src = |k: usize| inst.src.get(k).map_or(NO_REG, |&v| home(v));
@@ -280,14 +317,7 @@ fn operation(b: &Builder, inst: &Inst, homes: &Homes, body: &mut Body) -> Op {
     let mut op = Op { code: inst.code, r: [NO_REG; 9], imm: inst.imm };
     match inst.code {
         Code::Load | Code::Store | Code::Atomic => {
-            let mut m = b.memory[inst.imm as usize];
-            (m.address, m.element) = (src(0), src(1));
-            m.data = match inst.code {
-                Code::Load => [dst(0), dst(1), dst(2), dst(3)],
-                Code::Store => [src(2), src(3), src(4), src(5)],
-                _ => [dst(0), src(2), src(3), dst(1)],
-            };
-            body.memory.push(m);
+            body.memory.push(memory_operation(b, inst, homes));
             op.imm = (body.memory.len() - 1) as u32;
         }
         Code::ArrayLength => {

@@ -59,6 +59,17 @@ pub(super) struct MemoryOp {
     pub atomic: AtomicOp,
 }
 
+/// A component of a load from a buffer at a place that is known when the program is compiled.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Placed {
+    pub register: Reg,
+    /// Index in the interface's bindings.
+    pub binding: u16,
+    /// Byte offset.
+    pub offset: u64,
+    pub width: Width,
+}
+
 /// What an atomic does.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub(super) enum AtomicOp {
@@ -211,7 +222,10 @@ pub(super) struct Body {
 pub struct Program {
     pub(super) module: String,
     pub(super) interface: Interface,
-    /// Computes the uniforms, on one lane, once a draw.
+    /// What is loaded from buffers at places that are known, before the prologue, and how many loads these were.
+    pub(super) placed: Vec<Placed>,
+    pub(super) placed_loads: usize,
+    /// Computes the uniforms from them, on one lane, once a draw.
     pub(super) prologue: Body,
     /// Registers of the prologue whose values the body uses.
     pub(super) uniform_sources: Vec<Reg>,
@@ -242,7 +256,7 @@ impl Program {
         self.body.all_steps()
     }
 
-    /// Steps of the prologue, which runs once a draw or dispatch for all invocations.
+    /// Steps of the prologue and of the loads before it, which run once a draw or dispatch for all invocations.
     pub fn uniform_steps(&self) -> u64 {
         self.prologue.all_steps()
     }
@@ -269,6 +283,6 @@ impl Program {
 
     /// Operations in the batch program and in the prologue that computes uniforms: a measure of the compiler, not of the card.
     pub fn operations(&self) -> (usize, usize) {
-        (self.body.ops.len(), self.prologue.ops.len())
+        (self.body.ops.len(), self.placed_loads + self.prologue.ops.len())
     }
 }

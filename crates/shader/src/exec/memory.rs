@@ -6,7 +6,7 @@ use std::sync::atomic::AtomicU32;
 use std::sync::atomic::Ordering::Relaxed;
 
 use crate::code::eval;
-use crate::program::{AtomicOp, MemoryOp, NO_REG, Op, Space, Width};
+use crate::program::{AtomicOp, MemoryOp, NO_REG, Op, Placed, Reg, Space, Width};
 use crate::resources::{Resource, Resources};
 use num::{LANES, Lanes, Mask};
 use work::RequestKind;
@@ -104,10 +104,30 @@ pub(crate) fn peek(resources: &Resources<'_>, op: &MemoryOp, element: u32, at: u
     };
     let w = buffer(resources, binding, element);
     let at = u64::from(at) + u64::from(op.offset);
-    Some(std::array::from_fn(|c| match op.width {
-        Width::Word => w.load(at + 4 * c as u64),
-        Width::Half => eval::from_half(w.load_half(at + 2 * c as u64)).to_bits(),
-    }))
+    let size = if op.width == Width::Half { 2 } else { 4 };
+    Some(std::array::from_fn(|c| component(&w, op.width, at + size * c as u64)))
+}
+
+/// Loads from buffers at places that are known; `set` receives what each register gets.
+#[inline(always)]
+pub(super) fn load_placed(resources: &Resources<'_>, loads: &[Placed], mut set: impl FnMut(Reg, u32)) {
+    // Most of a program's are from one binding.
+    let (mut last, mut w) = (None, Window { words: &[], bytes: 0, start: 0, address: 0 });
+    for load in loads {
+        if last != Some(load.binding) {
+            (last, w) = (Some(load.binding), buffer(resources, load.binding, 0));
+        }
+        set(load.register, component(&w, load.width, load.offset));
+    }
+}
+
+/// A component of a load, by its byte offset.
+#[inline(always)]
+fn component(w: &Window<'_>, width: Width, at: u64) -> u32 {
+    match width {
+        Width::Word => w.load(at),
+        Width::Half => eval::from_half(w.load_half(at)).to_bits(),
+    }
 }
 
 /// Calls `f` for each lane of the mask in order.

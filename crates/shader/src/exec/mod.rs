@@ -119,6 +119,7 @@ impl Program {
             for (register, &bits) in file.iter_mut().zip(&self.prologue_constants) {
                 register.0[..CHUNK].fill(bits);
             }
+            memory::load_placed(resources, &self.placed, |register, bits| file[usize::from(register)].0[..CHUNK].fill(bits));
             let mut machine = Machine::new(&self.prologue, resources, shared, 1, 1).narrow();
             let stop = run::dispatch::<false>(&mut machine, file, masks, scratch);
             debug_assert!(matches!(stop, Stop::End));
