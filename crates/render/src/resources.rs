@@ -1,6 +1,5 @@
 //! The objects of a trace while it runs.
 
-use std::fmt::Display;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering::Relaxed};
 
@@ -47,7 +46,7 @@ impl<T> Table<T> {
     /// # Errors
     /// If there is none.
     pub fn get(&self, id: u32) -> Result<&T, String> {
-        self.objects.get(id).map(|(object, _)| object).ok_or_else(|| self.missing(id))
+        self.objects.get(id).map(|(object, _)| object).ok_or_else(|| missing(self.kind, id))
     }
 
     /// The object of an id, to change.
@@ -55,8 +54,8 @@ impl<T> Table<T> {
     /// # Errors
     /// If there is none.
     pub fn get_mut(&mut self, id: u32) -> Result<&mut T, String> {
-        let missing = self.missing(id);
-        self.objects.get_mut(id).map(|(object, _)| object).ok_or(missing)
+        let kind = self.kind;
+        self.objects.get_mut(id).map(|(object, _)| object).ok_or_else(|| missing(kind, id))
     }
 
     /// Takes an object out.
@@ -64,18 +63,18 @@ impl<T> Table<T> {
     /// # Errors
     /// If there is none.
     pub fn remove(&mut self, id: u32) -> Result<T, String> {
-        let missing = self.missing(id);
-        self.objects.remove(id).map(|(object, _)| object).ok_or(missing)
+        self.objects.remove(id).map(|(object, _)| object).ok_or_else(|| missing(self.kind, id))
     }
 
     /// All of them, by id.
     pub fn iter(&self) -> impl Iterator<Item = (u32, &T)> {
         self.objects.iter().map(|(id, (object, _))| (id, object))
     }
+}
 
-    fn missing(&self, id: impl Display) -> String {
-        format!("{} {id} does not exist", self.kind)
-    }
+#[cold]
+fn missing(kind: &str, id: u32) -> String {
+    format!("{kind} {id} does not exist")
 }
 
 /// A buffer.
@@ -172,6 +171,10 @@ impl Texture {
     fn flush(&mut self) -> u64 {
         let image = self.image;
         let mut written = 0;
+        // Asked for each draw that reads it; keys in order are a list that is made.
+        if self.images.values_mut().all(|state| state.tiles.is_none()) {
+            return written;
+        }
         for (level, layer) in self.images.keys() {
             let Some(state) = self.images.get_mut((level, layer)) else { continue };
             if let Some(tiles) = state.tiles.take() {

@@ -286,6 +286,10 @@ impl Texture {
             }
             self.native = Some(native);
         }
+        // Asked for each draw with the texture; keys in order are a list that is made.
+        if self.levels.values_mut().all(|image| image.bytes.is_none()) {
+            return Some(());
+        }
         let native = self.native.as_ref()?;
         for (face, level) in self.levels.keys() {
             let Some(image) = self.levels.get_mut((face, level)) else { continue };
