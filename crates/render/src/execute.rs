@@ -424,12 +424,16 @@ impl<'t, 's> Renderer<'t, 's> {
         }
     }
 
-    /// Waits until nothing is in flight.
+    /// Waits until nothing is in flight. A pass whose commands are still read goes on with this thread.
     pub(super) fn land_all(&mut self) -> Result<(), Fault> {
         if let Scope::Render(pass) = &mut self.scope {
             pass.close();
         }
-        self.arrivals(true)
+        self.arrivals(true)?;
+        if let Scope::Render(pass) = &mut self.scope {
+            pass.arrive();
+        }
+        Ok(())
     }
 
     /// Makes sure that so many bytes can be charged: large amounts wait until nothing is in flight, so that the sums are exact.

@@ -455,13 +455,11 @@ impl ActivePass {
 
     /// Goes on with a pass in flight on this thread, alone.
     fn come_home(&mut self, renderer: &mut Renderer<'_, '_>) -> Result<(), Fault> {
-        let Way::Away(departure) = &mut self.way else { return Ok(()) };
-        departure.close();
-        renderer.land_all()?;
-        let Way::Away(departure) = std::mem::replace(&mut self.way, Way::Over) else { return Ok(()) };
-        let (pass, counted) = departure.home();
-        self.way = Way::Here(pass);
-        self.counted = counted;
+        if matches!(self.way, Way::Away(_)) {
+            self.close();
+            renderer.land_all()?;
+            self.arrive();
+        }
         Ok(())
     }
 
@@ -499,11 +497,23 @@ impl ActivePass {
         Ok(())
     }
 
-    /// Hands on the draws that wait to be: nothing more comes.
+    /// Hands on the draws that wait to be: nothing more comes. Once the pass has been waited for, it [arrives](ActivePass::arrive).
     pub fn close(&mut self) {
         if let Way::Away(departure) = &mut self.way {
             departure.close();
         }
+    }
+
+    /// Goes on with a pass that has been in flight: closed, waited for, and without a draw that failed.
+    pub fn arrive(&mut self) {
+        self.way = match std::mem::replace(&mut self.way, Way::Over) {
+            Way::Away(departure) => {
+                let (pass, counted) = departure.home();
+                self.counted = counted;
+                Way::Here(pass)
+            }
+            way => way,
+        };
     }
 
     /// Ends the pass: contents go back to their textures, samples are resolved.

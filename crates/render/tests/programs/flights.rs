@@ -3,6 +3,7 @@
 use super::common::*;
 use gfx::format::Format;
 use gfx::state::VertexFormat;
+use num::Limits;
 use render::{Options, render};
 use trace::Trace;
 use trace::command::*;
@@ -106,5 +107,31 @@ fn a_loop_without_an_end_is_refused_by_the_same_draw() {
     assert!(text.contains("Draw") && text.contains("without an end"), "{text}");
     for threads in [2, 8] {
         assert_eq!(seen(&trace, threads, false), alone, "{threads} threads");
+    }
+}
+
+/// Each of four passes comes to more than an eighth of what the trace may do, the share of a pass in flight: it is drawn again with the sums
+/// of one thread, and so is the pass that loads its image.
+#[test]
+fn a_pass_beyond_its_share_of_a_limit_is_drawn_again() {
+    let within = |quads: u64| {
+        let mut limits = Limits::default();
+        limits.work_quads = limits.work_quads.with(quads);
+        frames(2, None).with_limits(limits)
+    };
+    let (mut refused, mut least) = (0, 1 << 20);
+    while least - refused > 1 {
+        let middle = (refused + least) / 2;
+        let all = seen(&within(middle), 1, false).error.is_none();
+        if all { least = middle } else { refused = middle }
+    }
+    for quads in [least, least - 1, least * 3 / 4, least * 5 / 8, least / 2, least / 4, least / 8, 1] {
+        let trace = within(quads);
+        let alone = seen(&trace, 1, false);
+        let text = alone.error.as_deref().unwrap_or("work.quads");
+        assert_eq!((alone.error.is_none(), text.contains("work.quads")), (quads == least, true), "{quads} of {least}: {text}");
+        for threads in [2, 3, 8] {
+            assert_eq!(seen(&trace, threads, false), alone, "{threads} threads, {quads} of {least}");
+        }
     }
 }
