@@ -14,6 +14,10 @@
 //!   fault, the whole pass is drawn again by the renderer's thread, with the sums that one thread would have had. For this its draws are kept,
 //!   and so are those of the passes whose images it loads, back to one that began cleared or from a copy ([`Start`]).
 
+mod again;
+mod flights;
+mod images;
+
 use std::collections::VecDeque;
 use std::panic::{AssertUnwindSafe, catch_unwind, resume_unwind};
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering::*};
@@ -25,9 +29,13 @@ use work::Funnel;
 
 use super::attachments::{Clearing, Keep};
 use super::draw::RenderPass;
-use super::ledger::{FLIGHTS, Ledger};
+use super::ledger::Ledger;
 use super::queued::{QueuedDraw, Shared};
 use super::surface::{ALL, Shape, TileSurface};
+
+pub(super) use flights::{Departure, Flights};
+use images::Away;
+pub(super) use images::{Source, Tiles};
 
 /// Draws that a task does before it lets others have the thread.
 const TURN: usize = 32;
@@ -46,151 +54,12 @@ const WAITING: usize = 1 << 12;
 /// Bytes of the attachments of a pass in flight, at most: each pass has its own.
 const ATTACHMENTS: u64 = 128 << 20;
 
-/// Images of passes that have been replaced, kept for the memory that they have.
-const SPARE: usize = 2 * FLIGHTS;
-
 /// How long a thread sleeps that waits for a pass and finds nothing to help with.
 const NAP: Duration = Duration::from_micros(100);
 
 fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
     // What a task leaves when it panics is not read: the panic is handed on.
     mutex.lock().unwrap_or_else(PoisonError::into_inner)
-}
-
-/// The newest contents of an image.
-#[derive(Debug)]
-pub(super) enum Tiles {
-    /// They are here.
-    Here(TileSurface),
-    /// A pass in flight has them.
-    Away(Away),
-}
-
-impl Tiles {
-    /// Their shape.
-    pub fn shape(&self) -> Shape {
-        match self {
-            Tiles::Here(tiles) => tiles.shape(),
-            Tiles::Away(away) => away.shape(),
-        }
-    }
-
-    /// The tiles; waits for the pass that draws them.
-    pub fn landed(self) -> TileSurface {
-        match self {
-            Tiles::Here(tiles) => tiles,
-            Tiles::Away(away) => away.take(),
-        }
-    }
-}
-
-/// An attachment of a pass in flight.
-pub(super) struct Away {
-    ticket: Arc<Ticket>,
-    slot: usize,
-    /// A texel of which these bits are known, once the pass has ended.
-    value: [u32; 4],
-    known: [u32; 4],
-}
-
-/// As long as there is one, the images of a pass may be loaded by another, and its draws are kept.
-struct Ticket(Arc<Flight>);
-
-impl Drop for Ticket {
-    fn drop(&mut self) {
-        self.0.forget();
-    }
-}
-
-impl std::fmt::Debug for Away {
-    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        write!(f, "attachment {} of a pass in flight", self.slot)
-    }
-}
-
-impl Away {
-    fn flight(&self) -> &Arc<Flight> {
-        &self.ticket.0
-    }
-
-    /// A texel after a clear, and which bits of it are known.
-    fn after(&self, clearing: Clearing) -> ([u32; 4], [u32; 4]) {
-        let value = |w: usize| self.value[w] & !clearing.mask[w] | clearing.value[w] & clearing.mask[w];
-        (std::array::from_fn(value), std::array::from_fn(|w| self.known[w] | clearing.mask[w]))
-    }
-
-    /// The value of all texels after a clear, if that can be told.
-    pub fn cleared(&self, clearing: Clearing) -> Option<[u32; 4]> {
-        if clearing.whole {
-            return Some(clearing.value);
-        }
-        let (value, known) = self.after(clearing);
-        known[..self.shape().words()].iter().all(|&bits| bits == u32::MAX).then_some(value)
-    }
-
-    /// Its shape.
-    pub fn shape(&self) -> Shape {
-        self.flight().attached(self.slot).shape
-    }
-
-    /// Takes the tiles; waits for the pass.
-    pub fn take(self) -> TileSurface {
-        self.flight().finish();
-        let tiles = lock(&self.flight().painter).tiles[self.slot].take();
-        // Without tiles the pass has failed, which is told before anything sees this.
-        tiles.unwrap_or_else(|| TileSurface::new(self.shape()))
-    }
-
-    /// Reads the image, as [`TileSurface::read`]; waits for the pass.
-    pub fn read(&self, out: &mut [u8]) {
-        self.flight().finish();
-        if let Some(tiles) = &lock(&self.flight().painter).tiles[self.slot] {
-            tiles.read(out);
-        }
-    }
-}
-
-/// What an attachment of a pass begins with.
-pub(super) enum Source {
-    /// These tiles.
-    Tiles(TileSurface),
-    /// What a pass in flight leaves, with a part of it cleared.
-    Behind(Away, Clearing),
-}
-
-impl Source {
-    /// The tiles; waits for the pass that draws them.
-    pub fn landed(self) -> TileSurface {
-        match self {
-            Source::Tiles(tiles) => tiles,
-            Source::Behind(away, clearing) => {
-                let mut tiles = away.take();
-                tiles.clear_masked(clearing.value, clearing.mask);
-                tiles
-            }
-        }
-    }
-
-    /// The tiles, where they are here.
-    pub fn tiles(&self) -> Option<&TileSurface> {
-        match self {
-            Source::Tiles(tiles) => Some(tiles),
-            Source::Behind(..) => None,
-        }
-    }
-
-    /// Their shape.
-    pub fn shape(&self) -> Shape {
-        match self {
-            Source::Tiles(tiles) => tiles.shape(),
-            Source::Behind(away, _) => away.shape(),
-        }
-    }
-
-    /// Whether a pass can only take off with a copy of it.
-    pub fn needs_copy(&self) -> bool {
-        self.tiles().is_some_and(|tiles| !tiles.is_clear())
-    }
 }
 
 /// How the first tiles of an attachment can be had again.
@@ -577,96 +446,6 @@ impl Flight {
         }
         self.finished.store(true, Relaxed);
     }
-
-    /// Draws it again, as the only pass. No lock is held: while this thread waits for others it may run tasks that need it.
-    fn again(&self, ahead: &[Arc<Flight>]) {
-        let mut sums = self.sums;
-        for flight in ahead {
-            let landed = lock(&flight.painter).landed;
-            for (at, more) in [(2, landed.quads), (4, landed.steps), (5, landed.bytes)] {
-                sums[at] += more;
-            }
-        }
-        let ledger = self.whole.with_sums(sums);
-        let mut landed = Landed::default();
-        let (starts, done) = self.kept_draws();
-        let mut pass = self.first(&starts);
-        let (mut steps, mut bytes) = (0, 0);
-        for draw in &done {
-            ledger.set_alive(draw.alive);
-            let charges = &draw.charges;
-            (steps, bytes) = (steps + charges.steps, bytes + charges.bindings + charges.prepared.iter().sum::<u64>());
-            let drawn = charges.charge(&ledger).map_err(|error| error.to_string()).and_then(|()| {
-                draw.draw(&mut pass, &self.begin.shared, &ledger, &mut |_| ()).map_err(|error| error.to_string())
-            });
-            match drawn {
-                Ok(drawn) => landed.add(drawn.funnel, drawn.overwritten),
-                Err(reason) => {
-                    lock(&self.painter).failure = Some(Failure { command: draw.command, reason });
-                    return;
-                }
-            }
-        }
-        let now = ledger.sums();
-        (landed.quads, landed.steps, landed.bytes) = (now[2] - sums[2], now[4] - sums[4] - steps, now[5] - sums[5] - bytes);
-        let (pass, tiles) = if self.is_home() { (Some(pass), Vec::new()) } else { (None, self.ended(pass)) };
-        let mut painter = lock(&self.painter);
-        (painter.landed, painter.pass, painter.tiles) = (landed, pass, tiles);
-        (painter.starts, painter.done) = (starts, done);
-        self.failed.store(false, Release);
-    }
-
-    /// What it takes to draw it again.
-    fn kept_draws(&self) -> (Vec<Option<Start>>, Vec<QueuedDraw>) {
-        let mut painter = lock(&self.painter);
-        (std::mem::take(&mut painter.starts), std::mem::take(&mut painter.done))
-    }
-
-    /// The pass as it began, once more.
-    fn first(&self, starts: &[Option<Start>]) -> RenderPass {
-        let mut again: Vec<(&Arc<Flight>, Vec<Option<TileSurface>>)> = Vec::new();
-        let mut surfaces = Vec::new();
-        for (start, attached) in starts.iter().zip(&self.attachments) {
-            surfaces.push(match (start, attached) {
-                (Some(Start::Copy(tiles)), _) => Some(tiles.clone()),
-                (&Some(Start::Cleared(value)), Some(attached)) => {
-                    let mut tiles = TileSurface::new(attached.shape);
-                    tiles.clear(value);
-                    Some(tiles)
-                }
-                (Some(Start::Behind(away, clearing)), _) => {
-                    let known = again.iter().position(|(flight, _)| Arc::ptr_eq(flight, away.flight()));
-                    let at = known.unwrap_or_else(|| {
-                        again.push((away.flight(), away.flight().images()));
-                        again.len() - 1
-                    });
-                    let tiles = again[at].1[away.slot].take();
-                    tiles.map(|mut tiles| {
-                        tiles.clear_masked(clearing.value, clearing.mask);
-                        tiles
-                    })
-                }
-                _ => None,
-            });
-        }
-        self.begin.pass(&self.attachments, surfaces)
-    }
-
-    /// The images that it has left, drawn once more. It has come to its end before.
-    fn images(&self) -> Vec<Option<TileSurface>> {
-        let (starts, done) = self.kept_draws();
-        let mut pass = self.first(&starts);
-        // These sums were allowed before.
-        let ledger = self.whole.with_sums([0; 7]);
-        for draw in &done {
-            ledger.set_alive(draw.alive);
-            let _ = draw.draw(&mut pass, &self.begin.shared, &ledger, &mut |_| ());
-        }
-        let mut painter = lock(&self.painter);
-        (painter.starts, painter.done) = (starts, done);
-        drop(painter);
-        self.ended(pass)
-    }
 }
 
 impl Flight {
@@ -714,141 +493,4 @@ impl Landed {
 /// Runs one task of the pool on this thread; whether there was one.
 fn help() -> bool {
     rayon::yield_now() == Some(rayon::Yield::Executed)
-}
-
-/// All passes in flight.
-#[derive(Default)]
-pub(super) struct Flights {
-    /// In order; of the last ones it is not known how they end.
-    air: VecDeque<Arc<Flight>>,
-    /// Images that were replaced.
-    spare: VecDeque<(Arc<Flight>, usize)>,
-    waiting: Arc<AtomicUsize>,
-}
-
-impl Flights {
-    /// Whether passes may be in flight on this thread's pool.
-    pub fn are_possible() -> bool {
-        rayon::current_thread_index().is_some() && rayon::current_num_threads() > 1
-    }
-
-    /// Whether the first pass in flight is over.
-    pub fn is_over(&self) -> bool {
-        self.air.front().is_some_and(|flight| flight.is_over())
-    }
-
-    /// Memory for an image that replaces another, whatever it holds.
-    pub fn surface(&mut self, shape: Shape, replaced: Away) -> TileSurface {
-        self.spare.push_back((replaced.flight().clone(), replaced.slot));
-        let fits = |(flight, slot): &(Arc<Flight>, usize)| {
-            // Only an image that is there already: this must not wait. Another pass may begin with it, or have begun.
-            let painter = (flight.is_over() && flight.unneeded.load(Relaxed)).then(|| lock(&flight.painter));
-            painter
-                .is_some_and(|painter| painter.tiles.get(*slot).is_some_and(|t| t.as_ref().is_some_and(|t| t.shape() == shape)))
-        };
-        let found = self.spare.iter().position(fits).and_then(|at| self.spare.remove(at));
-        let tiles = found.and_then(|(flight, slot)| lock(&flight.painter).tiles[slot].take());
-        while self.spare.len() > SPARE {
-            self.spare.pop_front();
-        }
-        tiles.unwrap_or_else(|| TileSurface::new(shape))
-    }
-
-    /// Whether no other pass can be in flight: there are as many as threads, and one that is being looked up.
-    pub fn is_full(&self) -> bool {
-        self.air.len() >= FLIGHTS.min(rayon::current_num_threads() + 1)
-    }
-
-    /// A pass takes off.
-    pub fn depart(&mut self, begin: Begin, boarding: Vec<Option<Boarding>>, ledger: &Arc<Ledger>) -> Departure {
-        let flight = Flight::new(begin, boarding, ledger, self);
-        self.air.push_back(flight.clone());
-        let depth = flight.attachments.last().and_then(Option::as_ref).map_or([0; 4], |depth| depth.known);
-        Departure { flight, draws: Vec::with_capacity(TURN), depth }
-    }
-
-    /// What the first pass in flight came to; waits for its end. The caller adds it to the sums.
-    ///
-    /// # Errors
-    /// If a draw could not be done.
-    pub fn land(&mut self) -> Option<Result<(Landed, Arc<Flight>), Failure>> {
-        let flight = self.air.front()?.clone();
-        let landed = flight.settle();
-        self.air.pop_front();
-        Some(landed.map(|landed| (landed, flight)))
-    }
-}
-
-impl Drop for Flights {
-    fn drop(&mut self) {
-        self.air.iter().for_each(|flight| flight.cancelled.store(true, Relaxed));
-    }
-}
-
-/// What the renderer's thread has of a pass in flight whose commands it still reads.
-pub(super) struct Departure {
-    flight: Arc<Flight>,
-    /// Draws that were not handed on yet.
-    draws: Vec<QueuedDraw>,
-    /// Bits of depth and stencil that are known of all texels.
-    depth: [u32; 4],
-}
-
-impl Departure {
-    /// Whether it takes a draw.
-    pub fn takes(&self, draw: &QueuedDraw) -> bool {
-        self.flight.draws.load(Relaxed) < DRAWS && draw.can_wait()
-    }
-
-    /// Hands on a draw.
-    pub fn push(&mut self, draw: QueuedDraw) {
-        self.flight.draws.fetch_add(1, Relaxed);
-        if let Some(attached) = self.flight.attachments.last().and_then(Option::as_ref) {
-            let written = draw.pipeline.may_write(attached.format);
-            self.depth = std::array::from_fn(|w| self.depth[w] & !written[w]);
-        }
-        self.draws.push(draw);
-        if self.draws.len() == TURN {
-            self.flight.push(&mut self.draws);
-            while self.flight.waiting.load(Relaxed) > WAITING {
-                if !help() {
-                    std::thread::sleep(NAP);
-                }
-            }
-        }
-    }
-
-    /// Ends the pass; what its attachments will hold.
-    pub fn end(mut self) -> Vec<Option<Away>> {
-        self.flight.push(&mut self.draws);
-        self.flight.close(Close::End);
-        let ticket = Arc::new(Ticket(self.flight.clone()));
-        let away = |(slot, attached): (usize, &Option<Attached>)| {
-            let attached = attached.as_ref()?;
-            let depth = slot + 1 == self.flight.attachments.len();
-            let lost = attached.keep.lost(attached.shape.format);
-            let (value, known) = match (attached.keep.any(), depth) {
-                (false, _) => ([0; 4], ALL),
-                // Of colours it is not looked at which draws write them.
-                (true, false) => ([0; 4], [0; 4]),
-                (true, true) => {
-                    (std::array::from_fn(|w| attached.value[w] & !lost[w]), std::array::from_fn(|w| self.depth[w] | lost[w]))
-                }
-            };
-            Some(Away { ticket: ticket.clone(), slot, value, known })
-        };
-        self.flight.attachments.iter().enumerate().map(away).collect()
-    }
-
-    /// Hands on what is left, so that the pass can be waited for; whatever it has done so far is final.
-    pub fn close(&mut self) {
-        self.flight.push(&mut self.draws);
-        self.flight.close(Close::Home);
-    }
-
-    /// The pass after [`Departure::close`], and what was counted in it; it has been waited for, and no draw has failed.
-    pub fn home(self) -> (RenderPass, Option<Funnel>) {
-        let mut painter = lock(&self.flight.painter);
-        (painter.pass.take().expect("the pass has not ended"), painter.landed.counted)
-    }
 }
