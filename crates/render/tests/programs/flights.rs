@@ -127,11 +127,14 @@ fn a_pass_beyond_its_share_of_a_limit_is_drawn_again() {
     }
     for quads in [least, least - 1, least * 3 / 4, least * 5 / 8, least / 2, least / 4, least / 8, 1] {
         let trace = within(quads);
-        let alone = seen(&trace, 1, false);
-        let text = alone.error.as_deref().unwrap_or("work.quads");
-        assert_eq!((alone.error.is_none(), text.contains("work.quads")), (quads == least, true), "{quads} of {least}: {text}");
-        for threads in [2, 3, 8] {
-            assert_eq!(seen(&trace, threads, false), alone, "{threads} threads, {quads} of {least}");
+        for pictures in [false, true] {
+            let alone = seen(&trace, 1, pictures);
+            let text = alone.error.as_deref().unwrap_or("work.quads");
+            assert_eq!((alone.error.is_none(), text.contains("work.quads")), (quads == least, true), "{quads}: {text}");
+            for threads in [2, 3, 8] {
+                let same = seen(&trace, threads, pictures) == alone;
+                assert!(same, "{threads} threads, {quads} of {least}, pictures: {pictures}");
+            }
         }
     }
 }
