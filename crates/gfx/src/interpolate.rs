@@ -110,6 +110,18 @@ impl ExactEdge {
         let c = edge.c as f64;
         ExactEdge { slope, quad: [c, c + right, c + down, c + (right + down)] }
     }
+
+    /// What values differ by from those at the base at a place in 1/256 pixel from it.
+    #[inline(always)]
+    fn moved(&self, x: f64, y: f64) -> f64 {
+        self.slope[0] * x + self.slope[1] * y
+    }
+
+    /// Values in the pixels of a quad that differ by so much from those at the base.
+    #[inline(always)]
+    fn quad(&self, moved: f64) -> Quad {
+        each(|p| self.quad[p] + moved)
+    }
 }
 
 /// Where one edge function is evaluated in the pixels of a quad, in 1/256 pixel from the centres.
@@ -137,9 +149,7 @@ fn to_pixels(offset: [i32; 2]) -> [f32; 2] {
 impl Offsets for Same {
     #[inline(always)]
     fn values(self, edge: &ExactEdge, at: [f64; 2]) -> Quad {
-        let (x, y) = (at[0] + f64::from(self.0[0]), at[1] + f64::from(self.0[1]));
-        let moved = edge.slope[0] * x + edge.slope[1] * y;
-        each(|p| edge.quad[p] + moved)
+        edge.quad(edge.moved(at[0] + f64::from(self.0[0]), at[1] + f64::from(self.0[1])))
     }
 
     #[inline(always)]
@@ -227,7 +237,7 @@ impl Basis {
         let moved = |edge: &ExactEdge| {
             let mut moved = [0.0; QUADS];
             for q in 0..QUADS {
-                moved[q] = edge.slope[0] * x[q] + edge.slope[1] * y[q];
+                moved[q] = edge.moved(x[q], y[q]);
             }
             moved
         };
@@ -290,9 +300,7 @@ widest! {
         {
             let [one, two] = basis.moved(sites, offset);
             for q in 0..QUADS {
-                let e1 = each(|p| basis.edges[0].quad[p] + one[q]);
-                let e2 = each(|p| basis.edges[1].quad[p] + two[q]);
-                basis.weigh(q, [e1, e2], weights, inv_w);
+                basis.weigh(q, [basis.edges[0].quad(one[q]), basis.edges[1].quad(two[q])], weights, inv_w);
             }
             return;
         }

@@ -274,16 +274,10 @@ fn load_flat(view: &View, words: &[u32], [x, y, _]: [&Lanes; 3], level: &Lanes, 
     if missing != 0 {
         return false;
     }
-    let mut place = [0; LANES];
-    for i in 0..LANES {
-        let y = y.0[i] & present[i];
-        let (group, row) = (y / ROWS, y % ROWS);
-        let column = geometry.columns[0].wrapping_add(group.wrapping_mul(geometry.stride)).wrapping_add(x.0[i] & present[i]);
-        place[i] = column.wrapping_mul(4) + row;
-    }
     let mut codes = [0; LANES];
     for i in 0..LANES {
-        codes[i] = words[place[i] as usize];
+        let texel = [x.0[i], y.0[i], 0].map(|v| (v & present[i]) as i32);
+        codes[i] = words[Unorm::place(geometry, texel)];
     }
     for (c, out) in out.iter_mut().enumerate() {
         for i in 0..LANES {

@@ -63,8 +63,8 @@ fn sole_level<'a>(view: &'a View, args: &Sample<'_>) -> Option<Plan<'a>> {
     args.layer.is_none().then_some(Plan { places: Places::Same([level; 2]), weight: ZEROS, by_quad: true, blend: false })
 }
 
-/// Finds levels and weights where there are several levels or layers; `rho` is [`quad_rho`] where [`needs_rho`] says so. `found` receives those of quads, `each` the geometry of lanes,
-/// `weight`, which is zeros, weights: they would be copied in what is returned.
+/// Finds levels and weights where there are several levels or layers; `rho` is [`quad_rho`] where [`needs_rho`] says so. `found` receives
+/// those of quads, `each` the geometry of lanes, `weight`, which is zeros, weights: they would be copied in what is returned.
 #[inline(always)]
 fn plan<'a>(
     view: &'a View,
