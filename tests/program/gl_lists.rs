@@ -104,3 +104,36 @@ fn a_list_keeps_elements_of_arrays_as_they_were() {
         }
     }
 }
+
+#[test]
+fn attributes_between_primitives_of_a_list_do_not_part_them() {
+    let quad = |x: i32| {
+        format!(
+            "glBegin(GL_QUADS)\nglVertex2f({x},0)\nglVertex2f({},0)\nglVertex2f({},4)\nglVertex2f({x},4)\nglEnd()\n",
+            x + 4,
+            x + 4
+        )
+    };
+    let list = format!(
+        "{ORTHO}glNewList(1,GL_COMPILE)\nglColor3f(1,0,0)\n{}glNormal3f(0,1,0)\nglColor3f(0,1,0)\n{}glColor3d(0,0,0.1)\nglColor3f(0,0,1)\n{}glEndList()\n",
+        quad(0),
+        quad(4),
+        quad(8)
+    );
+    let (trace, _) =
+        imported(&format!("{list}glCallList(1)\nglTranslatef(0,4,0)\nglCallList(1)\nglRectf(12,0,16,4)"), &[], 0..u64::MAX);
+    let mut counts = Vec::new();
+    let seen: Result<(), TraceError> = trace.for_each_command(|_, command| {
+        if let Command::DrawIndexed { indices, .. } = command {
+            counts.push(*indices);
+        }
+        Ok(())
+    });
+    seen.expect("a trace");
+    assert_eq!(counts, [18, 18, 6]);
+    let image = last_of(&trace);
+    for y in [1, 5] {
+        assert_eq!([image.at(1, y), image.at(5, y), image.at(9, y)], [RED, GREEN, BLUE]);
+    }
+    assert_eq!((image.at(13, 1), image.at(13, 5)), (BLACK, BLUE));
+}

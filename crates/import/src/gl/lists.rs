@@ -53,6 +53,20 @@ impl List {
         Ok(())
     }
 
+    /// Replaces the last step, a call that sets the attribute of this bit, by its effect: primitives before and after it may then be joined.
+    fn set(&mut self, bit: u32) {
+        self.known |= bit;
+        let Some(now) = self.now.clone() else { return };
+        if let Some(Step::Numbers(call)) = self.steps.pop() {
+            self.numbers.truncate(call.first());
+        }
+        if let Some(Step::Attributes(vertex, bits)) = self.steps.last_mut() {
+            (*vertex, *bits) = (now, *bits | bit);
+        } else {
+            self.steps.push(Step::Attributes(now, bit));
+        }
+    }
+
     fn geometries(&self) -> impl Iterator<Item = &Geometry> {
         self.steps.iter().filter_map(|step| match step {
             Step::Primitive(geometry) => Some(&**geometry),
@@ -124,7 +138,7 @@ impl Gl {
                 }
             }
             Part::Attribute(_) | Part::Unit if list.begun.is_none() => match attribute_of(&entry, call) {
-                Some(bit) if self.aside(&mut list, |gl| (entry.run)(gl, call, entry.shape)).is_ok() => list.known |= bit,
+                Some(bit) if self.aside(&mut list, |gl| (entry.run)(gl, call, entry.shape)).is_ok() => list.set(bit),
                 _ => list.known = 0,
             },
             Part::Attributes if list.begun.is_none() => list.known = 0,
