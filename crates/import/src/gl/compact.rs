@@ -1,5 +1,7 @@
 //! Calls in compact form: display lists have millions of calls, most with a few numbers.
 
+use std::rc::Rc;
+
 use super::call::{Arg, Call};
 
 /// A call whose arguments are numbers in single precision, the last one possibly an array. The numbers are stored in a separate list.
@@ -63,11 +65,20 @@ impl Compact {
     pub fn fill(&self, numbers: &[f32], call: &mut Call) {
         let (first, scalars) = (self.at as usize, usize::from(self.scalars));
         call.number = u64::from(self.number);
+        let room = if self.elements != NONE { call.args.pop() } else { None };
         call.args.clear();
         call.args.extend(numbers[first..first + scalars].iter().map(|&value| Arg::Num(f64::from(value))));
         if self.elements != NONE {
-            let array = &numbers[first + scalars..][..usize::from(self.elements)];
-            call.args.push(Arg::Nums(array.iter().copied().map(f64::from).collect()));
+            let values = numbers[first + scalars..][..usize::from(self.elements)].iter().copied().map(f64::from);
+            // Most calls of a list have arrays as long as the one before.
+            let array = match room {
+                Some(Arg::Nums(mut room)) if room.len() == values.len() => {
+                    Rc::make_mut(&mut room).iter_mut().zip(values).for_each(|(number, value)| *number = value);
+                    room
+                }
+                _ => values.collect(),
+            };
+            call.args.push(Arg::Nums(array));
         }
     }
 }
@@ -76,7 +87,6 @@ impl Compact {
 mod tests {
     use super::super::call::Function;
     use super::*;
-    use std::rc::Rc;
 
     #[test]
     fn calls_come_back_as_they_were_and_what_does_not_fit_is_left() {
@@ -96,6 +106,12 @@ mod tests {
             back.number = 0;
             compact.fill(&numbers, &mut back);
             assert_eq!((compact.function, back.number, &back.args), (7, 9, &args));
+            // Into arguments like them; what others hold of these stays as it was.
+            let (before, other) = (back.args.clone(), Compact { at: compact.at + 1, ..*compact });
+            other.fill(&[&numbers[..], &[7.0]].concat(), &mut back);
+            assert_eq!(before, args);
+            compact.fill(&numbers, &mut back);
+            assert_eq!(back.args, args);
         }
         let length = numbers.len();
         for args in [
