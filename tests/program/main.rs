@@ -14,6 +14,7 @@ mod gl_buffers;
 mod gl_features;
 mod gl_later;
 mod gl_lists;
+mod gl_prepared;
 mod gl_programs;
 mod gl_rest;
 mod gl_shaders;

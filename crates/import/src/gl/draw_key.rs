@@ -89,7 +89,7 @@ impl Gl {
             let lights = state.lights.iter().enumerate().filter(|(k, _)| state.is(e::LIGHT0 + *k as u32));
             let lights: Vec<LightKey> = lights
                 .map(|(_, light)| LightKey {
-                    directional: light.position[3] == 0.0,
+                    directional: light.directional(),
                     spot: light.spot_cutoff != 180.0,
                     attenuated: light.attenuation != [1.0, 0.0, 0.0],
                 })

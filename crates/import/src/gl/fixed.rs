@@ -8,6 +8,7 @@ use super::consts as e;
 use super::fragments::{blend_factor, blend_operation, stencil_operation};
 use super::key::{Expand, ShaderKey};
 use super::machine::Gl;
+use super::prepare::Layouts;
 use super::primitive::{Batch, Class, OFFSET_STEPS};
 use super::state::{ColorWrites, Stencil};
 
@@ -78,7 +79,7 @@ impl Gl {
         &self,
         target: &Target,
         shader: num::ShaderId,
-        buffers: Vec<VertexBufferLayout>,
+        buffers: Layouts,
         batch: &Batch,
         key: &ShaderKey,
         textures: usize,

@@ -43,7 +43,7 @@ pub struct Geometry {
 
 /// Its buffers for draws of one kind.
 struct OnCard {
-    packing: Packing,
+    packing: Rc<Packing>,
     upright: bool,
     buffers: [BufferId; 2],
     bytes: u64,
@@ -103,10 +103,15 @@ impl Geometry {
         })
     }
 
+    /// Whether some of its primitives are upright rectangles.
+    pub fn has_rectangles(&self) -> bool {
+        self.summary().1
+    }
+
     /// The constant attributes and the summary, for these current attributes.
     pub fn over(&self, current: &Vertex) -> (Vertex, Summary) {
         let constant = self.vertices[0].over(current, self.own);
-        let mut summary = self.summary().0.clone();
+        let mut summary = self.summary().0;
         for unit in (0..UNITS).filter(|unit| self.own & 1 << (8 + unit) == 0) {
             summary.texture[unit] = if constant.texture(unit)[3] == 1.0 { 2 } else { 4 };
         }
@@ -195,10 +200,9 @@ impl Gl {
 impl Card {
     /// The buffers of a primitive for draws of one kind, and the number of its indices; made once. `upright`: whether upright rectangles
     /// are treated as such.
-    pub fn kept(&mut self, geometry: &Geometry, packing: Packing, upright: bool) -> ([BufferId; 2], u32) {
-        let upright = upright && geometry.summary().1;
+    pub fn kept(&mut self, geometry: &Geometry, packing: &Rc<Packing>, upright: bool) -> ([BufferId; 2], u32) {
         let mut on_card = geometry.on_card.borrow_mut();
-        if let Some(known) = on_card.iter().find(|known| known.upright == upright && known.packing.is_like(&packing)) {
+        if let Some(known) = on_card.iter().find(|known| known.upright == upright && known.packing.is_like(packing)) {
             return (known.buffers, known.count);
         }
         let (mut vertices, mut indices) = (Vec::new(), Vec::new());
@@ -210,7 +214,7 @@ impl Card {
         let buffers = [("list", &vertices), ("list-indices", &indices)]
             .map(|(label, bytes)| self.recorder.create_buffer_init(label, bytes));
         self.kept_bytes += bytes;
-        on_card.push(OnCard { packing, upright, buffers, bytes, count });
+        on_card.push(OnCard { packing: packing.clone(), upright, buffers, bytes, count });
         (buffers, count)
     }
 }

@@ -30,11 +30,13 @@ pub(super) fn end(gl: &mut Gl, _: &Call, _: Shape) -> Outcome {
         return outcome;
     };
     gl.flush()?;
+    gl.prepared = None;
     let (enabled, saved) = (gl.state.enabled, gl.state.color_material);
     gl.state.enabled |= capability(e::COLOR_MATERIAL).unwrap_or(0);
     gl.state.color_material = key;
     let outcome = gl.primitive(mode, &vertices).and_then(|()| gl.flush());
     (gl.state.enabled, gl.state.color_material) = (enabled, saved);
+    gl.prepared = None;
     outcome
 }
 

@@ -22,6 +22,7 @@ use super::key::ShaderKey;
 use super::lists::List;
 use super::materials::Given;
 use super::pixel_data::PixelMaps;
+use super::prepare::{Packings, Prepared};
 use super::primitive::{Batch, Elements};
 use super::rectangles::Source;
 use super::saved::Saved;
@@ -147,6 +148,8 @@ pub struct Gl {
     pub lone: Option<Rc<Geometry>>,
     /// Whether the last draw was one of few vertices of a list from the card's memory, and nothing has changed the state since.
     pub follows: bool,
+    /// The last draw, if nothing has changed since that draws are prepared for.
+    pub prepared: Option<Box<Prepared>>,
     /// The material that changes between Begin and End: its faces and name, and its current colour.
     pub tracked: Option<([u32; 2], [f32; 4])>,
     /// The materials that `glMaterial` has set, for colour material.
@@ -161,6 +164,8 @@ pub struct Gl {
     pub elements: Option<Elements>,
     /// `GL_RENDER`, `GL_FEEDBACK` or `GL_SELECT`.
     pub render_mode: u32,
+    /// Layouts of vertices, by shader.
+    pub packings: NumberMap<num::ShaderId, Packings>,
     /// Shaders by key.
     pub shaders: BTreeMap<ShaderKey, num::ShaderId>,
     /// Their labels and WGSL, in the order in which they were made.
@@ -237,6 +242,7 @@ impl Gl {
             spare: Vec::new(),
             lone: None,
             follows: false,
+            prepared: None,
             tracked: None,
             given: Given::default(),
             batch: Batch::default(),
@@ -244,6 +250,7 @@ impl Gl {
             survey: false,
             elements: None,
             render_mode: e::RENDER,
+            packings: NumberMap::new(),
             shaders: BTreeMap::new(),
             texts: Vec::new(),
             calls: NameMap::new(),
@@ -286,7 +293,7 @@ impl Gl {
             counted.0 = call.function.name.clone();
         }
         counted.1 += 1;
-        if matches!(entry.moment, Moment::Server | Moment::Vertex)
+        if matches!(entry.moment, Moment::Server | Moment::Matrix | Moment::Vertex)
             && let Some((name, execute, list)) = self.compiling.take()
         {
             self.compiling = Some((name, execute, self.compile(list, entry, call)?));
@@ -306,12 +313,20 @@ impl Gl {
     /// Runs a call, whether it was recorded or comes from a list.
     pub fn execute(&mut self, entry: Entry, call: &Call) -> Outcome {
         match entry.moment {
-            Moment::Vertex | Moment::Element | Moment::Ignored => {}
-            Moment::Server | Moment::Client if self.begun.is_some() => return Err(INVALID_OPERATION),
-            Moment::Server => self.flush()?,
-            Moment::Client => {}
+            Moment::Vertex | Moment::Element | Moment::Ignored => return (entry.run)(self, call, entry.shape),
+            _ if self.begun.is_some() => return Err(INVALID_OPERATION),
+            Moment::Server | Moment::Matrix => self.flush()?,
+            Moment::Client | Moment::Arrays => {}
         }
-        (entry.run)(self, call, entry.shape)
+        let idle = || entry.idle.is_some_and(|idle| idle(self, call) == Ok(true));
+        if matches!(entry.moment, Moment::Matrix | Moment::Arrays) || idle() {
+            return (entry.run)(self, call, entry.shape);
+        }
+        // Some functions change the state for draws of their own.
+        self.prepared = None;
+        let outcome = (entry.run)(self, call, entry.shape);
+        self.prepared = None;
+        outcome
     }
 
     /// Counts the error or the unsupported feature of a call.
@@ -370,6 +385,7 @@ impl Gl {
         let new = if fixed { size } else { [old[0].max(size[0]), old[1].max(size[1])] };
         if (fixed || !self.fixed_window) && new != old && !new.contains(&0) {
             self.flush()?;
+            self.prepared = None;
             self.card.resize(new);
             if old == [0; 2] {
                 // Initially, viewport and scissor are as large as the window.

@@ -81,6 +81,11 @@ impl Given {
         (self.waiting, self.kept) = ([0; 2], [0; 2]);
     }
 
+    /// Whether any parameters keep their value.
+    pub fn keeps(&self) -> bool {
+        self.kept != [0; 2]
+    }
+
     /// The parameters that keep their value with this colour.
     pub fn kept(&self, color: [f32; 4]) -> [u8; 2] {
         if color == self.color { self.kept } else { [0; 2] }

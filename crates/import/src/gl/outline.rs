@@ -148,9 +148,11 @@ impl Gl {
             return self.add(class, Some(back), vertices, indices);
         }
         self.flush()?;
+        self.prepared = None;
         self.state.enabled = without;
         let outcome = self.add(class, Some(false), vertices, indices).and_then(|()| self.flush());
         self.state.enabled = enabled;
+        self.prepared = None;
         outcome
     }
 

@@ -39,7 +39,7 @@ fn layout(key: &ShaderKey, summary: &Summary, sent: Option<Sent>) -> Vec<Attribu
     let mut list: Vec<Attribute> = Vec::new();
     let least = |slot: usize| sent.map_or(2, |sent| sent.least(slot));
     let has = |slot: usize| sent.is_some_and(|sent| sent.has(slot));
-    list.push((location::POSITION, summary.position.max(least(0)), |v, _| v.position));
+    list.push((location::POSITION, usize::from(summary.position).max(least(0)), |v, _| v.position));
     if key.varying.color || has(2) {
         let opaque = sent.is_none() && summary.opaque;
         list.push((location::COLOR, if opaque { 3 } else { 4 }, |v, _| v.color));
@@ -57,11 +57,11 @@ fn layout(key: &ShaderKey, summary: &Summary, sent: Option<Sent>) -> Vec<Attribu
         list.push((location::OFFSET, 1, |v, _| [v.offset; 4]));
     }
     for unit in (0..UNITS).filter(|&unit| wgsl::reads_coordinates(key, unit) || has(8 + unit)) {
-        let count = summary.texture[unit].max(least(8 + unit));
+        let count = usize::from(summary.texture[unit]).max(least(8 + unit));
         list.push((location::TEXTURE + unit as u32, count, |v, at| v.texture((at - location::TEXTURE) as usize)));
     }
     for k in (0..GENERICS).filter(|&k| key.varying.generic & 1 << k != 0 || (k > 0 && has(16 + k))) {
-        let count = summary.generic[k].max(least(16 + k));
+        let count = usize::from(summary.generic[k]).max(least(16 + k));
         list.push((location::GENERIC + k as u32, count, |v, at| v.generic((at - location::GENERIC) as usize)));
     }
     list

@@ -8,6 +8,8 @@ pub use gl_shader::COLORS_MAX;
 use gl_shader::narrow::Narrow;
 use num::*;
 
+use super::prepare::Layouts;
+
 /// One draw of a pass.
 #[derive(Clone, Debug)]
 pub struct Draw {
@@ -225,7 +227,7 @@ pub struct Fixed {
     /// The module.
     pub shader: ShaderId,
     /// Layouts of the vertex buffers.
-    pub buffers: Vec<VertexBufferLayout>,
+    pub buffers: Layouts,
     /// Primitive.
     pub primitive: Primitive,
     /// Format of colours.

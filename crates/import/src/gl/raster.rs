@@ -191,6 +191,12 @@ pub(super) fn material(gl: &mut Gl, call: &Call, shape: Shape) -> Outcome {
         }
     }
     gl.flush()?;
+    let shines = |materials: &[Material; 2]| materials.each_ref().map(|of| of.specular[..3] != [0.0; 3]);
+    // Of a draw's shader, only whether materials are specular depends on them.
+    match &mut gl.prepared {
+        Some(prepared) if shines(&materials) == shines(&gl.state.materials) => prepared.lit = None,
+        prepared => *prepared = None,
+    }
     gl.state.materials = materials;
     Ok(())
 }
@@ -265,6 +271,7 @@ pub(super) fn light(gl: &mut Gl, call: &Call, shape: Shape) -> Outcome {
             }
         }
     }
+    light.derive();
     Ok(())
 }
 

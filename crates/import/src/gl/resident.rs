@@ -220,7 +220,7 @@ fn summary_of(ready: &[Ready], constant: &Vertex) -> Summary {
     let mut summary = Summary::of(std::slice::from_ref(constant));
     // Components of arrays; only four of them hold a q.
     for array in ready.iter().filter(|array| array.instance.is_none()) {
-        let (varying, size) = (&mut summary.varying, array.element.size.max(2));
+        let (varying, size) = (&mut summary.varying, array.element.size.max(2) as u8);
         match array.slot {
             0 | GENERIC => summary.position = size,
             1 => varying.normal = true,
@@ -331,7 +331,7 @@ impl Gl {
             }
         };
         let slots = ready.iter().filter(|array| array.instance.is_none()).fold(0, |all, array| all | 1 << array.slot);
-        let sent = self.keep_draws.then_some(Sent::Arrays { position: summary.position, slots });
+        let sent = self.keep_draws.then_some(Sent::Arrays { position: usize::from(summary.position), slots });
         let batch = Batch { class, topology, sent, turned, ..Batch::default() };
         let vertices = u64::from(first)..u64::from(last) + 1;
         Ok(Some((Resident { constant, summary, count, attributes, indices, vertices }, batch)))

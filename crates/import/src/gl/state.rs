@@ -3,7 +3,7 @@
 use std::rc::Rc;
 
 pub use gl_shader::{COLORS_MAX, LIGHTS, PLANES, TARGETS, UNITS};
-use glam::Mat4;
+use glam::{Mat4, Vec3, vec3};
 
 use super::arb::GENERICS;
 use super::consts as e;
@@ -135,6 +135,41 @@ pub struct Light {
     pub spot_cutoff: f32,
     /// Constant, linear, quadratic.
     pub attenuation: [f32; 3],
+    /// What shaders read of position, spot and viewer: computed by [`Light::derive`].
+    pub derived: Derived,
+}
+
+/// Terms of a light that shaders read.
+#[derive(Clone, Debug, Default)]
+pub struct Derived {
+    /// The direction (w = 0), or the position divided by its w (w = 1).
+    pub position: [f32; 4],
+    /// The half vector for a viewer at infinity.
+    pub half: [f32; 4],
+    /// The direction of the spot, and the cosine of its cutoff.
+    pub spot: [f32; 4],
+}
+
+impl Light {
+    /// Whether it is a direction.
+    pub fn directional(&self) -> bool {
+        self.position[3] == 0.0
+    }
+
+    /// Computes the terms again, after a change of the light.
+    pub fn derive(&mut self) {
+        let [x, y, z, w] = self.position;
+        let position = match self.directional() {
+            true => vec3(x, y, z).normalize_or_zero().extend(0.0),
+            false => (vec3(x, y, z) / w).extend(1.0),
+        };
+        let [x, y, z] = Vec3::from(self.spot_direction).normalize_or_zero().to_array();
+        self.derived = Derived {
+            position: position.to_array(),
+            half: (position.truncate() + Vec3::Z).normalize_or_zero().extend(0.0).to_array(),
+            spot: [x, y, z, libm::cos(f64::from(self.spot_cutoff).to_radians()) as f32],
+        };
+    }
 }
 
 /// A material of one side.
@@ -344,7 +379,7 @@ impl Default for State {
     fn default() -> State {
         let black = [0.0, 0.0, 0.0, 1.0];
         let white = [1.0; 4];
-        let light = Light {
+        let mut light = Light {
             ambient: black,
             diffuse: black,
             specular: black,
@@ -353,7 +388,9 @@ impl Default for State {
             spot_exponent: 0.0,
             spot_cutoff: 180.0,
             attenuation: [1.0, 0.0, 0.0],
+            derived: Derived::default(),
         };
+        light.derive();
         let mut lights: [Light; LIGHTS] = std::array::from_fn(|_| light.clone());
         (lights[0].diffuse, lights[0].specular) = (white, white);
         let material = Material {

@@ -5,22 +5,22 @@ use super::key::Varying;
 use super::state::{UNITS, Vertex};
 
 /// Which attributes differ between vertices, and how many components they need.
-#[derive(Clone, Debug)]
+#[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Summary {
     /// Attributes that differ.
     pub varying: Varying,
     /// Components of positions: 2 to 4.
-    pub position: usize,
+    pub position: u8,
     /// Whether all colours have an alpha of 1.
     pub opaque: bool,
     /// Components of texture coordinates: 2 to 4.
-    pub texture: [usize; UNITS],
+    pub texture: [u8; UNITS],
     /// Components of generic attributes: 2 to 4.
-    pub generic: [usize; GENERICS],
+    pub generic: [u8; GENERICS],
 }
 
 /// The number of components that an attribute needs if missing ones are 0, 0, 1.
-fn components([_, _, z, w]: [f32; 4]) -> usize {
+fn components([_, _, z, w]: [f32; 4]) -> u8 {
     if w != 1.0 {
         4
     } else if z != 0.0 {
@@ -52,7 +52,7 @@ impl<const N: usize> Differing<N> {
 
 impl Differing<4> {
     /// The number of components that vectors need, if this has been compared with [`MISSING`].
-    fn components(self) -> usize {
+    fn components(self) -> u8 {
         match self.0 {
             [.., 1] => 4,
             [.., 1, _] => 3,

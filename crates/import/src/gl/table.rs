@@ -2,6 +2,7 @@
 
 use super::call::{Call, Fault, Outcome, Scalar, Shape, core_name, shape};
 use super::elements::{BASED, INSTANCED, RANGE};
+use super::idle::{self, Idle};
 use super::indirect::{INDEXED, SEVERAL};
 use super::machine::Gl;
 use super::{
@@ -18,8 +19,12 @@ pub enum Moment {
     Element,
     /// Changes or reads the server's state.
     Server,
+    /// As [`Moment::Server`], but changes matrices alone, or their mode.
+    Matrix,
     /// Changes only client state; display lists do not store it.
     Client,
+    /// As [`Moment::Client`], but changes the arrays of vertices alone, or draws from them.
+    Arrays,
     /// Has no effect on pictures.
     Ignored,
 }
@@ -38,6 +43,8 @@ pub struct Entry {
     pub shape: Shape,
     /// What it does between Begin and End.
     pub part: Part,
+    /// Whether a call of it changes nothing.
+    pub idle: Option<Idle>,
 }
 
 /// What a function does between Begin and End.
@@ -88,7 +95,7 @@ fn unknown(_: &mut Gl, call: &Call, _: Shape) -> Outcome {
 /// The entry of a function by name; an unknown function is refused by name when it is called.
 pub fn find(name: &str) -> Entry {
     let plain = Shape { count: 0, scalar: Scalar::Float, vector: false };
-    let entry = |(moment, run): (Moment, Run), shape, part| Entry { run, moment, shape, part };
+    let entry = |(moment, run): (Moment, Run), shape, part| Entry { run, moment, shape, part, idle: None };
     let Some(core) = core_name(name) else { return entry(window_system(name), plain, Part::Other) };
     if let Some(window) = core.starts_with('X').then(|| window_system(name)) {
         return entry(window, plain, Part::Other);
@@ -98,7 +105,7 @@ pub fn find(name: &str) -> Entry {
         return entry((Moment::Server, fragments::stencil_func_both), plain, Part::Other);
     }
     if let Some(found) = exact(core) {
-        return entry(found, plain, part(core, None));
+        return Entry { idle: idle::test(core), ..entry(found, plain, part(core, None)) };
     }
     if let Some((stem, shape)) = shape(core)
         && let Some(found) = typed(stem)
@@ -121,7 +128,7 @@ fn window_system(name: &str) -> (Moment, Run) {
 
 /// Functions whose names have no types.
 fn exact(name: &str) -> Option<(Moment, Run)> {
-    use Moment::{Client, Element, Ignored, Server, Vertex};
+    use Moment::{Arrays, Client, Element, Ignored, Matrix, Server, Vertex};
     let found: (Moment, Run) = match name {
         "Begin" => (Vertex, immediate::begin),
         "End" => (Vertex, immediate::end),
@@ -133,33 +140,33 @@ fn exact(name: &str) -> Option<(Moment, Run)> {
         "EndList" => (Client, lists::end_list),
         "ListBase" => (Server, lists::list_base),
         "DeleteLists" => (Client, lists::delete_lists),
-        "EnableClientState" => (Client, arrays::enable),
-        "DisableClientState" => (Client, arrays::disable),
-        "ClientActiveTexture" => (Client, arrays::client_active),
-        "VertexPointer" => (Client, arrays::vertex_pointer),
-        "NormalPointer" => (Client, arrays::normal_pointer),
-        "ColorPointer" => (Client, arrays::color_pointer),
-        "SecondaryColorPointer" => (Client, arrays::secondary_pointer),
-        "TexCoordPointer" => (Client, arrays::texture_pointer),
-        "FogCoordPointer" => (Client, arrays::fog_pointer),
-        "EdgeFlagPointer" => (Client, arrays::edge_pointer),
-        "InterleavedArrays" => (Client, arrays::interleaved),
-        "DrawArrays" => (Client, elements::draw_arrays),
-        "MultiDrawElements" => (Client, elements::multi_draw_elements),
-        "MultiDrawElementsBaseVertex" => (Client, elements::multi_draw_elements),
-        "MultiDrawArrays" => (Client, elements::multi_draw_arrays),
+        "EnableClientState" => (Arrays, arrays::enable),
+        "DisableClientState" => (Arrays, arrays::disable),
+        "ClientActiveTexture" => (Arrays, arrays::client_active),
+        "VertexPointer" => (Arrays, arrays::vertex_pointer),
+        "NormalPointer" => (Arrays, arrays::normal_pointer),
+        "ColorPointer" => (Arrays, arrays::color_pointer),
+        "SecondaryColorPointer" => (Arrays, arrays::secondary_pointer),
+        "TexCoordPointer" => (Arrays, arrays::texture_pointer),
+        "FogCoordPointer" => (Arrays, arrays::fog_pointer),
+        "EdgeFlagPointer" => (Arrays, arrays::edge_pointer),
+        "InterleavedArrays" => (Arrays, arrays::interleaved),
+        "DrawArrays" => (Arrays, elements::draw_arrays),
+        "MultiDrawElements" => (Arrays, elements::multi_draw_elements),
+        "MultiDrawElementsBaseVertex" => (Arrays, elements::multi_draw_elements),
+        "MultiDrawArrays" => (Arrays, elements::multi_draw_arrays),
         "DrawArraysIndirect" => (Client, indirect::draw::<0>),
         "DrawElementsIndirect" => (Client, indirect::draw::<INDEXED>),
         "MultiDrawArraysIndirect" => (Client, indirect::draw::<SEVERAL>),
         "MultiDrawElementsIndirect" => (Client, indirect::draw::<{ INDEXED | SEVERAL }>),
-        "DrawElements" => (Client, elements::draw_elements::<0>),
-        "DrawRangeElements" => (Client, elements::draw_elements::<RANGE>),
-        "DrawElementsBaseVertex" => (Client, elements::draw_elements::<BASED>),
-        "DrawRangeElementsBaseVertex" => (Client, elements::draw_elements::<{ RANGE | BASED }>),
-        "DrawArraysInstanced" => (Client, elements::draw_arrays_instanced),
-        "DrawElementsInstanced" => (Client, elements::draw_elements::<INSTANCED>),
-        "DrawElementsInstancedBaseVertex" => (Client, elements::draw_elements::<{ INSTANCED | BASED }>),
-        "VertexAttribDivisor" => (Client, arrays::divisor),
+        "DrawElements" => (Arrays, elements::draw_elements::<0>),
+        "DrawRangeElements" => (Arrays, elements::draw_elements::<RANGE>),
+        "DrawElementsBaseVertex" => (Arrays, elements::draw_elements::<BASED>),
+        "DrawRangeElementsBaseVertex" => (Arrays, elements::draw_elements::<{ RANGE | BASED }>),
+        "DrawArraysInstanced" => (Arrays, elements::draw_arrays_instanced),
+        "DrawElementsInstanced" => (Arrays, elements::draw_elements::<INSTANCED>),
+        "DrawElementsInstancedBaseVertex" => (Arrays, elements::draw_elements::<{ INSTANCED | BASED }>),
+        "VertexAttribDivisor" => (Arrays, arrays::divisor),
         "PushClientAttrib" => (Client, arrays::push_client),
         "PopClientAttrib" => (Client, arrays::pop_client),
         "BindBuffer" => (Client, buffers::bind),
@@ -171,9 +178,9 @@ fn exact(name: &str) -> Option<(Moment, Run)> {
         "BufferData" => (Client, buffers::data),
         "BufferSubData" => (Client, buffers::sub_data),
         "DeleteBuffers" => (Client, buffers::delete),
-        "EnableVertexAttribArray" => (Client, arrays::enable_generic),
-        "DisableVertexAttribArray" => (Client, arrays::disable_generic),
-        "VertexAttribPointer" => (Client, arrays::generic_pointer),
+        "EnableVertexAttribArray" => (Arrays, arrays::enable_generic),
+        "DisableVertexAttribArray" => (Arrays, arrays::disable_generic),
+        "VertexAttribPointer" => (Arrays, arrays::generic_pointer),
         "BindProgram" => (Server, arb::bind),
         "ProgramString" => (Client, arb::string),
         "DeletePrograms" => (Client, arb::delete),
@@ -194,14 +201,14 @@ fn exact(name: &str) -> Option<(Moment, Run)> {
         "GetFragDataLocation" => (Client, glsl::output_location),
         "GetUniformLocation" => (Client, glsl::uniform_location),
         "GenVertexArrays" => (Ignored, nothing),
-        "BindVertexArray" => (Client, arrays::bind_vertex_array),
+        "BindVertexArray" => (Arrays, arrays::bind_vertex_array),
         "DeleteVertexArrays" => (Client, arrays::delete_vertex_arrays),
-        "MatrixMode" => (Server, transform::matrix_mode),
-        "LoadIdentity" => (Server, transform::load_identity),
-        "PushMatrix" => (Server, transform::push_matrix),
-        "PopMatrix" => (Server, transform::pop_matrix),
-        "Ortho" => (Server, transform::ortho),
-        "Frustum" => (Server, transform::frustum),
+        "MatrixMode" => (Matrix, transform::matrix_mode),
+        "LoadIdentity" => (Matrix, transform::load_identity),
+        "PushMatrix" => (Matrix, transform::push_matrix),
+        "PopMatrix" => (Matrix, transform::pop_matrix),
+        "Ortho" => (Matrix, transform::ortho),
+        "Frustum" => (Matrix, transform::frustum),
         "Viewport" => (Server, transform::viewport),
         "DepthRange" => (Server, transform::depth_range),
         "ClipPlane" => (Server, transform::clip_plane),
@@ -350,7 +357,7 @@ fn exact(name: &str) -> Option<(Moment, Run)> {
 
 /// Functions whose names end in a type.
 fn typed(stem: &str) -> Option<(Moment, Run)> {
-    use Moment::{Client, Ignored, Server, Vertex};
+    use Moment::{Client, Ignored, Matrix, Server, Vertex};
     let found: (Moment, Run) = match stem {
         "Vertex" => (Vertex, immediate::vertex),
         "Normal" => (Vertex, immediate::normal),
@@ -375,13 +382,13 @@ fn typed(stem: &str) -> Option<(Moment, Run)> {
         "LightModel" => (Server, raster::light_model),
         "Fog" => (Server, raster::fog),
         "PointParameter" => (Server, raster::point_parameter),
-        "LoadMatrix" => (Server, transform::load_matrix),
-        "LoadTransposeMatrix" => (Server, transform::load_transposed),
-        "MultMatrix" => (Server, transform::multiply_matrix),
-        "MultTransposeMatrix" => (Server, transform::multiply_transposed),
-        "Rotate" => (Server, transform::rotate),
-        "Scale" => (Server, transform::scale),
-        "Translate" => (Server, transform::translate),
+        "LoadMatrix" => (Matrix, transform::load_matrix),
+        "LoadTransposeMatrix" => (Matrix, transform::load_transposed),
+        "MultMatrix" => (Matrix, transform::multiply_matrix),
+        "MultTransposeMatrix" => (Matrix, transform::multiply_transposed),
+        "Rotate" => (Matrix, transform::rotate),
+        "Scale" => (Matrix, transform::scale),
+        "Translate" => (Matrix, transform::translate),
         "DepthRange" => (Server, transform::depth_range),
         "TexParameter" => (Server, samplers::parameter),
         "SamplerParameter" => (Server, samplers::sampler_parameter),

@@ -2,13 +2,13 @@
 
 use gl_shader::wgsl::Field;
 
-use glam::{Mat4, Vec3, vec3};
+use glam::Mat4;
 
 use super::arb::{Active, GENERICS, input};
 use super::consts as e;
 use super::key::{EnvironmentKey, Made, ShaderKey};
 use super::matrix;
-use super::state::{State, UNITS, Vertex};
+use super::state::{Derived, Stack, State, UNITS, Vertex};
 
 /// The values from which uniforms are computed.
 pub struct Source<'a> {
@@ -19,7 +19,7 @@ pub struct Source<'a> {
     /// The projection matrix.
     pub projection: &'a Mat4,
     /// Texture matrices.
-    pub texture: &'a [Mat4; UNITS],
+    pub texture: &'a [Stack; UNITS],
     /// Attributes that are the same for all vertices.
     pub constant: &'a Vertex,
     /// Biases of the level of detail.
@@ -71,8 +71,8 @@ fn alpha_reference(compare: u32, reference: f32, float: bool) -> [f32; 4] {
     [moved, HALF, 0.0, 0.0]
 }
 
-/// Visits all fields of a shader with this key, in order.
-pub fn visit(key: &ShaderKey, source: &Source, field: Visit) {
+/// Visits all fields of a shader with this key, in order. Those of lighting are one field if their values are known.
+fn visit(key: &ShaderKey, source: &Source, lit: Option<&[[f32; 4]]>, field: Visit) {
     let (state, constant) = (source.state, source.constant);
     let wide = |v: [f32; 3], w: f32| [v[0], v[1], v[2], w];
     let mut mvp = to_clip(source.projection, source.modelview);
@@ -126,7 +126,10 @@ pub fn visit(key: &ShaderKey, source: &Source, field: Visit) {
             field(name, None, &program.values);
         }
     }
-    lighting(key, source, field);
+    match lit {
+        Some(lit) => field("lighting", None, lit),
+        None => lighting(key, source, field),
+    }
     for unit in &key.units {
         let (k, of) = (unit.unit, &state.units[unit.unit]);
         let planes = |wanted: Made, plane: &dyn Fn(usize) -> [f32; 4]| {
@@ -140,7 +143,7 @@ pub fn visit(key: &ShaderKey, source: &Source, field: Visit) {
             field("eye_planes", Some(k), &planes);
         }
         if unit.matrix {
-            field("texture_matrix", Some(k), &source.texture[k].to_cols_array_2d());
+            field("texture_matrix", Some(k), &source.texture[k].top.to_cols_array_2d());
         }
         if unit.border {
             field("border", Some(k), &[source.borders[k]]);
@@ -212,36 +215,36 @@ fn lighting(key: &ShaderKey, source: &Source, field: Visit) {
         }
     }
     let lights = (0..state.lights.len()).filter(|&k| state.is(e::LIGHT0 + k as u32)).map(|k| &state.lights[k]);
-    for (k, (light, of)) in lights.zip(&lighting.lights).enumerate() {
-        let [x, y, z, w] = light.position;
-        let position =
-            if of.directional { vec3(x, y, z).normalize_or_zero().extend(0.0) } else { (vec3(x, y, z) / w).extend(1.0) };
-        // The half vector for a viewer at infinity.
-        let half = (position.truncate() + Vec3::Z).normalize_or_zero().extend(0.0).to_array();
+    for (k, light) in lights.enumerate() {
+        let Derived { position, half, spot } = light.derived;
         let [a, b, c] = light.attenuation;
-        let [x, y, z] = Vec3::from(light.spot_direction).normalize_or_zero().to_array();
-        let spot = [x, y, z, libm::cos(f64::from(light.spot_cutoff).to_radians()) as f32];
         let terms = [light.spot_exponent, a, b, c];
-        field("light", Some(k), &[light.ambient, light.diffuse, light.specular, position.to_array(), half, terms, spot]);
+        field("light", Some(k), &[light.ambient, light.diffuse, light.specular, position, half, terms, spot]);
     }
 }
 
 /// The fields of the block.
 pub fn fields(key: &ShaderKey, source: &Source) -> Vec<Field> {
     let mut fields = Vec::new();
-    visit(key, source, &mut |name, index, vectors| fields.push(Field { name, index, count: vectors.len() }));
+    visit(key, source, None, &mut |name, index, vectors| fields.push(Field { name, index, count: vectors.len() }));
     fields
 }
 
-/// The bytes of the block.
-pub fn bytes(key: &ShaderKey, source: &Source, out: &mut Vec<u8>) {
+/// Appends the bytes of the block. `lit` are the vectors of lighting, if they are known; they are returned.
+pub fn bytes(key: &ShaderKey, source: &Source, lit: Option<Vec<[f32; 4]>>, out: &mut Vec<u8>) -> Option<Vec<[f32; 4]>> {
+    let lit = lit.unwrap_or_else(|| {
+        let mut all = Vec::new();
+        lighting(key, source, &mut |_, _, vectors| all.extend_from_slice(vectors));
+        all
+    });
     // As many as most blocks have: a vector that grows field by field is copied again and again.
     out.reserve(1024);
-    visit(key, source, &mut |_, _, vectors| {
+    visit(key, source, Some(&lit), &mut |_, _, vectors| {
         for vector in vectors {
             out.extend_from_slice(vector.map(f32::to_le_bytes).as_flattened());
         }
     });
+    Some(lit)
 }
 
 #[cfg(test)]

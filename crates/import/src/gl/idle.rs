@@ -1,0 +1,49 @@
+//! Calls that set what is set already. Programs make many of them, above all in display lists. They end a batch as other calls do, but what is
+//! prepared for draws stays.
+
+use super::call::{Call, Outcome};
+use super::consts as e;
+use super::machine::Gl;
+use super::state::{TARGETS, UNITS, capability};
+use super::texturing::target_of;
+
+/// Tells whether a call leaves all that a draw depends on as it is. An error says that it may not.
+pub type Idle = fn(&Gl, &Call) -> Outcome<bool>;
+
+/// The test for a function, by its name; none: it always changes something.
+pub fn test(core: &str) -> Option<Idle> {
+    Some(match core {
+        "ActiveTexture" => |_, call| Ok((call.u32(0)?.wrapping_sub(e::TEXTURE0) as usize) < UNITS),
+        "AlphaFunc" => |gl, call| Ok((call.u32(0)?, call.f32(1)?) == gl.state.alpha),
+        "BindTexture" => |gl, call| {
+            let (target, name) = (target_of(call.u32(0)?)?, call.u32(1)?);
+            Ok(gl.state.units[gl.state.active].bound[target] == name && (name == 0 || gl.textures.contains(name)))
+        },
+        "BlendFunc" => |gl, call| {
+            let [source, destination] = [call.u32(0)?, call.u32(1)?];
+            Ok(gl.state.writes.iter().all(|writes| writes.factors == [source, destination, source, destination]))
+        },
+        "CullFace" => |gl, call| Ok(call.u32(0)? == gl.state.cull),
+        "DepthFunc" => |gl, call| Ok(call.u32(0)? == gl.state.depth_func),
+        "DepthMask" => |gl, call| Ok(call.bool(0)? == gl.state.depth_write),
+        "Disable" => |gl, call| Ok(is(gl, call.u32(0)?) == Some(false)),
+        "Enable" => |gl, call| Ok(is(gl, call.u32(0)?) == Some(true)),
+        "FrontFace" => |gl, call| Ok(call.u32(0)? == gl.state.front),
+        "LineWidth" => |gl, call| Ok(call.f32(0)? == gl.state.line_width),
+        "PolygonMode" => |gl, call| Ok(call.u32(0)? == e::FRONT_AND_BACK && gl.state.polygon_modes == [call.u32(1)?; 2]),
+        "ShadeModel" => |gl, call| Ok(call.u32(0)? == if gl.state.flat { e::FLAT } else { e::SMOOTH }),
+        _ => return None,
+    })
+}
+
+/// Whether a capability is enabled, of those that many programs switch.
+fn is(gl: &Gl, cap: u32) -> Option<bool> {
+    if capability(cap).is_some() {
+        return Some(gl.state.is(cap));
+    }
+    if let Some(k) = TARGETS.iter().position(|&target| target == cap) {
+        return Some(gl.state.units[gl.state.active].enabled & 1 << k != 0);
+    }
+    let [first, others @ ..] = &gl.state.writes;
+    (cap == e::BLEND && others.iter().all(|writes| writes.blended == first.blended)).then_some(first.blended)
+}

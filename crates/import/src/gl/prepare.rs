@@ -1,0 +1,406 @@
+//! What a draw needs beside its vertices and its values: shader, pipeline, textures, the layout of its vertices. Consecutive draws share it as
+//! long as only matrices, current attributes, and colours of materials change between them.
+
+use gfx::state::{Rect, VertexBufferLayout, Viewport};
+use gl_shader::arb::program::Output;
+use gl_shader::wgsl;
+use glam::{Mat4, Vec4};
+use num::*;
+use std::rc::Rc;
+
+use super::arb::{Active, Stage, input};
+use super::call::{Fault, Outcome};
+use super::card::{Fixed, Target};
+use super::consts as e;
+use super::draw_key::varying;
+use super::key::*;
+use super::machine::Gl;
+use super::materials::tracked;
+use super::pack::Packing;
+use super::primitive::{Batch, Class, Sent};
+use super::resident::{Kept, Placed};
+use super::state::{TARGETS, UNITS, Vertex};
+use super::summary::Summary;
+use super::uniforms::{self, Source, to_clip};
+
+/// A prepared draw.
+pub struct Prepared {
+    likeness: Likeness,
+    /// Whether it may serve other draws.
+    pub lasts: bool,
+    target: Target,
+    /// The key of its shader.
+    pub key: ShaderKey,
+    programs: [Option<Active>; 2],
+    biases: [f32; UNITS],
+    borders: [[f32; 4]; UNITS],
+    /// The layout of its vertices.
+    pub packing: Rc<Packing>,
+    /// The vertex buffers of a draw from buffer objects.
+    pub placed: Option<Placed>,
+    /// The state of its pipeline.
+    pub fixed: Fixed,
+    /// The buffers that it may write, as [`super::pass::writes`] has them.
+    pub writes: u8,
+    /// Its pipeline, once it is made.
+    pub pipeline: Option<RenderPipelineId>,
+    /// Its textures, each with its view and sampler.
+    pub bound: Vec<(TextureId, ViewId, SamplerId)>,
+    /// The group of its textures, once it is made.
+    pub group: Option<BindGroupId>,
+    /// Viewport.
+    pub viewport: Viewport,
+    /// Scissor.
+    pub scissor: Rect,
+    /// Blend constant.
+    pub blend: [f32; 4],
+    /// The uniforms of lighting, until a material changes.
+    pub lit: Option<Vec<[f32; 4]>>,
+    /// The memory of the last draw's uniforms, for reuse.
+    pub block: Vec<u8>,
+}
+
+/// What a prepared draw depends on beside the state that ends it when it changes.
+#[derive(Debug, PartialEq)]
+struct Likeness {
+    class: Class,
+    polygon: Option<bool>,
+    topology: Option<gfx::state::Topology>,
+    turned: bool,
+    sent: Option<Sent>,
+    summary: Summary,
+    /// Whether the modelview matrix computes a w.
+    projective: bool,
+    /// Whether the texture matrix of a unit of the key is not the identity, and whether it computes a q: a bit each.
+    matrices: [u8; 2],
+    /// Whether colour material leaves materials as `glMaterial` set them.
+    kept: bool,
+}
+
+impl Likeness {
+    fn of(gl: &Gl, batch: &Batch, summary: &Summary, units: &[UnitKey]) -> Likeness {
+        let mut matrices = [0; 2];
+        for unit in units.iter().map(|key| key.unit) {
+            let m = &gl.texture_matrices[unit].top;
+            matrices[0] |= u8::from(*m != Mat4::IDENTITY) << unit;
+            matrices[1] |= u8::from(m.row(3) != Vec4::W) << unit;
+        }
+        Likeness {
+            class: batch.class,
+            polygon: batch.polygon,
+            topology: batch.topology,
+            turned: batch.turned,
+            sent: batch.sent,
+            summary: *summary,
+            projective: gl.modelview.top.row(3) != Vec4::W,
+            matrices,
+            kept: gl.given.keeps() && tracked(&gl.state) != [0; 2],
+        }
+    }
+}
+
+impl Prepared {
+    /// Whether it serves this draw too.
+    pub fn serves(&self, gl: &Gl, batch: &Batch, summary: &Summary) -> bool {
+        self.lasts && self.likeness == Likeness::of(gl, batch, summary, &self.key.units)
+    }
+
+    /// Whether it is what preparing this draw again gives; a check of [`Prepared::serves`], and of what ends a prepared draw.
+    pub fn is_up_to_date(&self, gl: &mut Gl, batch: &mut Batch, constant: &mut Vertex, summary: &mut Summary) -> bool {
+        let Ok(Some(again)) = gl.prepare(batch, None, constant, summary) else { return false };
+        let uniforms = |of: &Prepared| {
+            let mut block = Vec::new();
+            uniforms::bytes(&of.key, &of.source(gl, constant), of.lit.clone(), &mut block);
+            block
+        };
+        // As text: a number may be none.
+        let rest = |of: &Prepared| format!("{:?}", (of.viewport, of.scissor, of.blend, of.writes));
+        (&self.key, &self.fixed, &self.bound, self.target) == (&again.key, &again.fixed, &again.bound, again.target)
+            && self.packing.is_like(&again.packing)
+            && (uniforms(self), rest(self)) == (uniforms(&again), rest(&again))
+    }
+
+    /// The values of the uniforms, with these attributes where all vertices have the same.
+    pub fn source<'a>(&'a self, gl: &'a Gl, constant: &'a Vertex) -> Source<'a> {
+        let [vertex, fragment] = self.programs.each_ref().map(Option::as_ref);
+        let of = (self.target, self.biases, self.borders);
+        source(gl, constant, of, [vertex, fragment])
+    }
+}
+
+/// The colours that a draw's fragments write to the colour buffers.
+fn colors_of(target: &Target, fragment: Option<&Active>) -> Colors {
+    let count = target.colors().count().max(1) as u8;
+    let own = fragment.filter(|active| active.program.code.as_ref().is_some_and(|code| !code.broadcast));
+    let written = own.map_or(u8::MAX, |active| {
+        let bit = |output: &Output| if let Output::Color(k) = output { 1 << k } else { 0 };
+        // An output that a shader does not write is undefined; the first buffer then gets black.
+        active.program.outputs.iter().map(bit).fold(1, |all: u8, bit: u8| all | bit)
+    });
+    let narrow = target.color.and_then(|color| color.narrow);
+    Colors { count, written, alike: own.is_none(), narrow, float: target.colors().any(|(color, _)| color.is_float()) }
+}
+
+/// Layouts of vertex buffers.
+pub type Layouts = Rc<[VertexBufferLayout]>;
+
+/// Layouts of vertices: for which summary, class and attributes that are sent; in a buffer; and of the buffers.
+pub type Packings = Vec<((Summary, Class, Option<Sent>), Rc<Packing>, Layouts)>;
+
+/// The texture units of a draw.
+struct Units {
+    keys: Vec<UnitKey>,
+    bound: Vec<(TextureId, ViewId, SamplerId)>,
+    /// Biases of the level of detail.
+    biases: [f32; UNITS],
+    /// Border colours, and what shaders read where the card does not support one of them.
+    borders: [[f32; 4]; UNITS],
+    white: Vec<(TextureId, ViewId, SamplerId)>,
+}
+
+fn source<'a>(
+    gl: &'a Gl,
+    constant: &'a Vertex,
+    (target, biases, borders): (Target, [f32; UNITS], [[f32; 4]; UNITS]),
+    [vertex, fragment]: [Option<&'a Active>; 2],
+) -> Source<'a> {
+    Source {
+        state: &gl.state,
+        modelview: &gl.modelview.top,
+        projection: &gl.projection.top,
+        texture: &gl.texture_matrices,
+        constant,
+        biases,
+        borders,
+        height: target.size[1],
+        upward: target.upward,
+        pixels: gl.pixels.map_or([[0.0; 4]; 4], |pixels| pixels.uniforms),
+        vertex,
+        fragment,
+    }
+}
+
+impl Gl {
+    /// Prepares a draw; none if there is nothing to draw, or if it has been drawn in parts. `constant` are the attributes that all vertices
+    /// have, where they are the same. The vertices of fogged lines get their distances, and both facts about them change with that.
+    pub fn prepare(
+        &mut self,
+        batch: &mut Batch,
+        kept: Option<Kept<'_>>,
+        constant: &mut Vertex,
+        summary: &mut Summary,
+    ) -> Outcome<Option<Prepared>> {
+        let Some(target) = self.aim()? else {
+            return Err(Fault::Unsupported("drawing before the size of the window is known".into()));
+        };
+        let Some(scissor) = self.scissor() else { return Ok(None) };
+        if self.state.viewport[2] <= 0 || self.state.viewport[3] <= 0 {
+            return Ok(None);
+        }
+        let culled = batch.class == Class::Triangles && self.state.is(e::CULL_FACE) && self.state.cull == e::FRONT_AND_BACK;
+        if culled {
+            return Ok(None);
+        }
+        if kept.is_none() && self.sides_differ(batch) {
+            return self.draw_sides(batch).map(|()| None);
+        }
+        let vertex = self.active_program(Stage::Vertex)?;
+        let fragment = self.active_program(Stage::Fragment)?;
+        if self.pixels.is_some() && (vertex.is_some() || fragment.is_some()) {
+            return Err(Fault::Unsupported("pixel rectangles with programs".into()));
+        }
+        let Units { keys, mut bound, biases, borders, white } = self.units(&target, batch.class, [&vertex, &fragment])?;
+        let mut key = self.key(batch, summary, keys)?;
+        if let Some(lighting) = &mut key.lighting {
+            self.given.limit(lighting, constant, summary);
+        }
+        self.programmed(&mut key, batch, vertex.as_ref(), fragment.as_ref())?;
+        key.colors = colors_of(&target, fragment.as_ref());
+        if key.colors.narrow.is_some() && self.mask() != 0 && self.blending(&self.state.writes[0])?.is_some() {
+            // Drawn, but what is blended keeps all eight bits.
+            self.refuse("blending into colours of fewer than eight bits a channel".into());
+            key.colors.narrow = None;
+        }
+        if batch.class == Class::Lines && self.line_stippled() && vertex.is_none() {
+            // The pattern's runs have the distances that fog needs.
+            key.fog_coordinate = true;
+        } else if self.cuts_fog(&key, batch) {
+            // Only here is the distance of a clipped end known.
+            let modelview = self.modelview.top;
+            for vertex in &mut batch.vertices {
+                vertex.fog = super::matrix::transform(&modelview, vertex.position)[2].abs();
+            }
+            key.fog_coordinate = true;
+            (*constant, *summary) = (batch.vertices[batch.indices[0] as usize].clone(), Summary::of(&batch.vertices));
+        }
+        key.projective_eye &= key.eye();
+        if key.logic.is_some() && (target.more[0].is_some() || target.color.is_some_and(|color| color.is_float())) {
+            return Err(Fault::Unsupported("logic operations on several colour buffers and on floating-point ones".into()));
+        }
+        if key.logic.is_some() {
+            // The stored colours before this primitive.
+            match target.color.filter(|surface| surface.level == 0 && surface.layer == 0) {
+                Some(surface) => bound.push(self.card.frame_copy(surface, target.size)),
+                None => return Err(Fault::Unsupported("logic operations on levels and layers of textures".into())),
+            }
+        }
+        bound.extend(self.pixels.map(|pixels| pixels.bound));
+        bound.extend(white);
+        // Preparing the textures may have drawn to other targets.
+        self.card.aim(Some(target));
+        if !self.survey {
+            key.varying = varying(batch, summary, &key);
+        }
+        let of = (target, biases, borders);
+        let shader = match self.shaders.get(&key) {
+            Some(&shader) => shader,
+            None => {
+                let fields = uniforms::fields(&key, &source(self, constant, of, [vertex.as_ref(), fragment.as_ref()]));
+                self.module(&key, &fields, [vertex.as_ref(), fragment.as_ref()])
+            }
+        };
+        if self.survey {
+            return self.fixed(&target, shader, [].into(), batch, &key, bound.len()).map(|_| None);
+        }
+        let (packing, layouts) = self.packing(shader, &key, summary, batch);
+        let placed = match kept {
+            Some(Kept::Buffers(resident)) => Some(resident.placed(&packing.attributes)),
+            _ => None,
+        };
+        let layouts = placed.as_ref().map_or(layouts, |placed| placed.layouts.clone().into());
+        let fixed = self.fixed(&target, shader, layouts, batch, &key, bound.len())?;
+        let likeness = Likeness::of(self, batch, summary, &key.units);
+        // The values of programs, the offsets and the fog of lines, and copies for logic operations are of one draw.
+        let lines = matches!(key.expand, Expand::Line | Expand::SmoothLine);
+        let own = self.pixels.is_some() || key.logic.is_some() || self.offsets(batch.class) || lines && key.fog.is_some();
+        let lasts = vertex.is_none()
+            && fragment.is_none()
+            && placed.is_none()
+            && !own
+            && target.color.is_none_or(|color| color.narrow.is_none());
+        Ok(Some(Prepared {
+            lasts,
+            likeness,
+            target,
+            programs: [vertex, fragment],
+            biases,
+            borders,
+            packing,
+            placed,
+            writes: fixed.writes(),
+            fixed,
+            pipeline: None,
+            bound,
+            group: None,
+            viewport: self.viewport(&target),
+            scissor,
+            blend: if self.constant_alpha() { [self.state.blend_color[3]; 4] } else { self.state.blend_color },
+            lit: None,
+            block: Vec::new(),
+            key,
+        }))
+    }
+
+    /// The texture units of a draw.
+    fn units(&mut self, target: &Target, class: Class, [vertex, fragment]: [&Option<Active>; 2]) -> Outcome<Units> {
+        let mut bound = Vec::new();
+        let mut keys = Vec::new();
+        let (mut biases, mut borders, mut white) = ([0.0; UNITS], [[0.0; 4]; UNITS], Vec::new());
+        for unit in 0..UNITS {
+            let enabled = self.state.units[unit].enabled;
+            let read = |active: &Option<Active>| active.as_ref().and_then(|active| active.program.targets[unit]);
+            let (bound_to, coordinates) = match fragment {
+                None if read(vertex).is_some() => {
+                    return Err(Fault::Unsupported("textures of a vertex shader beside fixed-function fragments".into()));
+                }
+                None => ((0..TARGETS.len()).rev().find(|&k| enabled & 1 << k != 0), true),
+                Some(active) => {
+                    let target = match (active.program.targets[unit], read(vertex)) {
+                        (Some(a), Some(b)) if a != b => {
+                            return Err(Fault::Unsupported(format!("texture unit {unit} as textures of two kinds")));
+                        }
+                        (a, b) => a.or(b),
+                    };
+                    (target, active.program.inputs & 1 << (input::TEXTURE + unit as u32) != 0)
+                }
+            };
+            if bound_to.is_none() && fragment.is_none() {
+                continue;
+            }
+            let (mut key, texture) = self.unit(unit, bound_to, class)?;
+            key.sampled = texture.is_some();
+            key.coordinates = coordinates && (key.sampled || fragment.is_some());
+            if fragment.is_some() {
+                // The fragment program decides how a texture is used.
+                key.environment = EnvironmentKey::Mode(e::REPLACE);
+                key.projective = true;
+            }
+            if vertex.is_some() {
+                (key.made, key.matrix, key.projective) = ([None; 4], false, true);
+            }
+            if let Some(texture) = texture {
+                let read = |surface: super::card::Surface| {
+                    let [first, count] = texture.levels;
+                    surface.texture == texture.bound.0 && (first..first + count).contains(&surface.level)
+                };
+                if target.surfaces().any(read) {
+                    return Err(Fault::Unsupported("drawing into a texture that the draw reads".into()));
+                }
+                biases[unit] = texture.bias + self.state.units[unit].environment.bias;
+                if let Some((color, sampler)) = texture.border {
+                    borders[unit] = color;
+                    let (id, view, _) = texture.bound;
+                    white.push((id, view, sampler));
+                }
+                bound.push(texture.bound);
+            }
+            if key.sampled || key.coordinates {
+                keys.push(key);
+            }
+        }
+        Ok(Units { keys, bound, biases, borders, white })
+    }
+
+    /// The layout of vertices for a shader, and that of their buffers; made once.
+    fn packing(&mut self, shader: ShaderId, key: &ShaderKey, summary: &Summary, batch: &Batch) -> (Rc<Packing>, Layouts) {
+        let all = self.packings.get_or_insert_with(shader, Vec::new);
+        let of = (*summary, batch.class, batch.sent);
+        if let Some((_, packing, layouts)) = all.iter().find(|(known, ..)| *known == of) {
+            return (packing.clone(), layouts.clone());
+        }
+        let packing = Rc::new(Packing::new(key, summary, batch.class, batch.sent));
+        let layouts: Layouts = packing.buffers().into();
+        all.push((of, packing.clone(), layouts.clone()));
+        (packing, layouts)
+    }
+
+    /// Makes the shader of a key, with these uniforms and programs.
+    fn module(&mut self, key: &ShaderKey, uniforms: &[wgsl::Field], programs: [Option<&Active>; 2]) -> ShaderId {
+        let of = |(stage, active): (&str, Option<&Active>)| Some(format!(" with {stage} program {}", active?.number));
+        let numbers: String = ["vertex", "fragment"].into_iter().zip(programs).filter_map(of).collect();
+        let label = format!("fixed-{}{numbers}", self.shaders.len());
+        let [vertex, fragment] = programs.map(|active| active.map(|active| &*active.program));
+        let text = wgsl::module(key, &wgsl::Source { uniforms, vertex, fragment });
+        let shader = self.card.recorder.create_shader(&label, &text);
+        self.texts.push((label, text));
+        self.shaders.insert(key.clone(), shader);
+        shader
+    }
+
+    fn viewport(&self, target: &Target) -> Viewport {
+        let height = target.size[1] as f32;
+        let [x, y, w, h] = self.state.viewport.map(|value| value as f32);
+        let [min_depth, max_depth] = self.state.depth_range;
+        let y = if target.upward { y } else { height - y - h };
+        Viewport { x, y, width: w, height: h, min_depth, max_depth }
+    }
+
+    /// Whether these are lines that become triangles, are clipped to the near plane, and are fogged by distance. For triangles, the card's
+    /// clipper interpolates the distances of the vertices; these lines are clipped before that.
+    fn cuts_fog(&self, key: &ShaderKey, batch: &Batch) -> bool {
+        let lines = matches!(key.expand, Expand::Line | Expand::SmoothLine);
+        let clip = to_clip(&self.projection.top, &self.modelview.top);
+        let behind = |vertex: &Vertex| !(super::matrix::transform(&clip, vertex.position)[2] >= 0.0);
+        lines && key.fogged() && !key.fog_coordinate && batch.vertices.iter().any(behind)
+    }
+}
