@@ -25,6 +25,7 @@ impl Builder {
     }
 
     /// Appends a command and answers its number. Where other commands have places, it takes that of the command before it.
+    #[inline]
     pub fn push(&mut self, command: Command) -> u64 {
         self.places.extend(self.places.last().copied());
         self.commands.push(command);
@@ -39,6 +40,7 @@ impl Builder {
     }
 
     /// Number of commands so far.
+    #[inline]
     pub fn len(&self) -> u64 {
         self.commands.len() as u64
     }

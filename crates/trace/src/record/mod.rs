@@ -128,6 +128,7 @@ impl Recorder {
     }
 
     /// Appends any command as it is.
+    #[inline]
     pub fn push(&mut self, command: Command) {
         self.builder.push(command);
     }

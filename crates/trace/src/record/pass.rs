@@ -10,6 +10,7 @@ use super::Recorder;
 macro_rules! common_methods {
     () => {
         /// Appends any command as it is.
+        #[inline]
         pub fn push(&mut self, command: Command) {
             self.recorder.push(command);
         }
@@ -20,6 +21,7 @@ macro_rules! common_methods {
         }
 
         /// Binds a group with dynamic offsets, one for each dynamic binding in order of binding number.
+        #[inline]
         pub fn set_bind_group_at(&mut self, index: u32, group: BindGroupId, offsets: &[u32]) {
             self.push(Command::SetBindGroup { index, group: Some(group), offsets: offsets.to_vec() });
         }
@@ -47,11 +49,13 @@ macro_rules! drawing_methods {
         }
 
         /// Binds a buffer from an offset on to a vertex buffer slot.
+        #[inline]
         pub fn set_vertex_buffer_at(&mut self, slot: u32, buffer: BufferId, offset: u64) {
             self.push(Command::SetVertexBuffer { slot, buffer: Some(buffer), offset, size: None });
         }
 
         /// Binds a whole buffer as indices.
+        #[inline]
         pub fn set_index_buffer(&mut self, buffer: BufferId, format: IndexFormat) {
             self.push(Command::SetIndexBuffer { buffer, format, offset: 0, size: None });
         }
@@ -72,6 +76,7 @@ macro_rules! drawing_methods {
         }
 
         /// Draws from a first index on, with a number added to every index.
+        #[inline]
         pub fn draw_indexed_from(
             &mut self,
             indices: u32,
