@@ -353,3 +353,25 @@ fn a_light_is_seen_from_any_distance_whose_square_is_a_number() {
     assert!(ambient("0.1")[0] >= 254, "{:?}", ambient("0.1"));
     assert_eq!((ambient("1e15"), ambient("1e25")), (BLACK, BLACK));
 }
+
+#[test]
+fn each_primitive_of_a_begin_has_the_materials_of_its_vertices() {
+    let corner =
+        |color: &str, x: i32, y: i32| format!("glMaterialfv(GL_FRONT,GL_EMISSION,{{{color},1}})\nglVertex2f({x},{y})\n");
+    let triangle = |x: i32| [corner("1,0,0", x, 0), corner("0,1,0", x + 8, 0), corner("0,0,1", x, 8)].concat();
+    let scene = format!("{ORTHO}glEnable(GL_LIGHTING)\nglLightModelfv(GL_LIGHT_MODEL_AMBIENT,{{0,0,0,1}})\n");
+    let apart = |x: i32| format!("glBegin(GL_TRIANGLES)\n{}glEnd()\n", triangle(x));
+    let one = shown(&format!("{scene}{}{}", apart(0), apart(8)), &[]);
+    let both = shown(&format!("{scene}glBegin(GL_TRIANGLES)\n{}{}glEnd()", triangle(0), triangle(8)), &[]);
+    assert_eq!((one.at(1, 1), one.at(9, 1)), (both.at(1, 1), both.at(9, 1)));
+    assert!(one.0 == both.0);
+    // What was drawn before keeps its material.
+    let before = shown(
+        &format!(
+            "{scene}glMaterialfv(GL_FRONT,GL_EMISSION,{{1,1,1,1}})\nglBegin(GL_TRIANGLES)\nglVertex2f(8,8)\nglVertex2f(16,8)\nglVertex2f(8,16)\nglEnd()\n{}",
+            apart(0)
+        ),
+        &[],
+    );
+    assert_eq!(before.at(9, 9), [255; 3]);
+}

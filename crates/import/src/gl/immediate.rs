@@ -3,7 +3,7 @@
 use super::call::{Call, Fault, INVALID_ENUM, INVALID_OPERATION, Outcome, Shape};
 use super::consts as e;
 use super::machine::{Gl, components};
-use super::state::{UNITS, capability};
+use super::state::{UNITS, Vertex, capability};
 
 /// Maximum number of vertices between Begin and End.
 const VERTICES_MAX: usize = 1 << 22;
@@ -23,20 +23,9 @@ pub(super) fn begin(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
 
 pub(super) fn end(gl: &mut Gl, _: &Call, _: Shape) -> Outcome {
     let (mode, mut vertices) = gl.begun.take().ok_or(INVALID_OPERATION)?;
-    let Some((key, _)) = gl.tracked.take() else {
-        let outcome = gl.primitive(mode, &vertices);
-        vertices.clear();
-        gl.spare = vertices;
-        return outcome;
-    };
-    gl.flush()?;
-    gl.prepared = None;
-    let (enabled, saved) = (gl.state.enabled, gl.state.color_material);
-    gl.state.enabled |= capability(e::COLOR_MATERIAL).unwrap_or(0);
-    gl.state.color_material = key;
-    let outcome = gl.primitive(mode, &vertices).and_then(|()| gl.flush());
-    (gl.state.enabled, gl.state.color_material) = (enabled, saved);
-    gl.prepared = None;
+    let outcome = gl.send(mode, &vertices);
+    vertices.clear();
+    gl.spare = vertices;
     outcome
 }
 
@@ -49,6 +38,20 @@ pub(super) fn vertex(gl: &mut Gl, call: &Call, shape: Shape) -> Outcome {
 }
 
 impl Gl {
+    /// Draws the vertices between Begin and End, or those before a change of material. If their materials differ, colour material gives them.
+    pub(super) fn send(&mut self, mode: u32, vertices: &[Vertex]) -> Outcome {
+        let Some((key, _)) = self.tracked.take() else { return self.primitive(mode, vertices) };
+        self.flush()?;
+        self.prepared = None;
+        let (enabled, saved) = (self.state.enabled, self.state.color_material);
+        self.state.enabled |= capability(e::COLOR_MATERIAL).unwrap_or(0);
+        self.state.color_material = key;
+        let outcome = self.primitive(mode, vertices).and_then(|()| self.flush());
+        (self.state.enabled, self.state.color_material) = (enabled, saved);
+        self.prepared = None;
+        outcome
+    }
+
     /// Sends a vertex with the current attributes. Outside Begin and End it has no effect.
     pub fn vertex_at(&mut self, position: [f32; 4]) -> Outcome {
         let mut vertex = self.state.current.clone();

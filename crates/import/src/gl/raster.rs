@@ -143,7 +143,7 @@ fn faces(face: u32) -> Outcome<std::ops::Range<usize>> {
 }
 
 pub(super) fn material(gl: &mut Gl, call: &Call, shape: Shape) -> Outcome {
-    let (face, name, values) = (faces(call.u32(0)?)?, call.u32(1)?, parameters(call, 2)?);
+    let (face, name, values) = (faces(call.u32(0)?)?, call.u32(1)?, call.numbers(2)?);
     let mut materials = gl.state.materials.clone();
     for material in &mut materials[face.clone()] {
         match name {
@@ -182,12 +182,14 @@ pub(super) fn material(gl: &mut Gl, call: &Call, shape: Shape) -> Outcome {
             _ => 0,
         };
         let complete = vertices.is_empty() || whole > 0 && vertices.len().is_multiple_of(whole);
-        if !complete && gl.state.is(e::LIGHTING) {
-            return track(gl, call.u32(0)?, name, materials);
+        let key = [call.u32(0)?, name];
+        let goes_on = gl.tracked.is_some_and(|(tracked, _)| tracked == key);
+        if (goes_on || !complete) && gl.state.is(e::LIGHTING) {
+            return track(gl, key, materials);
         }
         if complete {
             let (mode, vertices) = (*mode, std::mem::take(vertices));
-            gl.primitive(mode, &vertices)?;
+            gl.send(mode, &vertices)?;
         }
     }
     gl.flush()?;
@@ -202,7 +204,8 @@ pub(super) fn material(gl: &mut Gl, call: &Call, shape: Shape) -> Outcome {
 }
 
 /// A material that changes within a primitive: it becomes the colour of the vertices, as with colour material.
-fn track(gl: &mut Gl, face: u32, name: u32, materials: [Material; 2]) -> Outcome {
+/// The material changes from a vertex to the next: its colours become those of the vertices.
+fn track(gl: &mut Gl, [face, name]: [u32; 2], materials: [Material; 2]) -> Outcome {
     let of = |materials: &[Material; 2]| {
         let material = &materials[usize::from(face == e::BACK)];
         Some(match name {
@@ -220,6 +223,9 @@ fn track(gl: &mut Gl, face: u32, name: u32, materials: [Material; 2]) -> Outcome
         Some((key, _)) if key != [face, name] => return Err(refused()),
         Some(_) => {}
         None => {
+            // Primitives before this one use the old material.
+            gl.flush()?;
+            gl.prepared = None;
             if let Some((_, vertices)) = &mut gl.begun {
                 vertices.iter_mut().for_each(|vertex| vertex.color = old);
             }
