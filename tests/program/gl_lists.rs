@@ -3,7 +3,7 @@
 use fillrate::trace::TraceError;
 use fillrate::trace::command::{Command, Object};
 
-use super::gl_features::{BLACK, BLUE, GREEN, RED, Shown, imported, last_of, shown};
+use super::gl_features::{BLACK, BLUE, GREEN, QUAD, RED, Shown, imported, last_of, shown};
 
 const ORTHO: &str = "glMatrixMode(GL_PROJECTION)\nglOrtho(0,16,0,16,-1,1)\nglMatrixMode(GL_MODELVIEW)\n";
 
@@ -136,4 +136,25 @@ fn attributes_between_primitives_of_a_list_do_not_part_them() {
         assert_eq!([image.at(1, y), image.at(5, y), image.at(9, y)], [RED, GREEN, BLUE]);
     }
     assert_eq!((image.at(13, 1), image.at(13, 5)), (BLACK, BLUE));
+}
+
+#[test]
+fn a_primitive_with_materials_in_a_list_is_what_it_is_without() {
+    let corner = |x: i32, y: i32| {
+        let (a, b) = (f64::from(x) / 16.0, f64::from(y) / 16.0);
+        format!(
+            "glNormal3f({a},{b},1)\nglMaterialfv(GL_FRONT,GL_DIFFUSE,{{{a},{b},1,1}})\nglColor3f({b},1,{a})\nglTexCoord2f({a},{b})\nglVertex2f({x},{y})\n"
+        )
+    };
+    let corners = [[0, 0], [8, 0], [8, 8], [0, 8], [8, 8], [16, 8], [16, 16], [8, 16]].map(|[x, y]| corner(x, y)).concat();
+    let primitive = format!("glBegin(GL_QUADS)\n{corners}glEnd()\nglTranslatef(4,0,0)\nglRotatef(90,0,0,1)\n{QUAD}\n");
+    let texture = "glTexParameteri(GL_TEXTURE_2D,GL_TEXTURE_MIN_FILTER,GL_NEAREST)\n\
+        glTexImage2D(GL_TEXTURE_2D,0,GL_RGBA,2,1,0,GL_RGBA,GL_UNSIGNED_BYTE,*1)\nglEnable(GL_TEXTURE_2D)\n";
+    for lit in ["", "glEnable(GL_LIGHTING)\nglEnable(GL_LIGHT0)\n"] {
+        let of = |run: &str| shown(&format!("{ORTHO}{texture}{lit}{run}"), &[&[255, 255, 0, 255, 64, 255, 255, 255]]);
+        let listed = of(&format!("glNewList(1,GL_COMPILE)\n{primitive}glEndList()\nglCallList(1)"));
+        let plain = of(&primitive);
+        assert!(listed.0 == plain.0, "{lit}");
+        assert!(plain.lit().len() >= 128, "{lit}: {}", plain.lit().len());
+    }
 }

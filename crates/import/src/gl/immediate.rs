@@ -29,7 +29,8 @@ pub(super) fn end(gl: &mut Gl, _: &Call, _: Shape) -> Outcome {
     outcome
 }
 
-fn position(call: &Call, shape: Shape) -> Outcome<[f32; 4]> {
+/// The position, or the texture coordinates, of a call.
+pub(super) fn position(call: &Call, shape: Shape) -> Outcome<[f32; 4]> {
     Ok(components(call, shape, 0)?.0.map(|value| value as f32))
 }
 
@@ -73,14 +74,24 @@ fn normalized(call: &Call, shape: Shape) -> Outcome<([f32; 4], usize)> {
     Ok((std::array::from_fn(|k| if k < count { shape.scalar.normalized(values[k]) } else { values[k] as f32 }), count))
 }
 
-pub(super) fn normal(gl: &mut Gl, call: &Call, shape: Shape) -> Outcome {
+/// The normal of a call.
+pub(super) fn normal_of(call: &Call, shape: Shape) -> Outcome<[f32; 3]> {
     let ([x, y, z, _], _) = normalized(call, shape)?;
-    gl.state.current.normal = [x, y, z];
+    Ok([x, y, z])
+}
+
+/// The colour of a call.
+pub(super) fn color_of(call: &Call, shape: Shape) -> Outcome<[f32; 4]> {
+    Ok(normalized(call, shape)?.0)
+}
+
+pub(super) fn normal(gl: &mut Gl, call: &Call, shape: Shape) -> Outcome {
+    gl.state.current.normal = normal_of(call, shape)?;
     Ok(())
 }
 
 pub(super) fn color(gl: &mut Gl, call: &Call, shape: Shape) -> Outcome {
-    gl.state.current.color = normalized(call, shape)?.0;
+    gl.state.current.color = color_of(call, shape)?;
     Ok(())
 }
 

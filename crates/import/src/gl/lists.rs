@@ -2,11 +2,14 @@
 
 use std::rc::Rc;
 
+use glam::Mat4;
+
 use super::call::{Arg, Call, Fault, INVALID_ENUM, INVALID_OPERATION, INVALID_VALUE, Outcome, Shape};
 use super::compact::Compact;
 use super::consts as e;
 use super::geometry::Geometry;
 use super::image::PixelStore;
+use super::immediate;
 use super::machine::{Count, Gl, components};
 use super::state::{UNITS, Vertex};
 use super::table::{Entry, Part};
@@ -17,8 +20,16 @@ const NESTING_MAX: u32 = 64;
 
 /// One step of a list.
 enum Step {
+    /// A vertex at this position.
+    Vertex([f32; 4]),
+    /// Sets the current normal, colour, or texture coordinates of the first unit.
+    Normal([f32; 3]),
+    Color([f32; 4]),
+    Texture([f32; 4]),
     /// A call with a few numbers.
     Numbers(Compact),
+    /// A call that multiplies the current matrix, and by what.
+    Multiply(Compact, Box<Mat4>),
     /// A call.
     Call(Box<(Entry, Call)>),
     /// A call that reads pixels, with the pixel storage modes of the moment when the list was compiled.
@@ -126,7 +137,10 @@ impl Gl {
         let pixels = self.unpack.buffer != 0 || call.args.iter().any(|arg| matches!(arg, Arg::Blob(_)));
         let step = match Compact::of(call, &mut list.numbers) {
             _ if pixels => Step::Pixels(Box::new((entry, call.clone(), self.unpack))),
-            Some(compact) => Step::Numbers(compact),
+            Some(compact) => match entry.factor.and_then(|factor| factor(call).ok()) {
+                Some(by) => Step::Multiply(compact, Box::new(by)),
+                None => Step::Numbers(compact),
+            },
             None => Step::Call(Box::new((entry, call.clone()))),
         };
         list.add(step)?;
@@ -175,9 +189,25 @@ impl Gl {
             }
             None => {
                 list.known = 0;
-                list.steps.extend(inside);
+                let plain = |step: Step| self.plain(&step, &list.numbers).unwrap_or(step);
+                list.steps.extend(inside.into_iter().map(plain));
             }
         }
+    }
+
+    /// What a step between Begin and End does, of those that programs send for each vertex: running it then takes less time.
+    fn plain(&self, step: &Step, numbers: &[f32]) -> Option<Step> {
+        let Step::Numbers(compact) = step else { return None };
+        let (entry, mut call) = (self.function(compact.function)?.0, self.room(compact)?);
+        compact.fill(numbers, &mut call);
+        let (call, shape) = (&call, entry.shape);
+        Some(match entry.part {
+            Part::Vertex => Step::Vertex(immediate::position(call, shape).ok()?),
+            Part::Attribute(1) => Step::Normal(immediate::normal_of(call, shape).ok()?),
+            Part::Attribute(2) => Step::Color(immediate::color_of(call, shape).ok()?),
+            Part::Attribute(8) => Step::Texture(immediate::position(call, shape).ok()?),
+            _ => return None,
+        })
     }
 
     /// The primitive of the calls from Begin to End, and the bits of the attributes that they set.
@@ -272,7 +302,17 @@ impl Gl {
         let mut room = None;
         for step in &list.steps {
             match step {
-                Step::Numbers(compact) => {
+                Step::Vertex(position) => self.vertex_at(*position)?,
+                Step::Normal(normal) => self.state.current.normal = *normal,
+                Step::Color(color) => self.state.current.color = *color,
+                Step::Texture(coordinates) => self.state.current.set_texture(0, *coordinates),
+                Step::Multiply(_, by) if self.begun.is_none() && self.batch.indices.is_empty() => {
+                    // No batch ends here, and that is all that could go wrong.
+                    self.follows = false;
+                    self.stack().top *= **by;
+                    self.steps += 1;
+                }
+                Step::Numbers(compact) | Step::Multiply(compact, _) => {
                     let Some((entry, function)) = self.function(compact.function) else { continue };
                     let Some(call) = room.take().or_else(|| self.room(compact)) else { continue };
                     let mut call = Call { function, ..call };

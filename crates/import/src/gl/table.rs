@@ -5,6 +5,7 @@ use super::elements::{BASED, INSTANCED, RANGE};
 use super::idle::{self, Idle};
 use super::indirect::{INDEXED, SEVERAL};
 use super::machine::Gl;
+use super::transform::Factor;
 use super::{
     accumulate, arb, arrays, buffers, elements, environment, evaluator, fragments, framebuffer, glsl, immediate, indirect,
     lists, pixels, raster, rectangles, samplers, saved, texturing, transform,
@@ -45,6 +46,8 @@ pub struct Entry {
     pub part: Part,
     /// Whether a call of it changes nothing.
     pub idle: Option<Idle>,
+    /// The matrix by which it multiplies the current one, if it does no more.
+    pub factor: Option<Factor>,
 }
 
 /// What a function does between Begin and End.
@@ -95,7 +98,7 @@ fn unknown(_: &mut Gl, call: &Call, _: Shape) -> Outcome {
 /// The entry of a function by name; an unknown function is refused by name when it is called.
 pub fn find(name: &str) -> Entry {
     let plain = Shape { count: 0, scalar: Scalar::Float, vector: false };
-    let entry = |(moment, run): (Moment, Run), shape, part| Entry { run, moment, shape, part, idle: None };
+    let entry = |(moment, run): (Moment, Run), shape, part| Entry { run, moment, shape, part, idle: None, factor: None };
     let Some(core) = core_name(name) else { return entry(window_system(name), plain, Part::Other) };
     if let Some(window) = core.starts_with('X').then(|| window_system(name)) {
         return entry(window, plain, Part::Other);
@@ -105,12 +108,12 @@ pub fn find(name: &str) -> Entry {
         return entry((Moment::Server, fragments::stencil_func_both), plain, Part::Other);
     }
     if let Some(found) = exact(core) {
-        return Entry { idle: idle::test(core), ..entry(found, plain, part(core, None)) };
+        return Entry { idle: idle::test(core), factor: transform::factor(core), ..entry(found, plain, part(core, None)) };
     }
     if let Some((stem, shape)) = shape(core)
         && let Some(found) = typed(stem)
     {
-        return entry(found, shape, part(core, Some(stem)));
+        return Entry { factor: transform::factor(stem), ..entry(found, shape, part(core, Some(stem))) };
     }
     entry((Moment::Client, unknown), plain, Part::Other)
 }

@@ -18,11 +18,6 @@ pub(super) fn matrix_mode(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
     Ok(())
 }
 
-fn multiply(gl: &mut Gl, by: Mat4) -> Outcome {
-    gl.stack().top *= by;
-    Ok(())
-}
-
 fn given(call: &Call) -> Outcome<Mat4> {
     Ok(Mat4::from_cols_array(&call.array::<16>(0)?.map(|value| value as f32)))
 }
@@ -40,14 +35,6 @@ pub(super) fn load_matrix(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
 pub(super) fn load_transposed(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
     gl.stack().top = given(call)?.transpose();
     Ok(())
-}
-
-pub(super) fn multiply_matrix(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
-    multiply(gl, given(call)?)
-}
-
-pub(super) fn multiply_transposed(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
-    multiply(gl, given(call)?.transpose())
 }
 
 pub(super) fn push_matrix(gl: &mut Gl, _: &Call, _: Shape) -> Outcome {
@@ -69,28 +56,78 @@ fn box_of(call: &Call) -> Outcome<[f64; 6]> {
     Ok(values)
 }
 
-pub(super) fn ortho(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
-    multiply(gl, matrix::ortho(box_of(call)?))
+/// The matrix by which a call multiplies the current one.
+pub type Factor = fn(&Call) -> Outcome<Mat4>;
+
+/// That of a function, by its name without type; none: it does not multiply.
+pub fn factor(stem: &str) -> Option<Factor> {
+    Some(match stem {
+        "Frustum" => frustum_of,
+        "MultMatrix" => given,
+        "MultTransposeMatrix" => transposed,
+        "Ortho" => ortho_of,
+        "Rotate" => rotation,
+        "Scale" => |call| Ok(Mat4::from_scale(vector(call)?)),
+        "Translate" => |call| Ok(Mat4::from_translation(vector(call)?)),
+        _ => return None,
+    })
+}
+
+fn multiply(gl: &mut Gl, by: Mat4) -> Outcome {
+    gl.stack().top *= by;
+    Ok(())
 }
 
 pub(super) fn frustum(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
+    multiply(gl, frustum_of(call)?)
+}
+
+pub(super) fn multiply_matrix(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
+    multiply(gl, given(call)?)
+}
+
+pub(super) fn multiply_transposed(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
+    multiply(gl, transposed(call)?)
+}
+
+pub(super) fn ortho(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
+    multiply(gl, ortho_of(call)?)
+}
+
+pub(super) fn rotate(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
+    multiply(gl, rotation(call)?)
+}
+
+pub(super) fn scale(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
+    multiply(gl, Mat4::from_scale(vector(call)?))
+}
+
+pub(super) fn translate(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
+    multiply(gl, Mat4::from_translation(vector(call)?))
+}
+
+fn transposed(call: &Call) -> Outcome<Mat4> {
+    Ok(given(call)?.transpose())
+}
+
+fn vector(call: &Call) -> Outcome<Vec3> {
+    Ok(Vec3::new(call.f32(0)?, call.f32(1)?, call.f32(2)?))
+}
+
+fn rotation(call: &Call) -> Outcome<Mat4> {
+    Ok(matrix::rotation(call.f64(0)?, [call.f64(1)?, call.f64(2)?, call.f64(3)?]))
+}
+
+fn ortho_of(call: &Call) -> Outcome<Mat4> {
+    Ok(matrix::ortho(box_of(call)?))
+}
+
+fn frustum_of(call: &Call) -> Outcome<Mat4> {
     let values = box_of(call)?;
     if values[4] <= 0.0 || values[5] <= 0.0 {
         return Err(INVALID_VALUE);
     }
-    multiply(gl, matrix::frustum(values))
-}
-
-pub(super) fn rotate(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
-    multiply(gl, matrix::rotation(call.f64(0)?, [call.f64(1)?, call.f64(2)?, call.f64(3)?]))
-}
-
-pub(super) fn scale(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
-    multiply(gl, Mat4::from_scale(Vec3::new(call.f32(0)?, call.f32(1)?, call.f32(2)?)))
-}
-
-pub(super) fn translate(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
-    multiply(gl, Mat4::from_translation(Vec3::new(call.f32(0)?, call.f32(1)?, call.f32(2)?)))
+    Ok(matrix::frustum(values))
 }
 
 /// Maximum size of viewports, and maximum distance of their origin from the window's corner.
