@@ -48,6 +48,9 @@ pub(super) fn sample(view: &View, sampler: &Sampler, args: &Sample<'_>, mask: Ma
 
 /// A store of texels.
 trait Store: Copy {
+    /// Whether texels are codes of 8 bits: none is -0 or NaN.
+    const CODES: bool = false;
+
     /// The place of each lane's texel of a level.
     #[inline(always)]
     fn places(at: &Geometry, x: &[i32; LANES], y: &[i32; LANES], out: &mut [u32; LANES]) {
@@ -77,6 +80,8 @@ struct Single<'a>(&'a [f32]);
 struct Float<'a>(&'a [[f32; 4]]);
 
 impl Store for Unorm<'_> {
+    const CODES: bool = true;
+
     #[inline(always)]
     fn places(at: &Geometry, x: &[i32; LANES], y: &[i32; LANES], out: &mut [u32; LANES]) {
         for i in 0..LANES {
@@ -101,6 +106,8 @@ impl Store for Unorm<'_> {
 }
 
 impl Store for Srgb<'_> {
+    const CODES: bool = true;
+
     #[inline(always)]
     fn texels(self, places: &[u32; LANES], out: &mut Values) {
         let mut codes = [0; LANES];
@@ -160,7 +167,9 @@ enum Filters<'a> {
 
 #[inline(always)]
 fn sample_body<S: Store>(view: &View, store: S, sampler: &Sampler, args: &Sample<'_>, out: &mut [Lanes; 4]) {
-    let lambda = Selection::new(view, sampler, args).lambda;
+    // One level whose texels are filtered alike at all sizes needs no level of detail.
+    let chooses = view.levels.len() > 1 || sampler.mag_linear != sampler.min_linear;
+    let lambda = if chooses { Selection::new(view, sampler, args).lambda } else { [0.0; LANES] };
     let (mut first, mut weight, mut marked) = ([0_u32; LANES], [0.0_f32; LANES], [0_u32; LANES]);
     let mut most = 0.0_f32;
     if view.levels.len() > 1 {
@@ -256,6 +265,7 @@ fn nearest<S: Store>(
     mark_outside(sampler, x, y, &mut places);
     texels(store, sampler, &places, out);
     match reference {
+        None if S::CODES && !bordered(sampler) => {}
         // A sum of one texel whose weight is 1: what it makes of -0 and NaN counts too.
         None => out.as_flattened_mut().iter_mut().for_each(|value| *value += 0.0),
         Some(reference) => {
