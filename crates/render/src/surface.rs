@@ -387,13 +387,15 @@ fn load_row(shape: Shape, geometry: &TileGeometry, row: u32, codes: &mut [u32], 
     let (words, samples) = (shape.words(), shape.samples as usize);
     if shape.is_plain() && at.is_multiple_of(4) {
         let source = &from.words()[at / 4..at / 4 + geometry.width as usize];
-        let (pairs, odd) = source.as_chunks::<2>();
-        if let [last] = odd {
-            codes[pair_at(pairs.len(), row)] = last.load(Relaxed);
+        let (blocks, rest) = source.as_chunks::<8>();
+        for (block, texels) in blocks.iter().enumerate() {
+            let quads = &mut codes[pair_at(4 * block, row)..][..14];
+            for (k, texel) in texels.iter().enumerate() {
+                quads[4 * (k / 2) + k % 2] = texel.load(Relaxed);
+            }
         }
-        for (x, pair) in pairs.iter().enumerate() {
-            let at = pair_at(x, row);
-            codes[at..at + 2].copy_from_slice(&[pair[0].load(Relaxed), pair[1].load(Relaxed)]);
+        for (k, texel) in rest.iter().enumerate() {
+            codes[pair_at(4 * blocks.len() + k / 2, row) + k % 2] = texel.load(Relaxed);
         }
         return;
     }
@@ -416,16 +418,16 @@ fn load_row(shape: Shape, geometry: &TileGeometry, row: u32, codes: &mut [u32], 
     }
 }
 
-/// Copies the start of a row of a tile of one word and one sample, a quad's two texels at a time.
+/// Copies the start of a row of a tile of one word and one sample, a block's eight texels at a time.
 fn copy_row<T>(codes: &[u32], y: u32, out: &mut [T], texel: impl Fn(u32) -> T) {
-    let (pairs, odd) = out.as_chunks_mut::<2>();
-    if let [last] = odd {
-        *last = texel(codes[pair_at(pairs.len(), y)]);
+    let (blocks, rest) = out.as_chunks_mut::<8>();
+    for (block, texels) in blocks.iter_mut().enumerate() {
+        let quads = &codes[pair_at(4 * block, y)..][..14];
+        *texels = std::array::from_fn(|k| texel(quads[4 * (k / 2) + k % 2]));
     }
-    for (x, pair) in pairs.iter_mut().enumerate() {
-        let at = pair_at(x, y);
-        let codes = &codes[at..at + 2];
-        *pair = [texel(codes[0]), texel(codes[1])];
+    let whole = blocks.len();
+    for (k, out) in rest.iter_mut().enumerate() {
+        *out = texel(codes[pair_at(4 * whole + k / 2, y) + k % 2]);
     }
 }
 

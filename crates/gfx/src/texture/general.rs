@@ -5,6 +5,7 @@ use super::sampler::BORDER;
 use super::taps::{Place, Taps, gather_taps, taps};
 use super::view::{Level, ROWS, Texels};
 use super::{Sample, Sampler, View, ellipse};
+use crate::simd::wide;
 use crate::texel::srgb_table;
 use num::{LANES, Lanes, Mask};
 
@@ -256,18 +257,25 @@ pub(super) fn load(view: &View, coords: [&Lanes; 3], layer: Option<&Lanes>, leve
     }
 }
 
-/// [`load`] of four 8-bit channels from one level of a flat view, as programs that read the frame buffer do. False, and nothing is loaded, where
-/// that is not what is asked for or a texel does not exist.
-fn load_flat(view: &View, words: &[u32], [x, y, _]: [&Lanes; 3], level: &Lanes, mask: Mask, out: &mut [Lanes; 4]) -> bool {
+wide! {
+    /// [`load`] of four 8-bit channels from one level of a flat view, as programs that read the frame buffer do. False, and nothing is loaded,
+    /// where that is not what is asked for or a texel does not exist.
+    fn load_flat(view: &View, words: &[u32], coords: [&Lanes; 3], level: &Lanes, mask: Mask, out: &mut [Lanes; 4]) -> bool = load_flat_body;
+}
+
+#[inline(always)]
+fn load_flat_body(view: &View, words: &[u32], [x, y, _]: [&Lanes; 3], level: &Lanes, mask: Mask, out: &mut [Lanes; 4]) -> bool {
     let first = level.0[mask.trailing_zeros() as usize % LANES];
     let Some(geometry) = view.levels.get(first as usize) else { return false };
-    if view.samples != 1 || view.dimension != crate::state::ViewDimension::D2 {
+    // Rows are divided by three in 16 bits.
+    if view.samples != 1 || view.dimension != crate::state::ViewDimension::D2 || geometry.size[1] > 1 << 16 {
         return false;
     }
     let [width, height, _] = geometry.size;
-    let present: [u32; LANES] = std::array::from_fn(|i| ((mask >> i) as u32 & 1).wrapping_neg());
+    let mut present = [0; LANES];
     let mut missing = 0;
     for i in 0..LANES {
+        present[i] = ((mask >> i) as u32 & 1).wrapping_neg();
         let exists = (x.0[i] < width) & (y.0[i] < height) & (level.0[i] == first);
         missing |= u32::from(!exists).wrapping_neg() & present[i];
     }
@@ -276,12 +284,17 @@ fn load_flat(view: &View, words: &[u32], [x, y, _]: [&Lanes; 3], level: &Lanes, 
     }
     let mut codes = [0; LANES];
     for i in 0..LANES {
-        let texel = [x.0[i], y.0[i], 0].map(|v| (v & present[i]) as i32);
-        codes[i] = words[Unorm::place(geometry, texel)];
+        let (x, y) = (x.0[i] & present[i], y.0[i] & present[i]);
+        let group = y.wrapping_mul(43_691) >> 17;
+        let column = geometry.columns[0].wrapping_add(group.wrapping_mul(geometry.stride)).wrapping_add(x);
+        codes[i] = column.wrapping_mul(4).wrapping_add(y.wrapping_sub(group.wrapping_mul(ROWS)));
+    }
+    for code in &mut codes {
+        *code = words.get(*code as usize).copied().unwrap_or_default();
     }
     for (c, out) in out.iter_mut().enumerate() {
         for i in 0..LANES {
-            out.0[i] = (((codes[i] >> (8 * c) & 255) as f32) / 255.0).to_bits() & present[i];
+            out.0[i] = ((codes[i] >> (8 * c) & 255) as i32 as f32 / 255.0).to_bits() & present[i];
         }
     }
     true

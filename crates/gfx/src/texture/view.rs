@@ -382,18 +382,19 @@ impl Reader<'_> {
         }
     }
 
-    /// Texels of four bytes.
-    fn words_as<T: Copy + Default>(&self, f: impl Fn(u32) -> T) -> Vec<T> {
+    /// Texels of four bytes. Rows come in the order of their places.
+    fn words_as<T: Copy>(&self, f: impl Fn(u32) -> T) -> Vec<T> {
         use std::sync::atomic::Ordering::Relaxed;
-        let mut out = vec![T::default(); self.places];
+        let mut out = Vec::with_capacity(self.places);
         self.rows(|level, place, byte| {
-            let row = &mut out[place..place + level.stride as usize];
             let count = (level.size[0] * self.image.samples) as usize;
             let words = &self.words.words()[byte as usize / 4..byte as usize / 4 + count];
-            for (texel, word) in row.iter_mut().zip(words) {
-                *texel = f(word.load(Relaxed));
+            out.extend(words.iter().map(|word| f(word.load(Relaxed))));
+            if self.image.samples == 1
+                && let Some(&first) = out.get(place)
+            {
+                out.push(first);
             }
-            self.close_row(row);
         });
         out
     }
@@ -453,23 +454,19 @@ impl Reader<'_> {
         }
         let count = self.levels.last().map_or(0, |l| l.columns[0] + l.columns[1] * l.size[2]);
         // One more than there are: who reads a place of the last reads eight words.
-        let mut columns = vec![[0_u32; 4]; count as usize + 1];
+        let mut columns = Vec::with_capacity(count as usize + 1);
         for level in self.levels {
             let (height, stride) = (level.size[1] as usize, level.stride as usize);
             for slice in 0..level.size[2] as usize {
                 let codes = &codes[level.offset as usize + slice * level.slice as usize..][..level.slice as usize];
-                let first = level.columns[0] as usize + slice * level.columns[1] as usize;
-                let groups = columns[first..first + level.columns[1] as usize].chunks_exact_mut(stride);
-                for (g, group) in groups.enumerate() {
-                    for r in 0..4 {
-                        let row = (ROWS as usize * g + r) % height;
-                        for (column, code) in group.iter_mut().zip(&codes[row * stride..(row + 1) * stride]) {
-                            column[r] = *code;
-                        }
-                    }
+                for first in (0..height).step_by(ROWS as usize) {
+                    let row = |r: usize| &codes[(first + r) % height * stride..][..stride];
+                    let rows = row(0).iter().zip(row(1)).zip(row(2)).zip(row(3));
+                    columns.extend(rows.map(|(((a, b), c), d)| [*a, *b, *c, *d]));
                 }
             }
         }
+        columns.resize(count as usize + 1, [0; 4]);
         Texels::Unorm8(columns)
     }
 }
