@@ -71,6 +71,7 @@ mod texture;
 mod texturing;
 mod transform;
 mod uniforms;
+mod unpack;
 
 use std::cell::Cell;
 use std::fs::File;

@@ -7,6 +7,7 @@ use super::consts as e;
 use super::image::{self, Kept, PixelStore};
 use super::key::Base;
 use super::machine::Gl;
+use super::unpack;
 
 /// Maximum number of values of one rectangle.
 const VALUES_MAX: u64 = 1 << 26;
@@ -165,7 +166,7 @@ impl Gl {
             };
             return Ok(values(&self.unpack, size, kind, bytes, false)?.into_iter().map(color).collect());
         }
-        let mut texels: Vec<[u8; 4]> = image::unpack(&self.unpack, size, format, kind, bytes)?;
+        let mut texels: Vec<[u8; 4]> = unpack::unpack(&self.unpack, size, format, kind, bytes)?;
         if !transfer.keeps_colors() {
             for channel in 0..4 {
                 // A channel has 256 values only.
@@ -184,6 +185,11 @@ impl Gl {
     pub fn kept(&self, base: Base, size: [u32; 3], [format, kind]: [u32; 2], bytes: &[u8]) -> Outcome<Vec<u8>> {
         let bounded = format == e::COLOR_INDEX;
         if !base.is_float() || bounded {
+            if self.state.transfer.keeps_colors()
+                && let Some(stored) = unpack::stored(&self.unpack, size, base, format, kind, bytes)
+            {
+                return stored;
+            }
             let texels = self.texels(size, format, kind, bytes)?;
             // These are stored as they are.
             let whole = matches!(base, Base::Rgba | Base::SrgbAlpha);
@@ -192,7 +198,7 @@ impl Gl {
         if !self.state.transfer.keeps_colors() {
             return Err(Fault::Unsupported("pixel transfer into floating-point textures".into()));
         }
-        Ok(base.keep_floats(&image::unpack(&self.unpack, size, format, kind, bytes)?))
+        Ok(base.keep_floats(&unpack::unpack(&self.unpack, size, format, kind, bytes)?))
     }
 
     /// Depths of a rectangle after pixel transfer.
