@@ -13,13 +13,15 @@ use crate::setup::{DepthPlane, Eight, EightQuad};
 use crate::state::Compare;
 use num::LANES;
 
-const FLOAT: u8 = 0;
-const UNORM24: u8 = 1;
-const UNORM16: u8 = 2;
+/// How depths are stored.
+pub(super) const FLOAT: u8 = 0;
+pub(super) const UNORM24: u8 = 1;
+pub(super) const UNORM16: u8 = 2;
 
-const LESS: u8 = 0;
-const LESS_EQUAL: u8 = 1;
-const ANY: u8 = 2;
+/// Comparisons that have code of their own, and the others.
+pub(super) const LESS: u8 = 0;
+pub(super) const LESS_EQUAL: u8 = 1;
+pub(super) const ANY: u8 = 2;
 
 impl DepthStencilState {
     /// Tests the pixels of `mask` in the block whose upper left pixel is (x, y) against the depths of a plane and updates their
@@ -98,7 +100,7 @@ impl DepthStencilState {
         let (min, max) = (splat(plane.min), splat(plane.max));
         let (near, far) = (splat(self.range[0]), splat(self.range[1]));
         let bits = _mm256_setr_epi32(1, 2, 4, 8, 16, 32, 64, 128);
-        let beside = if STORAGE == UNORM24 { _mm256_set1_epi32(0xff00_0000_u32 as i32) } else { _mm256_setzero_si256() };
+        let beside = beside::<STORAGE>();
         let eights = stored.as_chunks_mut::<8>().0;
         let mut passed = 0;
         let mut left = mask;
@@ -111,18 +113,8 @@ impl DepthStencilState {
             // Of equal or unordered operands these instructions give the second, as the scalar selections do.
             let z = _mm256_min_ps(_mm256_max_ps(z, min), max);
             let z = _mm256_min_ps(far, _mm256_max_ps(near, z));
-            let new = match STORAGE {
-                FLOAT => _mm256_castps_si256(z),
-                UNORM24 => unorm24(z),
-                _ => unorm16(z),
-            };
             let old: __m256i = bytemuck::cast(eights[group]);
-            let pass = match (STORAGE, COMPARE) {
-                (FLOAT, LESS) => _mm256_castps_si256(_mm256_cmp_ps::<_CMP_LT_OQ>(z, _mm256_castsi256_ps(old))),
-                (FLOAT, LESS_EQUAL) => _mm256_castps_si256(_mm256_cmp_ps::<_CMP_LE_OQ>(z, _mm256_castsi256_ps(old))),
-                (FLOAT, _) => self.accept_floats(z, _mm256_castsi256_ps(old)),
-                _ => self.accept_integers(new, _mm256_andnot_si256(beside, old)),
-            };
+            let (new, pass) = self.compared::<STORAGE, COMPARE>(z, old);
             let byte = _mm256_set1_epi32((mask >> (8 * group)) as i32);
             let covered = _mm256_cmpeq_epi32(_mm256_and_si256(byte, bits), bits);
             let pass = _mm256_and_si256(pass, covered);
@@ -133,6 +125,24 @@ impl DepthStencilState {
             }
         }
         passed
+    }
+
+    /// The codes of depths in the viewport's range, and where they pass beside stored words.
+    #[target_feature(enable = "avx2")]
+    #[inline]
+    pub(super) fn compared<const STORAGE: u8, const COMPARE: u8>(&self, z: __m256, old: __m256i) -> (__m256i, __m256i) {
+        let new = match STORAGE {
+            FLOAT => _mm256_castps_si256(z),
+            UNORM24 => unorm24(z),
+            _ => unorm16(z),
+        };
+        let pass = match (STORAGE, COMPARE) {
+            (FLOAT, LESS) => _mm256_castps_si256(_mm256_cmp_ps::<_CMP_LT_OQ>(z, _mm256_castsi256_ps(old))),
+            (FLOAT, LESS_EQUAL) => _mm256_castps_si256(_mm256_cmp_ps::<_CMP_LE_OQ>(z, _mm256_castsi256_ps(old))),
+            (FLOAT, _) => self.accept_floats(z, _mm256_castsi256_ps(old)),
+            _ => self.accept_integers(new, _mm256_andnot_si256(beside::<STORAGE>(), old)),
+        };
+        (new, pass)
     }
 
     #[target_feature(enable = "avx2")]
@@ -156,6 +166,13 @@ impl DepthStencilState {
         let greater = _mm256_and_si256(_mm256_cmpgt_epi32(new, old), mask(self.accept.greater));
         _mm256_or_si256(_mm256_or_si256(less, equal), greater)
     }
+}
+
+/// The bits of a word that are not of its depth.
+#[target_feature(enable = "avx2")]
+#[inline]
+pub(super) fn beside<const STORAGE: u8>() -> __m256i {
+    _mm256_set1_epi32(if STORAGE == UNORM24 { 0xff00_0000_u32 as i32 } else { 0 })
 }
 
 /// [`crate::texel::unorm24`].

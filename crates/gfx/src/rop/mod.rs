@@ -13,6 +13,8 @@ mod codes;
 mod compose;
 mod depth;
 mod equation;
+#[cfg(target_arch = "x86_64")]
+mod late;
 mod number;
 #[cfg(target_arch = "x86_64")]
 mod pairs;

@@ -11,6 +11,7 @@ mod clip_distance;
 mod cull;
 mod early;
 mod frame;
+mod late;
 mod needless;
 mod pass;
 mod pending;

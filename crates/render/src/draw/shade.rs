@@ -3,13 +3,12 @@
 use std::mem::MaybeUninit;
 
 use gfx::interpolate::{self, Place, Weights};
-use gfx::rop;
 use num::{LANES, Lanes, QUADS};
 use shader::{Bound, BuiltIn, Interpolation, Sampling};
 
 use super::batch::MADE;
 use super::frame::{FragmentWeights, PreparedDraw};
-use super::pending::{lanes, pixels};
+use super::pending::{lanes, quads};
 use super::record::shaded;
 use super::tile::TileRun;
 
@@ -60,32 +59,49 @@ impl TileRun<'_, '_, '_> {
                 return;
             }
         };
-        let mut kept = *self.pending.passed();
-        if n < QUADS {
-            kept[n..].fill(0);
+        // A bit a lane says all of one sample.
+        if S == 1 {
+            let mut alive = self.pending.active;
+            if frame.shrinks {
+                alive = self.shrink_lanes::<RECORD>(survivors, alive);
+            }
+            if RECORD {
+                self.record_quads::<S>();
+            }
+            if !frame.early && frame.depth.is_some() {
+                alive = self.test_lanes::<WIDE>(alive);
+            }
+            let written = u64::from(alive.count_ones());
+            self.counts.fragments_written += written;
+            self.samples_passed += written;
+            if written > 0 {
+                let kept = if frame.early && !frame.shrinks {
+                    let mut kept = *self.pending.passed();
+                    if n < QUADS {
+                        kept[n..].fill(0);
+                    }
+                    kept
+                } else {
+                    quads(alive)
+                };
+                self.write::<S, RECORD>(n, &kept);
+            }
+            self.pending.clear();
+            return;
         }
+        let mut kept = *self.pending.passed();
+        kept[n..].fill(0);
         if frame.shrinks {
             self.shrink::<S>(survivors, &mut kept);
         }
         if RECORD {
             self.record_quads::<S>();
         }
-        if !frame.early
-            && let Some(state) = &frame.depth
-        {
-            let before = kept;
-            let mut codes = [Lanes::ZERO; S];
-            self.late_depths::<S>(&mut codes);
-            if let Some(tile) = &mut self.job.depth {
-                tile.materialise(frame.depth_words);
-                state.test_batch(S, n, self.pending.back, self.pending.places(), &codes, tile.codes, &mut kept);
-            }
-            self.counts.fragments_late_failed += u64::from((lanes(&before) & !lanes(&kept)).count_ones());
+        if !frame.early && frame.depth.is_some() {
+            self.test_late::<S>(&mut kept);
         }
-        let unchanged = frame.early && !frame.shrinks;
-        let written = if unchanged { self.pending.active } else { lanes(&kept[..n]) }.count_ones();
-        self.counts.fragments_written += u64::from(written);
-        self.samples_passed += if S == 1 { u64::from(written) } else { kept.iter().map(|k| u64::from(k.count_ones())).sum() };
+        self.counts.fragments_written += u64::from(lanes(&kept).count_ones());
+        self.samples_passed += kept.iter().map(|k| u64::from(k.count_ones())).sum::<u64>();
         self.write::<S, RECORD>(n, &kept);
         self.pending.clear();
     }
@@ -118,53 +134,6 @@ impl TileRun<'_, '_, '_> {
                     target.state.blend_batch(S, n, at, kept, color, second, tile.codes);
                 }
             }
-        }
-    }
-
-    /// Discard, the program's sample mask and alpha to coverage.
-    fn shrink<const S: usize>(&mut self, survivors: u64, kept: &mut [u16; QUADS]) {
-        let frame = self.frame;
-        let Some(bound) = &self.bound else { return };
-        let mask = frame.mask_output.map(|slot| bound.output(slot, 0));
-        let alpha = frame.alpha_output.map(|slot| bound.output(slot, 3));
-        for q in 0..self.pending.n {
-            let before = kept[q];
-            let mut allowed = 0_u16;
-            for p in 0..4 {
-                let lane = 4 * q + p;
-                let mut samples = if survivors >> lane & 1 == 1 { (1_u32 << S) - 1 } else { 0 };
-                if let Some(mask) = mask {
-                    samples &= mask.0[lane];
-                }
-                if let Some(alpha) = alpha {
-                    samples &= rop::alpha_to_coverage(alpha.f32()[lane], S as u32);
-                }
-                for s in 0..S {
-                    allowed |= ((samples >> s & 1) as u16) << (4 * s + p);
-                }
-            }
-            kept[q] &= allowed;
-            self.counts.fragments_discarded += u64::from((pixels(before) & !pixels(kept[q])).count_ones());
-            self.pending.coverage[q] &= allowed;
-        }
-    }
-
-    /// Depth codes at each sample, from the program or the plane.
-    fn late_depths<const S: usize>(&mut self, codes: &mut [Lanes; S]) {
-        let frame = self.frame;
-        let (Some(state), Some(bound)) = (&frame.depth, &self.bound) else { return };
-        if let Some(slot) = frame.frag_depth {
-            let mut code = Lanes::ZERO;
-            state.codes(bound.output(slot, 0), &mut code);
-            *codes = [code; S];
-            return;
-        }
-        let sites = &self.pending.sites[..self.pending.n];
-        for (s, codes) in codes.iter_mut().enumerate() {
-            let place = if S == 1 { Place::Center } else { Place::Sample(s) };
-            let mut z = Lanes::ZERO;
-            interpolate::depth(&self.pending.triangles, sites, place, &mut z);
-            state.codes(&z, codes);
         }
     }
 
