@@ -31,6 +31,15 @@ impl QuadLevels {
             (self.first[q], self.weight[q]) = split(lambda, view.levels.len(), sampler);
         }
     }
+
+    /// The same where a number is added to the level of detail of each quad.
+    #[inline(always)]
+    pub(super) fn find_biased(&mut self, view: &View, sampler: &Sampler, rho: &[f32; QUADS], bias: &[f32; QUADS]) {
+        for q in 0..QUADS {
+            let lambda = clamp_one(quad_lambda(rho[q]) + bias[q], sampler);
+            (self.first[q], self.weight[q]) = split(lambda, view.levels.len(), sampler);
+        }
+    }
 }
 
 /// Samples where the view, sampler and operands allow; says whether they did. `found` receives the levels of the quads, where sampling

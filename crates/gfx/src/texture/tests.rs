@@ -381,7 +381,7 @@ proptest! {
         srgb in any::<bool>(),
         mip in any::<bool>(),
         alone in any::<bool>(),
-        lod in 0_u32..3,
+        lod in 0_u32..4,
         coords in proptest::collection::vec(-3.0_f32..3.0, 2 * LANES),
         near in any::<bool>(),
         layer in 0_u32..4,
@@ -396,7 +396,8 @@ proptest! {
         let scale = if near { 0.1 } else { 1.0 };
         let lanes: [Lanes; 2] = std::array::from_fn(|c| Lanes(std::array::from_fn(|i| (coords[2 * i + c] * scale).to_bits())));
         let level = Lanes(std::array::from_fn(|i| (coords[2 * i] + 1.0).to_bits()));
-        let lod = [Lod::Auto, Lod::Level(&level), Lod::Bias(&level)][lod as usize];
+        let of_quads = Lanes(std::array::from_fn(|i| level.0[i & !3]));
+        let lod = [Lod::Auto, Lod::Level(&level), Lod::Bias(&level), Lod::Bias(&of_quads)][lod as usize];
         let layers = Lanes(std::array::from_fn(|i| (i as u32 / 5) % layer.max(1)));
         let mut args = operands([&lanes[0], &lanes[1], &lanes[1]], lod);
         args.layer = (layer > 0).then_some(&layers);
@@ -406,6 +407,12 @@ proptest! {
         let mut scalar = [Lanes::ZERO; 4];
         fixed::sample_lanes(&view, &sampler, &args, &mut None, &mut scalar);
         prop_assert!(scalar == fast, "both forms of the fixed-point filter have the same bits");
+        // Levels that are the same in a quad are found for the quad: they are those that are found lane by lane.
+        let mut given = Lanes::ZERO;
+        *given.f32_mut() = lod::Selection::new(&view, &sampler, &args).lambda;
+        args.lod = Lod::Level(&given);
+        prop_assert!(fast::sample(&view, &sampler, &args, &mut None, &mut scalar));
+        prop_assert!(scalar == fast, "levels of quads are those of their lanes");
         for c in 0..4 {
             for i in 0..LANES {
                 let (a, b) = (fast[c].f32()[i], exact[c].f32()[i]);

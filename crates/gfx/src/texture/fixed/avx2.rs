@@ -2,7 +2,7 @@
 
 use std::arch::x86_64::*;
 
-use super::{FIXED_ONE, Geometry, Places, Plan, QuadLevels, following, needs_rho, plan, sole_level};
+use super::{FIXED_ONE, Geometry, Places, Plan, QuadLevels, following, plan, quad_bias, sole_level};
 use crate::state::AddressMode;
 use crate::texture::view::{Level, Texels};
 use crate::texture::{Sample, Sampler, View};
@@ -35,10 +35,11 @@ pub(super) fn sample(view: &View, sampler: &Sampler, args: &Sample<'_>, found: &
         plan
     } else {
         (rho, each, weight) = ([0.0; QUADS], None, [0.0; LANES]);
-        if needs_rho(view, args) {
+        let bias = quad_bias(view, args);
+        if bias.is_some() {
             quad_rho(view, args, &mut rho);
         }
-        plan(view, sampler, args, &rho, found, &mut each, &mut weight)
+        plan(view, sampler, args, &rho, bias.as_ref(), found, &mut each, &mut weight)
     };
     let address = [sampler.address[0], sampler.address[1]];
     let coords = [args.coords[0].f32(), args.coords[1].f32()];

@@ -12,7 +12,7 @@
 mod avx2;
 
 use super::fast::{Geometry, QuadLevels, choose, fold, following, place};
-use super::lod::quad_rho;
+use super::lod::{BIAS, quad_rho};
 use super::view::{FIXED_ONE, Level, ROWS, Texels};
 use super::{Lod, Sample, Sampler, View};
 use crate::state::AddressMode;
@@ -49,10 +49,30 @@ pub(super) fn sample(view: &View, sampler: &Sampler, args: &Sample<'_>, found: &
     sample_lanes(view, sampler, args, found, out);
 }
 
-/// Whether [`plan`] looks at the footprints of quads.
+/// What is added to the level of detail that the footprint of a quad has.
+enum Bias {
+    /// Nothing.
+    None,
+    /// A number for each quad.
+    Quads([f32; QUADS]),
+}
+
+/// What [`plan`] adds to the levels of detail of footprints; none: it does not look at the footprints of quads, or the pixels of a quad differ.
 #[inline(always)]
-fn needs_rho(view: &View, args: &Sample<'_>) -> bool {
-    view.levels.len() > 1 && matches!(args.lod, Lod::Auto)
+fn quad_bias(view: &View, args: &Sample<'_>) -> Option<Bias> {
+    match args.lod {
+        _ if view.levels.len() == 1 => None,
+        Lod::Auto => Some(Bias::None),
+        Lod::Bias(bias) => {
+            let mut different = 0;
+            for i in 0..LANES {
+                different |= bias.0[i] ^ bias.0[i & !3];
+            }
+            let of_quad = |q: usize| bias.f32()[4 * q].clamp(BIAS.0, BIAS.1);
+            (different == 0).then(|| Bias::Quads(std::array::from_fn(of_quad)))
+        }
+        _ => None,
+    }
 }
 
 /// The plan where there is one level and one layer: nothing is looked for.
@@ -63,28 +83,39 @@ fn sole_level<'a>(view: &'a View, args: &Sample<'_>) -> Option<Plan<'a>> {
     args.layer.is_none().then_some(Plan { places: Places::Same([level; 2]), weight: ZEROS, by_quad: true, blend: false })
 }
 
-/// Finds levels and weights where there are several levels or layers; `rho` is [`quad_rho`] where [`needs_rho`] says so. `found` receives
-/// those of quads, `each` the geometry of lanes, `weight`, which is zeros, weights: they would be copied in what is returned.
+/// Finds levels and weights where there are several levels or layers; `rho` is [`quad_rho`] where there is a [`quad_bias`]. `found` receives
+/// those of quads without one, `each` the geometry of lanes, `weight`, which is zeros, weights: they would be copied in what is returned.
 #[inline(always)]
 fn plan<'a>(
     view: &'a View,
     sampler: &Sampler,
     args: &Sample<'_>,
     rho: &[f32; QUADS],
+    bias: Option<&Bias>,
     found: &mut Option<QuadLevels>,
     each: &'a mut Option<[Geometry; 2]>,
     weight: &'a mut [f32; LANES],
 ) -> Plan<'a> {
     let (mut places, mut by_quad, mut blend) = (Places::Same([&view.levels[0]; 2]), true, false);
     let mut first = [0_u32; LANES];
-    if needs_rho(view, args) {
+    if let Some(bias) = bias {
         // A quad has one level of detail.
-        let found = found.insert(QuadLevels::default());
-        if args.layer.is_none() && sampler.lod_min <= 0.0 && enlarged(rho) {
-            return Plan { places, weight, by_quad, blend };
-        }
-        found.find(view, sampler, rho);
-        let QuadLevels { first: level, weight: of_quads } = &*found;
+        let mut biased = QuadLevels::default();
+        let levels = match bias {
+            Bias::None => {
+                let found = found.insert(biased);
+                if args.layer.is_none() && sampler.lod_min <= 0.0 && enlarged(rho) {
+                    return Plan { places, weight, by_quad, blend };
+                }
+                found.find(view, sampler, rho);
+                found
+            }
+            Bias::Quads(bias) => {
+                biased.find_biased(view, sampler, rho, bias);
+                &mut biased
+            }
+        };
+        let QuadLevels { first: level, weight: of_quads } = &*levels;
         weight[..QUADS].copy_from_slice(of_quads);
         let (mut most, mut different) = (0.0_f32, 0);
         for q in 0..QUADS {
@@ -138,11 +169,13 @@ pub(super) fn sample_lanes(
     out: &mut [Lanes; 4],
 ) {
     let mut rho = [0.0; QUADS];
-    if needs_rho(view, args) {
+    let bias = quad_bias(view, args);
+    if bias.is_some() {
         quad_rho(view, args, &mut rho);
     }
     let (mut each, mut weight) = (None, [0.0; LANES]);
-    let plan = sole_level(view, args).unwrap_or_else(|| plan(view, sampler, args, &rho, found, &mut each, &mut weight));
+    let plan =
+        sole_level(view, args).unwrap_or_else(|| plan(view, sampler, args, &rho, bias.as_ref(), found, &mut each, &mut weight));
     let address = [sampler.address[0], sampler.address[1]];
     for i in 0..LANES {
         let at = [fold(address[0], args.coords[0].f32()[i]), fold(address[1], args.coords[1].f32()[i])];
