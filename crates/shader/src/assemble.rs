@@ -9,7 +9,7 @@ use super::ir::{Builder, Def, Inst, NONE, V, texture_src as at};
 use super::lower::Lowered;
 use super::optimize::is_control;
 use super::options::Fault;
-use super::program::{Body, MemoryOp, NO_REG, Op, Placed, Program, Reg, Space, Width};
+use super::program::{Body, MemoryOp, NO_REG, Op, Placed, Program, Reg, Space};
 use super::vector;
 
 /// Most registers of a program: operations number them with 16 bits.
@@ -185,7 +185,18 @@ pub(super) fn assemble(module: &str, l: Lowered, fault: Option<Fault>) -> Result
         ranges: vec![0; b.ranges.len()],
     };
 
-    let (uniforms, constants) = shared_values(b, &b.insts, &outputs);
+    // Loads at places that are known here come first in the prologue: they need no interpreter.
+    let (placed, computed): (Vec<Inst>, Vec<Inst>) = b.prologue.iter().cloned().partition(|inst| is_placed(b, inst));
+    let mut places = vec![None; b.defs.len()];
+    for inst in &placed {
+        let MemoryOp { space, offset, .. } = b.memory[inst.imm as usize];
+        let components = inst.dst.iter().zip(0_u8..).filter(|(v, _)| **v != NONE);
+        components.for_each(|(&v, c)| places[v as usize] = Some((space, offset, c)));
+    }
+
+    let (mut uniforms, constants) = shared_values(b, &b.insts, &outputs);
+    // Most uniforms are loaded as they are. In the order of memory, runs of them are copied at once.
+    uniforms.sort_by_key(|&v| places[v as usize].map_or((u16::MAX, 0, 0), |(space, offset, c)| (binding_of(space), offset, c)));
     let mut homes = no_homes();
     for (r, &v) in uniforms.iter().chain(&constants).enumerate() {
         homes.values[v as usize] = r.min(usize::from(NO_REG)) as Reg;
@@ -209,18 +220,20 @@ pub(super) fn assemble(module: &str, l: Lowered, fault: Option<Fault>) -> Result
     let mut body = emit(b, &b.insts, &homes);
     body.registers = registers;
 
-    // Loads at places that are known here come first: they need no interpreter.
-    let (placed, computed): (Vec<Inst>, Vec<Inst>) = b.prologue.iter().cloned().partition(|inst| is_placed(b, inst));
-    let loaded: Vec<V> = placed.iter().flat_map(|inst| &inst.dst).copied().filter(|&v| v != NONE).collect();
+    // Of what is loaded, only what is computed from has a register of the prologue.
+    let operands = computed.iter().flat_map(|inst| &inst.src).copied().filter(|&v| v != NONE);
+    let loaded: Vec<V> = operands.filter(|&v| places[v as usize].is_some()).collect();
+    let results: Vec<V> = uniforms.iter().copied().filter(|&v| places[v as usize].is_none()).collect();
     let (_, prologue_constants) = shared_values(b, &computed, &[]);
     let mut prologue_homes = no_homes();
     for (r, &v) in prologue_constants.iter().enumerate() {
         prologue_homes.values[v as usize] = r.min(usize::from(NO_REG)) as Reg;
     }
-    let kept = allocate(b, &computed, &loaded, &uniforms, true, prologue_constants.len(), &mut prologue_homes, fault);
+    let kept = allocate(b, &computed, &loaded, &results, true, prologue_constants.len(), &mut prologue_homes, fault);
     let mut prologue = emit(b, &computed, &prologue_homes);
     let placed_loads = placed.len();
-    let placed = placed.iter().flat_map(|inst| placed_words(&memory_operation(b, inst, &prologue_homes))).collect();
+    let runs = |homes: &Homes| runs(placed.iter().flat_map(|inst| placed_words(&memory_operation(b, inst, homes))).collect());
+    let (placed, placed_uniforms) = (runs(&prologue_homes), runs(&homes));
     prologue.steps.iter_mut().for_each(|steps| *steps += placed_loads as u64 * Code::Load.steps());
     prologue.registers = prologue_constants.len() + kept;
     if prologue.registers > MAX_REGISTERS {
@@ -234,7 +247,9 @@ pub(super) fn assemble(module: &str, l: Lowered, fault: Option<Fault>) -> Result
     interface.registers = (used + b.range_registers as usize) as u32;
     Ok(Program {
         module: module.to_owned(),
-        uniform_sources: uniforms.iter().map(|&v| prologue_homes.of(b, v)).collect(),
+        uniforms: uniforms.len(),
+        placed_uniforms,
+        computed_uniforms: results.iter().map(|&v| (homes.of(b, v), prologue_homes.of(b, v))).collect(),
         prologue_constants: bits(&prologue_constants),
         constants: bits(&constants),
         shared_bytes: l.shared_bytes,
@@ -289,12 +304,43 @@ fn is_placed(b: &Builder, inst: &Inst) -> bool {
 
 /// The components of a load from a buffer.
 fn placed_words(op: &MemoryOp) -> Vec<Placed> {
-    let Space::Buffer(binding) = op.space else { return Vec::new() };
-    let size = if op.width == Width::Half { 2 } else { 4 };
-    let components = op.data.iter().zip(0..u32::from(op.count)).filter(|(register, _)| **register != NO_REG);
-    let one =
-        |(&register, c)| Placed { register, binding, offset: u64::from(op.offset) + u64::from(size * c), width: op.width };
+    let components = op.data.iter().zip(0..u64::from(op.count)).filter(|(register, _)| **register != NO_REG);
+    let one = |(&register, c)| Placed {
+        register,
+        binding: binding_of(op.space),
+        offset: u64::from(op.offset) + op.width.bytes() * c,
+        width: op.width,
+        count: 1,
+    };
     components.map(one).collect()
+}
+
+/// The binding that a load at a known place reads.
+fn binding_of(space: Space) -> u16 {
+    match space {
+        Space::Buffer(binding) => binding,
+        // No load at a known place is of these.
+        Space::Shared | Space::Immediate => u16::MAX,
+    }
+}
+
+/// Joins components that lie side by side in memory, and go to registers side by side.
+fn runs(mut components: Vec<Placed>) -> Vec<Placed> {
+    components.sort_by_key(|placed| (placed.binding, placed.offset, placed.register));
+    let mut runs: Vec<Placed> = Vec::new();
+    for placed in components {
+        match runs.last_mut() {
+            Some(run)
+                if (run.binding, run.width) == (placed.binding, placed.width)
+                    && run.offset + run.width.bytes() * u64::from(run.count) == placed.offset
+                    && run.register + run.count == placed.register =>
+            {
+                run.count += 1;
+            }
+            _ => runs.push(placed),
+        }
+    }
+    runs
 }
 
 /// A load, store or atomic with its registers.

@@ -39,6 +39,16 @@ pub(super) enum Width {
     Half,
 }
 
+impl Width {
+    /// Bytes of a component.
+    pub fn bytes(self) -> u64 {
+        match self {
+            Width::Word => 4,
+            Width::Half => 2,
+        }
+    }
+}
+
 /// A load or store of up to four consecutive components, or an atomic.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub(super) struct MemoryOp {
@@ -59,15 +69,18 @@ pub(super) struct MemoryOp {
     pub atomic: AtomicOp,
 }
 
-/// A component of a load from a buffer at a place that is known when the program is compiled.
+/// Components of loads from a buffer at places that are known when the program is compiled: they go to registers with consecutive numbers.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Placed {
+    /// The first register.
     pub register: Reg,
     /// Index in the interface's bindings.
     pub binding: u16,
-    /// Byte offset.
+    /// Byte offset of the first component; the others follow without gaps.
     pub offset: u64,
     pub width: Width,
+    /// Number of components.
+    pub count: u16,
 }
 
 /// What an atomic does.
@@ -222,13 +235,17 @@ pub(super) struct Body {
 pub struct Program {
     pub(super) module: String,
     pub(super) interface: Interface,
-    /// What is loaded from buffers at places that are known, before the prologue, and how many loads these were.
+    /// Number of uniforms: the first registers of the body.
+    pub(super) uniforms: usize,
+    /// Uniforms that are loaded from buffers at places that are known: the register of each is its number.
+    pub(super) placed_uniforms: Vec<Placed>,
+    /// What the prologue reads from such places, and how many loads these and those of uniforms were.
     pub(super) placed: Vec<Placed>,
     pub(super) placed_loads: usize,
-    /// Computes the uniforms from them, on one lane, once a draw.
+    /// Computes the other uniforms, on one lane, once a draw.
     pub(super) prologue: Body,
-    /// Registers of the prologue whose values the body uses.
-    pub(super) uniform_sources: Vec<Reg>,
+    /// These, each with its register in the prologue.
+    pub(super) computed_uniforms: Vec<(Reg, Reg)>,
     /// Constants of the prologue: its first registers.
     pub(super) prologue_constants: Vec<u32>,
     /// Constants of the body.

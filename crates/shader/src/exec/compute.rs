@@ -12,7 +12,7 @@ use num::{LANES, Lanes, Mask, Words};
 
 use super::record::{QuadCost, Recorder, Scratch};
 use super::run::{self, Machine, PAUSE, Stop};
-use super::{Bound, Executor, ShaderFault, load_shared};
+use super::{Bound, CHUNKS, Executor, ShaderFault, load_shared};
 
 /// A batch of a workgroup of several batches.
 #[derive(Default)]
@@ -108,13 +108,14 @@ impl Bound<'_> {
 
     /// Makes register files for all batches of a group; the executor's own is the first.
     fn prepare(&mut self, batches: usize) {
+        self.load(CHUNKS);
         let Executor { waiting, .. } = &mut *self.executor;
         waiting.resize_with(waiting.len().max(batches - 1), Waiting::default);
         for w in &mut waiting[..batches - 1] {
             w.file.resize(self.program.body.registers.max(w.file.len()), Lanes::ZERO);
             w.masks.clear();
             w.masks.resize(self.program.body.slots, 0);
-            load_shared(&mut w.file, self.program, self.uniforms);
+            load_shared(&mut w.file, self.program, self.uniforms, 0..CHUNKS);
         }
     }
 

@@ -104,20 +104,33 @@ pub(crate) fn peek(resources: &Resources<'_>, op: &MemoryOp, element: u32, at: u
     };
     let w = buffer(resources, binding, element);
     let at = u64::from(at) + u64::from(op.offset);
-    let size = if op.width == Width::Half { 2 } else { 4 };
+    let size = op.width.bytes();
     Some(std::array::from_fn(|c| component(&w, op.width, at + size * c as u64)))
 }
 
 /// Loads from buffers at places that are known; `set` receives what each register gets.
 #[inline(always)]
 pub(super) fn load_placed(resources: &Resources<'_>, loads: &[Placed], mut set: impl FnMut(Reg, u32)) {
-    // Most of a program's are from one binding.
+    // Most of a program's are whole words of one binding.
     let (mut last, mut w) = (None, Window { words: &[], bytes: 0, start: 0, address: 0 });
+    let mut words = w.words;
     for load in loads {
         if last != Some(load.binding) {
             (last, w) = (Some(load.binding), buffer(resources, load.binding, 0));
+            let (first, n) = ((w.start / 4) as usize, (w.bytes / 4) as usize);
+            words = w.words.get(first..).and_then(|words| words.get(..n)).unwrap_or_default();
         }
-        set(load.register, component(&w, load.width, load.offset));
+        let (first, n) = ((load.offset / 4) as usize, usize::from(load.count));
+        let whole = load.width == Width::Word && load.offset.is_multiple_of(4);
+        if let Some(words) = words.get(first..first + n).filter(|_| whole) {
+            for (register, word) in (load.register..).zip(words) {
+                set(register, word.load(Relaxed));
+            }
+        } else {
+            for c in 0..load.count {
+                set(load.register + c, component(&w, load.width, load.offset + load.width.bytes() * u64::from(c)));
+            }
+        }
     }
 }
 
@@ -150,7 +163,7 @@ fn offsets(file: File<'_>, op: &MemoryOp) -> Lanes {
 #[inline(always)]
 pub(super) fn load<const RECORD: bool>(m: &Machine<'_>, file: File<'_>, mask: Mask, entry: u32, recorder: &mut Scratch) {
     let op = &m.body.memory[entry as usize];
-    let size = if op.width == Width::Half { 2 } else { 4 };
+    let size = op.width.bytes();
     if op.space == Space::Immediate {
         let at = offsets(file, op);
         for c in 0..usize::from(op.count) {
@@ -239,7 +252,7 @@ pub(super) fn store<const RECORD: bool>(m: &Machine<'_>, file: File<'_>, mask: M
     let mask = mask & m.live;
     let at = offsets(file, op);
     let n = usize::from(op.count);
-    let size: u64 = if op.width == Width::Half { 2 } else { 4 };
+    let size = op.width.bytes();
     let first = mask.trailing_zeros() as usize % LANES;
     let single = window(m, op.space, if op.element == NO_REG { 0 } else { lane(file, op.element, first) });
     let window_of = |i: usize| if op.element == NO_REG { single } else { window(m, op.space, lane(file, op.element, i)) };

@@ -13,13 +13,14 @@ mod subgroup;
 mod texture;
 
 use std::cell::RefCell;
+use std::ops::Range;
 
 use num::{Lanes, LimitOverrun, Mask, Meter, Words};
 
 use super::module::Place;
 use super::program::{NO_REG, Program, Reg};
 use super::resources::Resources;
-use kernels::CHUNK;
+use kernels::{CHUNK, CHUNKS};
 use record::Scratch;
 pub use record::{Extra, QuadCost, Recorder};
 use run::{Machine, PAUSE, Stop};
@@ -107,9 +108,23 @@ impl Program {
     /// # Errors
     /// None at present: the prologue is straight-line code.
     pub fn uniforms(&self, resources: &Resources<'_>) -> Uniforms {
+        let mut uniforms = Uniforms::default();
+        self.uniforms_into(resources, &mut uniforms);
+        uniforms
+    }
+
+    /// As [`Program::uniforms`], in the memory of others.
+    pub fn uniforms_into(&self, resources: &Resources<'_>, uniforms: &mut Uniforms) {
         thread_local! {
             /// Registers and masks: each draw computes two such sets, and to clear fresh memory took a third of that time.
             static ROOM: RefCell<Executor> = RefCell::default();
+        }
+        let values = &mut uniforms.values;
+        values.clear();
+        values.resize(self.uniforms, 0);
+        memory::load_placed(resources, &self.placed_uniforms, |number, bits| values[usize::from(number)] = bits);
+        if self.computed_uniforms.is_empty() {
+            return;
         }
         ROOM.with_borrow_mut(|Executor { file, masks, shared, scratch, .. }| {
             // As in runs, no value is read before it is written.
@@ -123,8 +138,10 @@ impl Program {
             let mut machine = Machine::new(&self.prologue, resources, shared, 1, 1).narrow();
             let stop = run::dispatch::<false>(&mut machine, file, masks, scratch);
             debug_assert!(matches!(stop, Stop::End));
-            Uniforms { values: self.uniform_sources.iter().map(|&r| file[usize::from(r)].0[0]).collect() }
-        })
+            for &(number, register) in &self.computed_uniforms {
+                values[usize::from(number)] = file[usize::from(register)].0[0];
+            }
+        });
     }
 }
 
@@ -152,19 +169,35 @@ impl Executor {
         std::mem::take(&mut self.spent)
     }
 
-    /// Gets ready to run a program: loads uniforms and constants into the register file.
+    /// Gets ready to run a program. A run loads uniforms and constants into as much of the register file as it computes.
     pub fn bind<'a>(&'a mut self, program: &'a Program, resources: &'a Resources<'a>, uniforms: &'a Uniforms) -> Bound<'a> {
         self.file.resize(self.file.len().max(program.body.registers), Lanes::ZERO);
         self.masks.clear();
         self.masks.resize(program.body.slots, 0);
-        load_shared(&mut self.file, program, uniforms);
-        Bound { executor: self, program, resources, uniforms, allowance: Allowance::default() }
+        Bound { executor: self, program, resources, uniforms, loaded: 0, allowance: Allowance::default() }
     }
 }
 
-fn load_shared(file: &mut [Lanes], program: &Program, uniforms: &Uniforms) {
-    for (register, &bits) in file.iter_mut().zip(uniforms.values.iter().chain(&program.constants)) {
-        *register = Lanes::splat(bits);
+/// Loads uniforms and constants into some [chunks](CHUNK) of their registers.
+fn load_shared(file: &mut [Lanes], program: &Program, uniforms: &Uniforms, chunks: Range<usize>) {
+    match (chunks.start, chunks.end) {
+        // With a loop for each width that is frequent.
+        (0, 1) => load_chunks(file, program, uniforms, 0..1),
+        (0, 4) => load_chunks(file, program, uniforms, 0..4),
+        (0, CHUNKS) => load_chunks(file, program, uniforms, 0..CHUNKS),
+        _ => load_chunks(file, program, uniforms, chunks),
+    }
+}
+
+#[inline(always)]
+fn load_chunks(file: &mut [Lanes], program: &Program, uniforms: &Uniforms, chunks: Range<usize>) {
+    let (first, others) = file.split_at_mut(uniforms.values.len());
+    for (registers, values) in [(first, &uniforms.values), (others, &program.constants)] {
+        for (register, &bits) in registers.iter_mut().zip(values) {
+            for chunk in &mut register.0.as_chunks_mut::<CHUNK>().0[chunks.clone()] {
+                *chunk = [bits; CHUNK];
+            }
+        }
     }
 }
 
@@ -174,6 +207,9 @@ pub struct Bound<'a> {
     program: &'a Program,
     resources: &'a Resources<'a>,
     uniforms: &'a Uniforms,
+    /// How many chunks of the registers have uniforms and constants, from the first on. Draws of few vertices, and of few pixels, leave most
+    /// of a register empty.
+    loaded: usize,
     allowance: Allowance<'a>,
 }
 
@@ -233,6 +269,15 @@ impl<'a> Bound<'a> {
 }
 
 impl Bound<'_> {
+    /// Loads uniforms and constants into the first chunks of their registers.
+    #[inline(always)]
+    fn load(&mut self, chunks: usize) {
+        if self.loaded < chunks {
+            load_shared(&mut self.executor.file, self.program, self.uniforms, self.loaded..chunks);
+            self.loaded = chunks;
+        }
+    }
+
     /// The program.
     pub fn program(&self) -> &Program {
         self.program
@@ -294,6 +339,7 @@ impl Bound<'_> {
         helpers: Mask,
         mut recorder: Option<&mut Recorder>,
     ) -> Result<Outcome, ShaderFault> {
+        self.load(run::computed::<RECORD>(run::chunks_of(active | helpers)));
         let Bound { executor, program, resources, allowance, .. } = &mut *self;
         let Executor { file, masks, shared, scratch, spent, .. } = &mut **executor;
         let mut machine = Machine::new(&program.body, resources, shared, active | helpers, active).narrow();

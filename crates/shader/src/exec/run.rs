@@ -50,9 +50,28 @@ impl<'a> Machine<'a> {
 
     /// The same, for a batch of which no other lanes than those of `mask` will ever execute.
     pub fn narrow(self) -> Machine<'a> {
-        let lanes = Mask::BITS as usize - self.mask.leading_zeros() as usize;
-        Machine { chunks: lanes.div_ceil(kernels::CHUNK), ..self }
+        Machine { chunks: chunks_of(self.mask), ..self }
     }
+}
+
+/// How many chunks of a register have the lanes of a mask, from the first on.
+pub(super) fn chunks_of(mask: Mask) -> usize {
+    let lanes = Mask::BITS as usize - mask.leading_zeros() as usize;
+    lanes.div_ceil(kernels::CHUNK)
+}
+
+/// How many chunks are computed where so many have lanes: draws of few vertices, and of few pixels, leave most of a register empty.
+pub(super) fn computed<const RECORD: bool>(chunks: usize) -> usize {
+    #[cfg(target_arch = "x86_64")]
+    if !RECORD && gfx::simd::has_avx2() {
+        return match chunks {
+            0..=1 => 1,
+            2..=4 => 4,
+            _ => CHUNKS,
+        };
+    }
+    let _ = chunks;
+    CHUNKS
 }
 
 /// Runs with the widest vector instructions of the host. The results have the same bits with all of them.
@@ -67,10 +86,9 @@ pub(super) fn dispatch<const RECORD: bool>(
     if gfx::simd::has_avx2() {
         // SAFETY: the host has all the instruction sets that the functions are compiled for.
         return unsafe {
-            match machine.chunks {
-                // Draws of few vertices, and of few pixels, leave most of a register empty.
-                0..=1 if !RECORD => run_avx2::<false, 1>(machine, file, masks, recorder),
-                2..=4 if !RECORD => run_avx2::<false, 4>(machine, file, masks, recorder),
+            match computed::<RECORD>(machine.chunks) {
+                1 => run_avx2::<false, 1>(machine, file, masks, recorder),
+                4 => run_avx2::<false, 4>(machine, file, masks, recorder),
                 _ => run_avx2::<RECORD, CHUNKS>(machine, file, masks, recorder),
             }
         };
