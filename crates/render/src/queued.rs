@@ -94,7 +94,7 @@ impl QueuedDraw {
             .map(|(bindings, resolved)| shader::Resources { bindings, immediates: resolved.immediates() });
         let call = DrawCall {
             number: self.number,
-            group: self.group.clone(),
+            group: &self.group,
             pipeline: &self.pipeline,
             vertex_buffers: &self.vertex_buffers,
             index: self.index.as_ref(),

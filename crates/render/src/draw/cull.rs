@@ -148,7 +148,7 @@ impl Candidate<'_> {
     /// Whether all positions lie outside one plane; none: they have no bounds.
     fn outside(&self, boxes: &mut Boxes, given: &[Given]) -> Option<bool> {
         let program = self.frame.pipeline.vertex();
-        if !boxes.encloser.enclose(program, &self.frame.vertex_resources, &self.frame.vertex_uniforms, given) {
+        if !boxes.encloser.enclose(program, &self.frame.vertex_resources, self.frame.vertex_uniforms, given) {
             return None;
         }
         let mut ends = [(0.0, 0.0); 4];
@@ -207,8 +207,8 @@ impl Candidate<'_> {
     /// Bounds of the attributes of vertices (or instances) from the first to the last.
     fn attributes(&self, boxes: &mut Boxes, step: StepMode, ends: (u32, u32), given: &mut Vec<Given>) {
         let Candidate { call, frame, .. } = self;
-        for (attribute, source) in frame.pipeline.attributes.iter().zip(&frame.attribute_sources) {
-            let program = frame.pipeline.vertex();
+        for attribute in &frame.pipeline.attributes {
+            let (program, source) = (frame.pipeline.vertex(), frame.source(attribute));
             let read = |c: usize| program.input_register(attribute.input, c);
             if attribute.step != step || (0..attribute.components).all(|c| read(c).is_none()) {
                 continue;
@@ -245,10 +245,10 @@ impl Candidate<'_> {
         let program: &Program = self.frame.pipeline.vertex();
         fetched.clear();
         let numbers = std::array::from_fn(|i| (first as u32).wrapping_add(i as u32));
-        for (attribute, source) in self.frame.pipeline.attributes.iter().zip(&self.frame.attribute_sources) {
+        for attribute in &self.frame.pipeline.attributes {
             if attribute.step == StepMode::Instance {
                 let mut lanes = [Lanes::ZERO; 4];
-                source.fetch(attribute.format, attribute.offset, &numbers, LANES, &mut lanes);
+                self.frame.source(attribute).fetch(attribute.format, attribute.offset, &numbers, LANES, &mut lanes);
                 let read =
                     (0..attribute.components).filter_map(|c| program.input_register(attribute.input, c).zip(Some(lanes[c])));
                 fetched.extend(read);

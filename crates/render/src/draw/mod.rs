@@ -18,6 +18,7 @@ mod pending;
 mod plan;
 mod primitive;
 mod record;
+mod settings;
 mod shade;
 mod signature;
 #[cfg(target_arch = "x86_64")]
@@ -112,9 +113,9 @@ pub struct DrawCall<'a> {
     /// Number in the trace.
     pub number: u32,
     /// Label of the innermost debug group, or empty.
-    pub group: Arc<str>,
+    pub group: &'a Arc<str>,
     /// The pipeline.
-    pub pipeline: &'a RenderPipeline,
+    pub pipeline: &'a Arc<RenderPipeline>,
     /// Vertex buffers by slot.
     pub vertex_buffers: &'a [Option<BufferRange>],
     /// Indices; none: not indexed.

@@ -7,7 +7,7 @@ use crate::surface::{ALL, Shape, TileSurface, aspect_masks};
 use gfx::format::Format;
 use host::one_line;
 use num::{LimitExceeded, LimitOverrun, Meter};
-use shader::{Program, ShaderFault};
+use shader::{Program, ShaderFault, Uniforms};
 use work::{Areas, Cull, Culling, Event, Funnel, Segment};
 
 use super::super::needs::Need;
@@ -16,7 +16,8 @@ use super::batch::{self, Batch};
 use super::cull;
 use super::frame::{PreparedDraw, Workers};
 use super::plan::{Piece, Planner};
-use super::record;
+use super::record::{self, TileRecord};
+use super::settings::Settings;
 use super::signature;
 use super::stream::{Stream, StreamSource};
 use super::tile::{self, MAX_COLORS, SegmentInput, TileJob};
@@ -76,6 +77,7 @@ impl From<DrawError> for String {
 struct Scratch {
     workers: Workers,
     stages: Stages,
+    uniforms: [Uniforms; 2],
 }
 
 /// What the stages of a segment hand on.
@@ -90,6 +92,20 @@ struct Stages {
     pieces: Vec<Piece>,
     /// The tiles that the current segment draws.
     touched: Vec<u32>,
+    /// What is recorded of each of them; where nothing is, of one or of each that is drawn by another thread, and they are empty.
+    records: Vec<TileRecord>,
+}
+
+/// What the geometry half of a segment came to.
+struct Geometry {
+    /// Where work is recorded.
+    segment: Option<Box<Segment>>,
+    /// Entries of the stream, without those that an earlier segment has read.
+    entries: u64,
+    /// Vertices shaded.
+    shaded: u64,
+    /// Quads, about.
+    quads: u64,
 }
 
 /// Tiles that are not worth other threads.
@@ -109,15 +125,17 @@ fn each<T: Send>(items: &mut [T], work: impl Fn(&mut T) + Sync + Send) {
 }
 
 /// Scratch that no pass uses at the moment: passes come one after the other, and fresh memory costs page faults.
-static IDLE: Mutex<Vec<Scratch>> = Mutex::new(Vec::new());
+static IDLE: Mutex<Vec<Box<Scratch>>> = Mutex::new(Vec::new());
 
 impl Scratch {
-    fn take() -> Scratch {
+    fn take() -> Box<Scratch> {
         let idle = IDLE.lock().unwrap_or_else(std::sync::PoisonError::into_inner).pop();
-        idle.filter(|s| s.workers.suffice()).unwrap_or_else(|| Scratch { workers: Workers::new(), stages: Stages::default() })
+        let fresh =
+            || Scratch { workers: Workers::new(), stages: Stages::default(), uniforms: <[Uniforms; 2]>::default() };
+        idle.filter(|s| s.workers.suffice()).unwrap_or_else(|| Box::new(fresh()))
     }
 
-    fn give(self) {
+    fn give(self: Box<Scratch>) {
         IDLE.lock().unwrap_or_else(std::sync::PoisonError::into_inner).push(self);
     }
 }
@@ -129,7 +147,9 @@ pub struct RenderPass {
     samples: u32,
     color: Vec<Option<(TileSurface, Format)>>,
     depth: Option<TileSurface>,
-    scratch: Option<Scratch>,
+    scratch: Option<Box<Scratch>>,
+    /// Those of the last draw.
+    settings: Option<Box<Settings>>,
 }
 
 /// The attachments of a pass that has ended.
@@ -185,8 +205,7 @@ fn settle(call: &DrawCall<'_>, workers: &Workers, growth: &Meter, program: Optio
 }
 
 /// Adds what became of a segment's primitives before its tiles were drawn.
-fn count(funnel: &mut Funnel, segment: &Segment, batches: &[Batch]) {
-    *funnel += segment.funnel;
+fn count(funnel: &mut Funnel, batches: &[Batch]) {
     for batch in batches {
         *funnel += batch.funnel;
         funnel.triangles_setup += batch.late.iter().filter(|late| late.end.is_some()).count() as u64;
@@ -213,12 +232,18 @@ impl RenderPass {
     ) -> RenderPass {
         let fits = |s: &TileSurface| matches!(s.shape(), Shape { width: w, height: h, samples: n, .. } if (w, h, n) == (width, height, samples));
         assert!(color.iter().flatten().all(|(s, _)| fits(s)) && depth.iter().all(fits), "attachments of one extent");
-        RenderPass { width, height, samples, color, depth, scratch: Some(Scratch::take()) }
+        RenderPass { width, height, samples, color, depth, scratch: Some(Scratch::take()), settings: None }
     }
 
-    /// Resolves a call against the attachments.
-    fn prepare<'c>(&self, call: &DrawCall<'c>) -> Result<PreparedDraw<'c>, DrawError> {
-        PreparedDraw::new(call, (self.width, self.height, self.samples), &self.color, self.depth.as_ref())
+    /// Resolves a call against the attachments; takes over what that came to for the draw before it, where nothing of it is different.
+    fn settings(&mut self, call: &DrawCall<'_>) -> Result<Box<Settings>, DrawError> {
+        match self.settings.take().filter(|settings| settings.fit(call)) {
+            Some(settings) => Ok(settings),
+            None => {
+                let extent = (self.width, self.height, self.samples);
+                Ok(Box::new(Settings::new(call, extent, &self.color, self.depth.as_ref())?))
+            }
+        }
     }
 
     /// Draws. With `call.record` the draw and its segments go to `sink`, in order.
@@ -229,12 +254,13 @@ impl RenderPass {
         if self.color.len() > MAX_COLORS {
             return Err(DrawError::Attachments(self.color.len()));
         }
-        let frame = self.prepare(call)?;
+        let settings = self.settings(call)?;
         let mut scratch = self.scratch.take().unwrap_or_else(Scratch::take);
-        let mut planner = std::mem::take(&mut scratch.stages.planner);
-        let result = self.segments(call, &frame, &mut planner, &mut scratch, sink);
-        scratch.stages.planner = planner;
+        let Scratch { workers, stages, uniforms } = &mut *scratch;
+        let frame = PreparedDraw::new(call, &settings, uniforms);
+        let result = self.segments(call, &frame, workers, stages, sink);
         self.scratch = Some(scratch);
+        self.settings = Some(settings);
         result
     }
 
@@ -242,11 +268,11 @@ impl RenderPass {
         &mut self,
         call: &DrawCall<'_>,
         frame: &PreparedDraw<'_>,
-        planner: &mut Planner,
-        scratch: &mut Scratch,
+        workers: &Workers,
+        stages: &mut Stages,
         sink: &mut dyn FnMut(Event),
     ) -> Result<Drawn, DrawError> {
-        let culling = plan(call, frame, planner)?;
+        let culling = plan(call, frame, &mut stages.planner)?;
         if call.record {
             sink(Event::Draw(Arc::new(record::draw(call, frame, self.depth.is_some(), culling))));
         }
@@ -259,43 +285,35 @@ impl RenderPass {
         let most = (SEGMENT_REFERENCES / (across * down).max(1)).clamp(2, SEGMENT_PRIMITIVES);
         let mut limit = most;
         loop {
-            let place = planner.place();
-            let mut pieces = std::mem::take(&mut scratch.stages.pieces);
-            let more = planner.next(limit, &mut pieces);
-            if more {
-                let primitives: u32 = pieces.iter().map(|p| p.primitives).sum();
-                let growth = call.ledger.growth();
-                let Scratch { workers, stages, .. } = &mut *scratch;
-                let made = self.geometry(call, frame, workers, stages, &source, &pieces, &growth);
-                settle(call, workers, &growth, Some(call.pipeline.vertex()))?;
-                match made? {
-                    (_, quads) if divisible && quads > SEGMENT_QUADS && primitives > 2 => {
-                        // Too much for one piece: the same primitives again, fewer at a time.
-                        let fraction = SEGMENT_QUADS as f64 / quads as f64;
-                        limit = ((f64::from(primitives) * fraction) as u32).clamp(2, primitives - 1);
-                        planner.go_back(place);
-                    }
-                    (segment, quads) => {
-                        if call.record {
-                            let bytes = quads.saturating_mul(RECORDED_QUAD);
-                            call.ledger.passing("recorded work", bytes).map_err(DrawError::Memory)?;
-                        }
-                        drawn += self.fragments(call, frame, scratch, &pieces, &growth, segment, sink)?;
-                        if quads < SEGMENT_QUADS / 4 {
-                            limit = limit.saturating_mul(2).min(most);
-                        }
-                    }
-                }
-            }
-            scratch.stages.pieces = pieces;
-            if !more {
+            let place = stages.planner.place();
+            if !stages.planner.next(limit, &mut stages.pieces) {
                 return Ok(drawn);
+            }
+            let primitives: u32 = stages.pieces.iter().map(|p| p.primitives).sum();
+            let growth = call.ledger.growth();
+            let made = self.geometry(call, frame, workers, stages, &source, &growth);
+            settle(call, workers, &growth, Some(call.pipeline.vertex()))?;
+            let made = made?;
+            let quads = made.quads;
+            if divisible && quads > SEGMENT_QUADS && primitives > 2 {
+                // Too much for one piece: the same primitives again, fewer at a time.
+                let fraction = SEGMENT_QUADS as f64 / quads as f64;
+                limit = ((f64::from(primitives) * fraction) as u32).clamp(2, primitives - 1);
+                stages.planner.go_back(place);
+                continue;
+            }
+            if call.record {
+                let bytes = quads.saturating_mul(RECORDED_QUAD);
+                call.ledger.passing("recorded work", bytes).map_err(DrawError::Memory)?;
+            }
+            self.fragments(call, frame, workers, stages, &growth, made, &mut drawn, sink)?;
+            if quads < SEGMENT_QUADS / 4 {
+                limit = limit.saturating_mul(2).min(most);
             }
         }
     }
 
-    /// The geometry half of a segment: vertices, primitives, tiles' lists. Returns what is recorded of it and about how many
-    /// quads it has.
+    /// The geometry half of a segment: vertices, primitives, tiles' lists.
     fn geometry(
         &self,
         call: &DrawCall<'_>,
@@ -303,13 +321,12 @@ impl RenderPass {
         workers: &Workers,
         stages: &mut Stages,
         source: &StreamSource<'_>,
-        pieces: &[Piece],
         growth: &Meter,
-    ) -> Result<(Segment, u64), DrawError> {
-        let Stages { stream, vertices, batches, .. } = &mut *stages;
+    ) -> Result<Geometry, DrawError> {
+        let Stages { stream, vertices, batches, pieces, .. } = &mut *stages;
         stream.read(source, pieces, call.record);
-        let mut segment = Segment::default();
-        let shaded = vertices.shade(frame, workers, stream, call.record.then_some((&mut segment, growth)))?;
+        let mut segment = call.record.then(Box::<Segment>::default);
+        let shaded = vertices.shade(frame, workers, stream, segment.as_deref_mut().zip(Some(growth)))?;
         let n = batch::cut(frame.topology, pieces, batches);
         let tiles = self.tiles();
         // Every batch has a list for every tile.
@@ -327,12 +344,10 @@ impl RenderPass {
         };
         each(&mut batches[..n], |batch| workers.with(|worker| batch.run(&input, worker)));
         batches.truncate(n.max(64));
-        let repeated = |p: &Piece| p.repeated;
-        segment.funnel.vertices_in = stream.entries.len() as u64 - pieces.iter().map(|p| u64::from(repeated(p))).sum::<u64>();
-        segment.funnel.vertices_shaded = shaded;
+        let entries = stream.entries.len() as u64 - pieces.iter().map(|p| u64::from(p.repeated)).sum::<u64>();
         let quads = batches[..n].iter().map(|b| b.quads_estimate).sum();
         stages.batches_used = n;
-        Ok((segment, quads))
+        Ok(Geometry { segment, entries, shaded, quads })
     }
 
     /// The fragment half of a segment: all tiles with something in them.
@@ -340,17 +355,17 @@ impl RenderPass {
         &mut self,
         call: &DrawCall<'_>,
         frame: &PreparedDraw<'_>,
-        scratch: &mut Scratch,
-        pieces: &[Piece],
+        workers: &Workers,
+        stages: &mut Stages,
         growth: &Meter,
-        mut segment: Segment,
+        made: Geometry,
+        sum: &mut Drawn,
         sink: &mut dyn FnMut(Event),
-    ) -> Result<Drawn, DrawError> {
+    ) -> Result<(), DrawError> {
         let tiles = self.tiles();
-        let Scratch { workers, stages, .. } = scratch;
-        let batches = &mut stages.batches[..stages.batches_used];
+        let Stages { stream, vertices, batches, batches_used, pieces, touched, records, .. } = stages;
+        let batches = &mut batches[..*batches_used];
         let wanted = |&tile: &u32| call.need != Need::Survey || areas::surveys([tile % tiles[0], tile / tiles[0]]);
-        let mut touched = std::mem::take(&mut stages.touched);
         touched.clear();
         match &*batches {
             [batch] => touched.extend(batch.tiles().iter().copied().filter(wanted)),
@@ -363,32 +378,28 @@ impl RenderPass {
         call.ledger.quads.charge(references)?;
         let quads: u64 = batches.iter().map(|batch| batch.quads_estimate).sum();
         let few = touched.len() <= FEW_TILES || references <= FEW_REFERENCES && quads <= FEW_QUADS;
-        let input = SegmentInput { frame, pieces, batches, vertices: &stages.vertices, growth };
+        let input = SegmentInput { frame, pieces, batches, vertices, growth };
         let one = |job: &mut TileJob<'_>| workers.with(|worker| tile::draw(&input, worker, job, call.record));
-        let mut recorded = Vec::new();
-        let mut keep = |mut jobs: Vec<TileJob<'_>>| {
-            if call.record {
-                recorded.extend(jobs.iter_mut().map(|job| (job.at[0], job.at[1], std::mem::take(&mut job.record))));
-            }
-        };
+        let alone = frame.tiles_in_order || few;
+        let own = if alone && !call.record { 1 } else { touched.len() };
+        if call.record {
+            // A draw that failed may have left some.
+            records.clear();
+        }
+        records.resize_with(records.len().max(own), TileRecord::default);
         let mut result = Ok(());
-        if frame.tiles_in_order || few {
-            for &index in &touched {
-                let mut job = self.job(frame, tiles, index as usize);
-                result = one(&mut job);
+        if alone {
+            for (i, &index) in touched.iter().enumerate() {
+                let record = &mut records[if call.record { i } else { 0 }];
+                result = one(&mut self.job(frame, tiles, index as usize, record));
                 if result.is_err() {
                     break;
                 }
-                if call.record {
-                    keep(vec![job]);
-                }
             }
         } else {
-            let mut jobs = self.jobs(frame, tiles, &touched);
+            let mut jobs = self.jobs(frame, tiles, touched, records);
             result = parallel::map(jobs.iter_mut(), 1..=1, |_, job| one(job)).collect();
-            keep(jobs);
         }
-        stages.touched = touched;
         let mut drawn = workers.take_counts();
         settle(call, workers, growth, frame.fragment)?;
         result?;
@@ -400,31 +411,42 @@ impl RenderPass {
         } else {
             each(batches, Batch::count_uncovered);
         }
-        count(&mut drawn.funnel, &segment, batches);
+        drawn.funnel.vertices_in += made.entries;
+        drawn.funnel.vertices_shaded += made.shaded;
+        count(&mut drawn.funnel, batches);
         if call.areas || call.need == Need::Survey {
             batches.iter().for_each(|batch| drawn.areas += batch.areas);
         } else {
             // Tiles count what is visible in any case.
             drawn.areas = Areas::default();
         }
-        if call.record {
+        *sum += drawn;
+        if let Some(mut segment) = made.segment {
             segment.funnel = drawn.funnel;
             segment.areas = drawn.areas;
+            let tile = |(&tile, record): (&u32, &mut TileRecord)| (tile % tiles[0], tile / tiles[0], std::mem::take(record));
+            let recorded = touched.iter().zip(records).map(tile).collect();
             // The segment waits for the machine, with as much memory as made it: what is not needed now goes.
-            let signed = call.signature.is_some().then(|| signature::vertices(&stages.vertices));
-            stages.vertices.release();
-            let mut segment = record::assemble(call, pieces, &stages.stream, batches, recorded, segment);
+            let signed = call.signature.is_some().then(|| signature::vertices(vertices));
+            vertices.release();
+            let mut segment = record::assemble(call, pieces, stream, batches, recorded, *segment);
             if let Some(signed) = signed {
                 segment.signatures = signature::primitives(&segment.primitives, &signed);
             }
             sink(Event::Segment(Arc::new(segment)));
         }
-        Ok(drawn)
+        Ok(())
     }
 
     /// One tile with its parts of the attachments.
-    fn job(&mut self, frame: &PreparedDraw<'_>, tiles: [u32; 2], index: usize) -> TileJob<'_> {
-        let mut job = TileJob::new(index, tiles[0]);
+    fn job<'a>(
+        &'a mut self,
+        frame: &PreparedDraw<'_>,
+        tiles: [u32; 2],
+        index: usize,
+        record: &'a mut TileRecord,
+    ) -> TileJob<'a> {
+        let mut job = TileJob::new(index, tiles[0], record);
         let mut locations: [Option<&mut TileSurface>; MAX_COLORS] = Default::default();
         for (location, color) in locations.iter_mut().zip(&mut self.color) {
             *location = color.as_mut().map(|(surface, _)| surface);
@@ -436,18 +458,24 @@ impl RenderPass {
         job
     }
 
-    /// Some tiles, in order, with their parts of the attachments.
-    fn jobs(&mut self, frame: &PreparedDraw<'_>, tiles: [u32; 2], indices: &[u32]) -> Vec<TileJob<'_>> {
+    /// Some tiles, in order, with their parts of the attachments, and with what is recorded of each.
+    fn jobs<'a>(
+        &'a mut self,
+        frame: &PreparedDraw<'_>,
+        tiles: [u32; 2],
+        indices: &[u32],
+        records: &'a mut [TileRecord],
+    ) -> Vec<TileJob<'a>> {
         let mut locations: Vec<Option<_>> =
             self.color.iter_mut().map(|c| c.as_mut().map(|(surface, _)| surface.tiles_mut(ALL))).collect();
         let mut colors: Vec<_> = frame.targets.iter().map(|t| locations[t.location].take()).collect();
         let mut depth = depth_of(&mut self.depth, frame).map(|(surface, written)| surface.tiles_mut(written));
         let mut jobs = Vec::with_capacity(indices.len());
         let mut next = 0;
-        for index in indices.iter().map(|&index| index as usize) {
+        for (index, record) in indices.iter().map(|&index| index as usize).zip(records) {
             let skipped = index - next;
             next = index + 1;
-            let mut job = TileJob::new(index, tiles[0]);
+            let mut job = TileJob::new(index, tiles[0], record);
             for (tile, surface) in job.colors.iter_mut().zip(&mut colors) {
                 *tile = surface.as_mut().and_then(|tiles| tiles.nth(skipped));
             }

@@ -150,7 +150,7 @@ impl TileRecord {
 
 /// The state of a draw as a machine needs it.
 pub fn draw(call: &DrawCall<'_>, frame: &PreparedDraw<'_>, has_depth: bool, culling: Culling) -> work::Draw {
-    let pipeline = call.pipeline;
+    let pipeline = &**call.pipeline;
     let shape = |program: &Program, inputs: usize| {
         let interface = program.interface();
         ShaderShape {

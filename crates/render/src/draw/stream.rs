@@ -51,6 +51,8 @@ pub struct Stream {
     /// Not dense: the index of each vertex.
     indices: Vec<u32>,
     table: Table,
+    /// Least and greatest index of each group.
+    ranges: Vec<(u32, u32)>,
 }
 
 impl Stream {
@@ -64,12 +66,12 @@ impl Stream {
             self.number_in_order(pieces);
             return;
         }
-        let ranges = self.ranges(pieces);
-        let dense: u64 = ranges.iter().map(|&(lo, hi)| u64::from(hi - lo) + 1).sum();
+        self.find_ranges(pieces);
+        let dense: u64 = self.ranges.iter().map(|&(lo, hi)| u64::from(hi - lo) + 1).sum();
         if dense > 2 * total as u64 + 1024 {
             self.number_in_order(pieces);
         } else {
-            self.number_dense(pieces, &ranges);
+            self.number_dense(pieces);
         }
     }
 
@@ -145,8 +147,8 @@ impl Stream {
     }
 
     /// Least and greatest index of each instance; begins the groups.
-    fn ranges(&mut self, pieces: &[Piece]) -> Vec<(u32, u32)> {
-        let mut ranges: Vec<(u32, u32)> = Vec::new();
+    fn find_ranges(&mut self, pieces: &[Piece]) {
+        self.ranges.clear();
         for piece in pieces {
             let entries = &self.entries[piece.stream as usize..][..piece.entries() as usize];
             let bounds = |chunk: &[u32]| chunk.iter().fold((u32::MAX, 0), |(lo, hi), &i| (i.min(lo), i.max(hi)));
@@ -157,20 +159,19 @@ impl Stream {
                 parallel::map(entries.chunks(TASK), parallel::ANY, |_, chunk| bounds(chunk)).fold((u32::MAX, 0), wider)
             };
             if self.groups.last().is_some_and(|g| g.instance == piece.instance) {
-                let range = ranges.last_mut().expect("a range a group");
+                let range = self.ranges.last_mut().expect("a range a group");
                 *range = (range.0.min(lo), range.1.max(hi));
             } else {
                 self.groups.push(Group { instance: piece.instance, slot: 0, index: 0 });
-                ranges.push((lo, hi));
+                self.ranges.push((lo, hi));
             }
         }
-        ranges
     }
 
-    fn number_dense(&mut self, pieces: &[Piece], ranges: &[(u32, u32)]) {
+    fn number_dense(&mut self, pieces: &[Piece]) {
         self.indices.clear();
         let mut slot = 0;
-        for (group, &(lo, hi)) in self.groups.iter_mut().zip(ranges) {
+        for (group, &(lo, hi)) in self.groups.iter_mut().zip(&self.ranges) {
             (group.slot, group.index) = (slot, lo);
             slot += hi - lo + 1;
         }

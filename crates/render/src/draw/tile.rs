@@ -12,7 +12,7 @@ use work::{Areas, Funnel, TILE};
 use super::Drawn;
 use super::areas;
 use super::batch::{Batch, NUMBER, SMALL, WHOLE};
-use super::frame::{FragmentWeights, PreparedDraw, Worker};
+use super::frame::{BlockRoom, FragmentWeights, PreparedDraw, Worker};
 use super::pending::{Pending, PendingQuad};
 use super::plan::Piece;
 use super::record::{FEW, TileRecord};
@@ -34,19 +34,19 @@ pub struct TileJob<'a> {
     pub colors: [Option<TileMut<'a>>; MAX_COLORS],
     /// Depth attachment.
     pub depth: Option<TileMut<'a>>,
-    /// What is recorded.
-    pub record: TileRecord,
+    /// What is recorded, if anything is.
+    pub record: &'a mut TileRecord,
 }
 
-impl TileJob<'_> {
+impl<'a> TileJob<'a> {
     /// A tile of a picture of `across` tiles a row, without attachments.
-    pub fn new(index: usize, across: u32) -> Self {
+    pub fn new(index: usize, across: u32, record: &'a mut TileRecord) -> Self {
         TileJob {
             index,
             at: [index as u32 % across, index as u32 / across],
             colors: Default::default(),
             depth: None,
-            record: TileRecord::default(),
+            record,
         }
     }
 }
@@ -102,7 +102,10 @@ fn dispatch<const S: usize, const RECORD: bool>(
     input: &SegmentInput<'_, '_>,
     worker: &mut Worker,
     job: &mut TileJob<'_>,
-) -> Result<(), ShaderFault> {
+) -> Result<(), ShaderFault>
+where
+    BlockRoom: AsMut<Blocks<S>>,
+{
     #[cfg(target_arch = "x86_64")]
     {
         #[target_feature(enable = "avx2,bmi1,bmi2,lzcnt,popcnt")]
@@ -110,7 +113,10 @@ fn dispatch<const S: usize, const RECORD: bool>(
             input: &SegmentInput<'_, '_>,
             worker: &mut Worker,
             job: &mut TileJob<'_>,
-        ) -> Result<(), ShaderFault> {
+        ) -> Result<(), ShaderFault>
+        where
+            BlockRoom: AsMut<Blocks<S>>,
+        {
             run::<S, RECORD, true>(input, worker, job)
         }
         if gfx::simd::has_avx2() {
@@ -127,7 +133,10 @@ fn run<const S: usize, const RECORD: bool, const WIDE: bool>(
     input: &SegmentInput<'_, '_>,
     worker: &mut Worker,
     job: &mut TileJob<'_>,
-) -> Result<(), ShaderFault> {
+) -> Result<(), ShaderFault>
+where
+    BlockRoom: AsMut<Blocks<S>>,
+{
     let frame = input.frame;
     let tile = job.index;
     if frame.ledger.steps.verify().is_err() {
@@ -152,7 +161,7 @@ fn run<const S: usize, const RECORD: bool, const WIDE: bool>(
         input,
         job,
         bound: frame.fragment.map(|program| {
-            let bound = worker.fragment.bind(program, &frame.fragment_resources, &frame.fragment_uniforms);
+            let bound = worker.fragment.bind(program, &frame.fragment_resources, frame.fragment_uniforms);
             bound.within(&frame.ledger.steps, RECORD.then_some(input.growth)).forgetting()
         }),
         pending: &mut worker.pending,
@@ -168,7 +177,7 @@ fn run<const S: usize, const RECORD: bool, const WIDE: bool>(
         number: 0,
         slot: u32::MAX,
     };
-    let mut blocks = Blocks::new();
+    let blocks = worker.blocks.as_mut();
     blocks.takes_whole = frame.skips.full_blocks;
     if frame.overwrites {
         for (b, batch) in input.batches.iter().enumerate().take(start.0 + 1) {
@@ -177,7 +186,7 @@ fn run<const S: usize, const RECORD: bool, const WIDE: bool>(
                 if !run.may_go_on(1) {
                     break;
                 }
-                run.hidden::<S, WIDE>(b as u32, r, area, &mut blocks);
+                run.hidden::<S, WIDE>(b as u32, r, area, blocks);
             }
         }
     }
@@ -214,7 +223,7 @@ fn run<const S: usize, const RECORD: bool, const WIDE: bool>(
             continue;
         }
         for &(b, r) in &references[at..at + n] {
-            run.triangle::<S, RECORD, WIDE>(b, r & NUMBER, area, &mut blocks);
+            run.triangle::<S, RECORD, WIDE>(b, r & NUMBER, area, blocks);
         }
         at += n;
     }
@@ -225,7 +234,7 @@ fn run<const S: usize, const RECORD: bool, const WIDE: bool>(
         run.job.record.finish(run.recorder, &mut worker.room);
         if !input.growth.add(bytes) {
             // The draw is refused when all tiles are back, whose steps count until then; what they record is of no use.
-            run.job.record = TileRecord::default();
+            *run.job.record = TileRecord::default();
         }
     }
     let TileRun { counts: funnel, samples_passed, overwritten, fault, .. } = run;

@@ -135,7 +135,7 @@ fn shade_task<const SPREAD: usize>(
         return Ok(0);
     }
     let growth = record.as_ref().map(|(.., growth)| *growth);
-    let bound = executor.bind(program, &frame.vertex_resources, &frame.vertex_uniforms);
+    let bound = executor.bind(program, &frame.vertex_resources, frame.vertex_uniforms);
     let mut bound = bound.within(&frame.ledger.steps, growth);
     let (mut index, mut instance) = ([0; LANES], [0; LANES]);
     let mut fetched = [Lanes::ZERO; 4];
@@ -151,12 +151,12 @@ fn shade_task<const SPREAD: usize>(
         stream.identify(first, &mut index[..n], &mut instance[..n]);
         let mask = if SPREAD > 1 { (0..step).fold(0, |wide, i| wide | (used >> i & 1) << (SPREAD * i)) } else { used };
         shaded += u64::from(mask.count_ones());
-        for (attribute, source) in pipeline.attributes.iter().zip(&frame.attribute_sources) {
+        for attribute in &pipeline.attributes {
             let by = match attribute.step {
                 StepMode::Vertex => &index,
                 StepMode::Instance => &instance,
             };
-            source.fetch(attribute.format, attribute.offset, by, n, &mut fetched);
+            frame.source(attribute).fetch(attribute.format, attribute.offset, by, n, &mut fetched);
             for c in 0..attribute.components {
                 if let Some(input) = bound.input_mut(attribute.input, c) {
                     spread::<SPREAD>(&fetched[c].0, &mut input.0);

@@ -167,12 +167,12 @@ impl Scene {
         self.draw_with(&self.pipeline()?, how)
     }
 
-    fn pipeline(&self) -> Result<RenderPipeline, String> {
+    fn pipeline(&self) -> Result<Arc<RenderPipeline>, String> {
         let module = Module::with_limits("scene", Source::Wgsl(&self.source), &self.limits).unwrap_or_else(|e| panic!("{e}"));
-        RenderPipeline::new(&self.state, &module, Some(&module), work::Needless::NONE, "scene")
+        RenderPipeline::new(&self.state, &module, Some(&module), work::Needless::NONE, "scene").map(Arc::new)
     }
 
-    fn draw_with(&self, pipeline: &RenderPipeline, how: How) -> Result<Image, String> {
+    fn draw_with(&self, pipeline: &Arc<RenderPipeline>, how: How) -> Result<Image, String> {
         let bytes: Vec<u8> = self.vertices.iter().flatten().flat_map(|v| v.to_le_bytes()).collect();
         let buffers = [Some(range_of(&bytes))];
         let index = self.indices.as_ref().map(|indices| {
@@ -200,7 +200,7 @@ impl Scene {
         for range in &self.draws {
             let call = DrawCall {
                 number: 0,
-                group: "".into(),
+                group: &"".into(),
                 pipeline,
                 vertex_buffers: &buffers,
                 index: index.as_ref(),

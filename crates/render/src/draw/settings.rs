@@ -1,0 +1,312 @@
+//! What is the same for draws of one pass with the same pipeline and state: most draws differ from the one before in their vertices, in
+//! their indices, and in what they read, and in nothing else.
+
+use std::sync::Arc;
+
+use crate::pipeline::RenderPipeline;
+use crate::surface::TileSurface;
+use gfx::clip::ClipVolume;
+use gfx::format::Format;
+use gfx::rop::{ColorState, DepthStencilState};
+use gfx::setup::{BiasUnit, DepthBias, Screen, SetupState};
+use gfx::state::{DepthStencil, Rect, Topology, Viewport};
+use shader::{BuiltIn, Extra, Interpolation, Program};
+use work::{Needless, RenderKey, Shade};
+
+use super::super::needs::Need;
+use super::{DrawCall, DrawError, Skips};
+
+/// A colour target of a draw.
+pub struct FrameTarget {
+    /// Which attachment.
+    pub location: usize,
+    pub state: ColorState,
+    /// Output slot and components.
+    pub output: (usize, usize),
+    pub second: Option<(usize, usize)>,
+    /// Words of a stored texel.
+    pub words: usize,
+    /// First word in the payload.
+    pub payload: usize,
+    /// Payload words a fragment, and whether they are stored texels.
+    pub payload_words: usize,
+    pub packed: bool,
+    pub payload_second: Option<usize>,
+}
+
+/// What all of this depends on, beside the attachments of the pass.
+struct Key {
+    /// Kept, so that no other pipeline can have its place in memory.
+    pipeline: Arc<RenderPipeline>,
+    viewport: [u32; 6],
+    scissor: Rect,
+    blend_constant: [u32; 4],
+    stencil_reference: u32,
+    count_samples: bool,
+    need: Need,
+    key: RenderKey,
+    record: bool,
+    skips: Skips,
+}
+
+/// A viewport by its bits: zeros of both signs are different numbers here.
+fn bits(viewport: &Viewport) -> [u32; 6] {
+    let Viewport { x, y, width, height, min_depth, max_depth } = *viewport;
+    [x, y, width, height, min_depth, max_depth].map(f32::to_bits)
+}
+
+impl Key {
+    fn of(call: &DrawCall<'_>) -> Key {
+        Key {
+            pipeline: call.pipeline.clone(),
+            viewport: bits(&call.viewport),
+            scissor: call.scissor,
+            blend_constant: call.blend_constant.map(f32::to_bits),
+            stencil_reference: call.stencil_reference,
+            count_samples: call.count_samples,
+            need: call.need,
+            key: call.key,
+            record: call.record,
+            skips: call.skips,
+        }
+    }
+
+    fn fits(&self, call: &DrawCall<'_>) -> bool {
+        Arc::ptr_eq(&self.pipeline, call.pipeline)
+            && self.viewport == bits(&call.viewport)
+            && self.scissor == call.scissor
+            && self.blend_constant == call.blend_constant.map(f32::to_bits)
+            && self.stencil_reference == call.stencil_reference
+            && self.count_samples == call.count_samples
+            && self.need == call.need
+            && self.record == call.record
+            && self.skips == call.skips
+            && self.key == call.key
+    }
+}
+
+/// The state of draws, resolved against the attachments of their pass.
+pub struct Settings {
+    key: Key,
+    pub width: u32,
+    pub height: u32,
+    pub samples: usize,
+    pub topology: Topology,
+    pub vertex_in_order: bool,
+    // Primitives.
+    pub clip: ClipVolume,
+    pub screen: Screen,
+    pub setup: SetupState,
+    // Fragments.
+    /// None where nothing reads, writes or kills with it.
+    pub depth: Option<DepthStencilState>,
+    pub depth_words: usize,
+    /// Tests before shading.
+    pub early: bool,
+    /// Early tests may take whole blocks at once.
+    pub tests_blocks: bool,
+    /// The fragment program has to run.
+    pub shades: bool,
+    /// Shading needs a triangle's planes, not only its vertices.
+    pub needs_triangles: bool,
+    /// 1/w or perspective weights are needed.
+    pub per_sample: bool,
+    pub helpers: bool,
+    pub tiles_in_order: bool,
+    /// Samples that may be written.
+    pub sample_mask: u32,
+    /// Output slot whose alpha turns into coverage.
+    pub alpha_output: Option<usize>,
+    pub frag_depth: Option<usize>,
+    pub mask_output: Option<usize>,
+    /// Coverage may shrink in the fragment stage.
+    pub shrinks: bool,
+    pub targets: Vec<FrameTarget>,
+    /// Words of depth in a payload.
+    pub depth_payload: usize,
+    pub payload_words: usize,
+    /// A later opaque fragment hides what was there: earlier ones need not be computed.
+    pub overwrites: bool,
+    /// Shade what the early test rejects too, for its cost.
+    pub shade_covered: bool,
+    /// What costs have beside what counts always.
+    pub extra: Extra,
+    /// What is recorded though it changes no picture.
+    pub needless: Needless,
+    pub skips: Skips,
+}
+
+impl Settings {
+    /// Whether they are those of a call.
+    pub fn fit(&self, call: &DrawCall<'_>) -> bool {
+        self.key.fits(call)
+    }
+
+    /// The colour output of which payloads have four components and nothing else, if they are such.
+    #[inline(always)]
+    pub fn sole_color(&self) -> Option<(usize, usize)> {
+        match &*self.targets {
+            [target] if !target.packed && self.payload_words == 4 => Some(target.output),
+            _ => None,
+        }
+    }
+
+    /// Resolves a call against the attachments of its pass.
+    ///
+    /// # Errors
+    /// If pipeline and attachments do not fit each other.
+    pub fn new(
+        call: &DrawCall<'_>,
+        extent: (u32, u32, u32),
+        colors: &[Option<(TileSurface, Format)>],
+        depth: Option<&TileSurface>,
+    ) -> Result<Settings, DrawError> {
+        let pipeline = call.pipeline;
+        let (width, height, samples) = extent;
+        let misfit = |message: String| DrawError::Pipeline { label: pipeline.label.clone(), message };
+        if pipeline.samples != samples {
+            return Err(misfit(format!("{} samples a pixel in a pass of {samples}", pipeline.samples)));
+        }
+        let viewport = call.viewport;
+        let state = match (&pipeline.depth_stencil, depth) {
+            (Some(state), Some(surface)) if state.format != surface.shape().format => {
+                let format = surface.shape().format;
+                return Err(misfit(format!("depth format {} in a pass with {}", state.format.name(), format.name())));
+            }
+            (Some(state), Some(_)) => Some(state),
+            (Some(state), None) if state.depth_write || state.depth_compare != Default::default() => {
+                return Err(misfit("depth state in a pass without a depth attachment".into()));
+            }
+            _ => None,
+        };
+        let depth_range = [viewport.min_depth.min(viewport.max_depth), viewport.min_depth.max(viewport.max_depth)];
+        let depth_state = state
+            .map(|state| DepthStencilState::new(state, call.stencil_reference, depth_range))
+            .filter(|state| !state.is_idle());
+        let fragment = pipeline.fragment();
+        let interface = fragment.map(Program::interface);
+        let colored = call.need == Need::Colors;
+        let early = pipeline.early && (call.key.early_z || fragment.is_none() || !colored);
+        let frag_depth = interface.and_then(|i| i.output(BuiltIn::FragDepth));
+        let mask_output = interface.and_then(|i| i.output(BuiltIn::SampleMask));
+        let depth_payload = if frag_depth.is_some() { 4 * samples as usize / 4 } else { 0 };
+        let (mut targets, mut payload_words) = targets(call, colors, depth_payload).map_err(misfit)?;
+        if !colored {
+            (targets, payload_words) = (Vec::new(), depth_payload);
+        }
+        let side_effects = interface.is_some_and(|i| i.side_effects);
+        let shrinks = interface.is_some_and(|i| i.discards || i.writes_sample_mask) || pipeline.alpha_to_coverage;
+        // Without a target, a test to change or a side effect there is nothing that shading could do.
+        let needed = !targets.is_empty() || side_effects || !early || shrinks && call.count_samples;
+        let fragment = fragment.filter(|_| needed);
+        let first_target = pipeline.targets.first().and_then(Option::as_ref);
+        let alpha_output = first_target.filter(|t| t.components == 4).and_then(|t| t.output);
+        let plain = targets.iter().all(|t| !t.state.reads());
+        let mut setup = SetupState::new(
+            (width, height),
+            &viewport,
+            call.scissor,
+            pipeline.primitive.front_face,
+            pipeline.primitive.cull_mode,
+            samples,
+            state.map_or(DepthBias::NONE, bias),
+        );
+        setup.lower_edges = pipeline.primitive.lower_edges;
+        let flat = pipeline.varyings.iter().all(|v| v.interpolation == Interpolation::Flat);
+        let no_builtins = fragment.is_none() || pipeline.builtins[1].is_empty();
+        let all_samples = (1 << samples) - 1;
+        Ok(Settings {
+            key: Key::of(call),
+            width,
+            height,
+            samples: samples as usize,
+            topology: pipeline.primitive.topology,
+            vertex_in_order: pipeline.vertex().interface().side_effects,
+            clip: ClipVolume::new(&viewport, pipeline.primitive.unclipped_depth),
+            screen: Screen::new(&viewport),
+            setup,
+            depth: depth_state,
+            depth_words: depth.map_or(0, |d| d.shape().words()),
+            early,
+            tests_blocks: depth_state.is_some_and(|d| d.tests_blocks()),
+            needs_triangles: !(flat && early && no_builtins),
+            per_sample: samples > 1 && fragment.is_some_and(|p| p.interface().per_sample),
+            helpers: fragment.is_some_and(|p| p.interface().uses_derivatives),
+            tiles_in_order: fragment.is_some() && side_effects,
+            shades: fragment.is_some(),
+            sample_mask: pipeline.sample_mask & all_samples,
+            alpha_output: alpha_output.filter(|_| pipeline.alpha_to_coverage),
+            frag_depth,
+            mask_output,
+            shrinks,
+            overwrites: call.skips.overwritten
+                && !call.record
+                && plain
+                && depth_state.is_none()
+                && !side_effects
+                && !shrinks
+                && !call.count_samples
+                && pipeline.sample_mask & all_samples == all_samples,
+            targets,
+            depth_payload,
+            payload_words,
+            shade_covered: call.record && call.key.shade == Shade::Covered,
+            extra: Extra::of(&call.key),
+            needless: call.key.needless,
+            skips: call.skips,
+        })
+    }
+}
+
+/// Depth bias in the terms of setup.
+fn bias(state: &DepthStencil) -> DepthBias {
+    let unit = match state.format {
+        Format::Depth16Unorm => BiasUnit::Fixed(1.0 / 65535.0),
+        Format::Depth24Plus | Format::Depth24PlusStencil8 => BiasUnit::Fixed(1.0 / 16_777_215.0),
+        _ => BiasUnit::Float,
+    };
+    DepthBias { constant: state.bias as f32, slope: state.bias_slope, clamp: state.bias_clamp, unit }
+}
+
+/// The colour targets that the draw writes, and the words of a payload in all.
+fn targets(
+    call: &DrawCall<'_>,
+    colors: &[Option<(TileSurface, Format)>],
+    depth_payload: usize,
+) -> Result<(Vec<FrameTarget>, usize), String> {
+    let mut out = Vec::new();
+    let mut payload = 0;
+    for (location, target) in call.pipeline.targets.iter().enumerate() {
+        let Some(target) = target else { continue };
+        let Some(Some((surface, format))) = colors.get(location) else {
+            if target.output.is_some() && target.state.write_mask & 15 != 0 {
+                return Err(format!("target {location} in a pass without such an attachment"));
+            }
+            continue;
+        };
+        if *format != target.state.format {
+            return Err(format!("target {location} is {} in a pass with {}", target.state.format.name(), format.name()));
+        }
+        let state = ColorState::new(&target.state, call.blend_constant);
+        let Some(output) = target.output.filter(|_| !state.is_idle()) else { continue };
+        let words = surface.shape().words();
+        let packed = !state.blends();
+        let payload_words = if packed { words } else { 4 };
+        let first = depth_payload + payload;
+        payload += payload_words;
+        let payload_second = target.second.map(|_| depth_payload + payload);
+        payload += if target.second.is_some() { 4 } else { 0 };
+        out.push(FrameTarget {
+            location,
+            state,
+            output: (output, target.components),
+            second: target.second,
+            words,
+            payload: first,
+            payload_words,
+            packed,
+            payload_second,
+        });
+    }
+    Ok((out, depth_payload + payload))
+}
