@@ -41,9 +41,23 @@ enum Held {
 }
 
 /// The objects of all bindings of a program, in the order of its interface.
+#[derive(Default)]
 pub(super) struct ResolvedBindings {
-    bindings: Vec<(bool, Vec<Held>)>,
+    held: Vec<Held>,
+    /// Where a binding is an array: the end of each binding's objects. Else each has one.
+    ends: Vec<usize>,
     immediates: Vec<u32>,
+}
+
+/// Bindings of a program that are lent without a list of their own.
+const FEW: usize = 8;
+
+/// What the executor takes of [`ResolvedBindings`].
+#[derive(Default)]
+pub(super) struct Lent<'a> {
+    few: [Resource<'a>; FEW],
+    single: Vec<Resource<'a>>,
+    arrays: Vec<Vec<Resource<'a>>>,
 }
 
 impl ResolvedBindings {
@@ -52,40 +66,83 @@ impl ResolvedBindings {
     /// # Errors
     /// If something is missing, of the wrong kind, or too small.
     pub fn new(res: &mut Resources, interface: &Interface, bound: &Bindings) -> Result<ResolvedBindings, String> {
-        let mut bindings = Vec::with_capacity(interface.bindings.len());
-        for binding in &interface.bindings {
-            let held = resolve(res, binding, bound).map_err(|reason| {
+        let mut resolved = ResolvedBindings::default();
+        resolved.resolve(res, interface, bound)?;
+        Ok(resolved)
+    }
+
+    /// As [`ResolvedBindings::new`], in the memory of others.
+    ///
+    /// # Errors
+    /// As there.
+    pub fn resolve(&mut self, res: &mut Resources, interface: &Interface, bound: &Bindings) -> Result<(), String> {
+        self.clear();
+        self.held.reserve(interface.bindings.len());
+        for (number, binding) in interface.bindings.iter().enumerate() {
+            resolve(res, binding, bound, &mut self.held).map_err(|reason| {
                 format!("entry point {}, group {}, binding {}: {reason}", interface.entry, binding.group, binding.binding)
             })?;
-            bindings.push((binding.written, held));
+            let single = self.ends.is_empty() && self.held.len() == number + 1;
+            if !single {
+                if self.ends.is_empty() {
+                    self.ends.extend(1..=number);
+                }
+                self.ends.push(self.held.len());
+            }
         }
-        Ok(ResolvedBindings { bindings, immediates: bound.immediates.clone() })
+        self.immediates.extend_from_slice(&bound.immediates);
+        Ok(())
+    }
+
+    /// Holds nothing any more, and keeps its memory.
+    pub fn clear(&mut self) {
+        self.held.clear();
+        self.ends.clear();
+        self.immediates.clear();
+    }
+
+    /// The objects of each binding.
+    fn bindings(&self) -> impl Iterator<Item = &[Held]> {
+        let count = if self.ends.is_empty() { self.held.len() } else { self.ends.len() };
+        (0..count).map(|number| match &*self.ends {
+            [] => &self.held[number..=number],
+            ends => &self.held[if number == 0 { 0 } else { ends[number - 1] }..ends[number]],
+        })
     }
 
     /// The same as the executor takes them.
-    pub fn borrow(&self) -> Vec<Vec<Resource<'_>>> {
-        self.bindings.iter().map(|(_, elements)| elements.iter().map(Held::lend).collect()).collect()
+    pub fn lend<'a>(&'a self, lent: &'a mut Lent<'a>) -> shader::Resources<'a> {
+        let Lent { few, single, arrays } = lent;
+        if !self.ends.is_empty() {
+            arrays.extend(self.bindings().map(|elements| elements.iter().map(Held::lend).collect::<Vec<_>>()));
+        }
+        let single = match few.get_mut(..self.held.len()) {
+            _ if !self.ends.is_empty() => &[],
+            Some(few) => {
+                few.iter_mut().zip(&self.held).for_each(|(resource, held)| *resource = held.lend());
+                &*few
+            }
+            None => {
+                single.extend(self.held.iter().map(Held::lend));
+                &**single
+            }
+        };
+        shader::Resources { bindings: arrays, single, immediates: &self.immediates }
     }
 
     /// Whether the program reads or writes texels of textures in place.
     pub fn has_storage_textures(&self) -> bool {
-        self.bindings.iter().flat_map(|(_, elements)| elements).any(|held| matches!(held, Held::Storage { .. }))
+        self.held.iter().any(|held| matches!(held, Held::Storage { .. }))
     }
 
     /// Bytes that were looked up and copied for it, about.
     pub fn cost(&self) -> u64 {
-        let held: usize = self.bindings.iter().map(|(_, held)| held.len()).sum();
-        (held * size_of::<Held>() + size_of_val(&*self.immediates)) as u64
-    }
-
-    /// Immediate words.
-    pub fn immediates(&self) -> &[u32] {
-        &self.immediates
+        (self.held.len() * size_of::<Held>() + size_of_val(&*self.immediates)) as u64
     }
 
     /// Signs what the program reads: the bytes of buffers, textures by the version of their contents, samplers, and some immediates.
     pub fn sign(&self, signer: &mut Signer, immediates: usize) {
-        for (_, elements) in &self.bindings {
+        for elements in self.bindings() {
             signer.value(&elements.len());
             for held in elements {
                 match held {
@@ -109,12 +166,12 @@ impl ResolvedBindings {
         signer.words(&(0..immediates).map(words).collect::<Vec<u32>>());
     }
 
-    /// Notes that the program has written what it may write.
+    /// Notes that the program of this interface has written what it may write.
     ///
     /// # Errors
     /// If a texture or buffer is gone.
-    pub fn note_writes(&self, res: &mut Resources) -> Result<(), String> {
-        for (_, elements) in self.bindings.iter().filter(|(written, _)| *written) {
+    pub fn note_writes(&self, res: &mut Resources, interface: &Interface) -> Result<(), String> {
+        for (_, elements) in interface.bindings.iter().zip(self.bindings()).filter(|(binding, _)| binding.written) {
             for held in elements {
                 match held {
                     Held::Storage { texture, .. } => res.textures.get_mut(*texture)?.overwritten_all(),
@@ -171,7 +228,8 @@ pub(super) fn bound<'b>(res: &'b Resources, binding: &Binding, bound: &'b Bindin
     Ok(group_of(res, binding, bound)?.1.find(binding.binding).ok_or(NO_SUCH_BINDING)?)
 }
 
-fn resolve(res: &mut Resources, binding: &Binding, bound: &Bindings) -> Result<Vec<Held>, String> {
+/// Appends the objects of a binding.
+fn resolve(res: &mut Resources, binding: &Binding, bound: &Bindings, held: &mut Vec<Held>) -> Result<(), String> {
     let (group, bind_group) = group_of(res, binding, bound)?;
     let resource = bind_group.find(binding.binding).ok_or(NO_SUCH_BINDING)?.clone();
     let dynamic = match bind_group.dynamic.binary_search(&binding.binding) {
@@ -184,26 +242,35 @@ fn resolve(res: &mut Resources, binding: &Binding, bound: &Bindings) -> Result<V
         (
             kind @ (BindingKind::Uniform { .. } | BindingKind::Storage { .. }),
             BoundResource::Buffer { buffer, offset, size },
-        ) => Ok(vec![hold_buffer(res, kind, buffer, offset, size, dynamic)?]),
+        ) => held.push(hold_buffer(res, kind, buffer, offset, size, dynamic)?),
         (kind @ (BindingKind::Uniform { .. } | BindingKind::Storage { .. }), BoundResource::Buffers(elements)) => {
-            elements.into_iter().map(|(buffer, offset, size)| hold_buffer(res, kind, buffer, offset, size, dynamic)).collect()
+            for (buffer, offset, size) in elements {
+                held.push(hold_buffer(res, kind, buffer, offset, size, dynamic)?);
+            }
         }
-        (BindingKind::Texture { .. }, BoundResource::View(view)) => Ok(vec![hold_texture(res, view)?]),
+        (BindingKind::Texture { .. }, BoundResource::View(view)) => held.push(hold_texture(res, view)?),
         (BindingKind::Texture { .. }, BoundResource::Views(views)) => {
-            views.into_iter().map(|view| hold_texture(res, view)).collect()
+            for view in views {
+                held.push(hold_texture(res, view)?);
+            }
         }
-        (BindingKind::StorageTexture { .. }, BoundResource::View(view)) => Ok(vec![hold_storage(res, view)?]),
+        (BindingKind::StorageTexture { .. }, BoundResource::View(view)) => held.push(hold_storage(res, view)?),
         (BindingKind::StorageTexture { .. }, BoundResource::Views(views)) => {
-            views.into_iter().map(|view| hold_storage(res, view)).collect()
+            for view in views {
+                held.push(hold_storage(res, view)?);
+            }
         }
         (BindingKind::Sampler { .. }, BoundResource::Sampler(sampler)) => {
-            Ok(vec![Held::Sampler(res.samplers.get(sampler.0)?.clone())])
+            held.push(Held::Sampler(res.samplers.get(sampler.0)?.clone()));
         }
         (BindingKind::Sampler { .. }, BoundResource::Samplers(samplers)) => {
-            samplers.into_iter().map(|sampler| Ok(Held::Sampler(res.samplers.get(sampler.0)?.clone()))).collect()
+            for sampler in samplers {
+                held.push(Held::Sampler(res.samplers.get(sampler.0)?.clone()));
+            }
         }
-        (kind, resource) => Err(format!("the shader wants {kind:?}, bound is {resource:?}")),
+        (kind, resource) => return Err(format!("the shader wants {kind:?}, bound is {resource:?}")),
     }
+    Ok(())
 }
 
 fn hold_buffer(

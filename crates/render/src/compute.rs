@@ -8,7 +8,7 @@ use shader::{self, Executor, Extra, Module, Program, Recorder, Stage as Kind};
 use trace::command::{Command, LayoutEntry, PassTimestamps, Stage};
 use work::{Dispatch, Event, Groups, Packet, ShaderShape};
 
-use super::bind::ResolvedBindings;
+use super::bind::{Lent, ResolvedBindings};
 use super::execute::{Fault, Renderer};
 use super::pipeline::derived_layout;
 use super::state::Bindings;
@@ -169,8 +169,8 @@ impl ActiveCompute {
         let resolved = ResolvedBindings::new(&mut renderer.res, interface, &self.bindings)?;
         ledger.bytes.charge(resolved.cost())?;
         ledger.steps.charge(pipeline.program.uniform_steps())?;
-        let borrowed = resolved.borrow();
-        let resources = shader::Resources { bindings: &borrowed, immediates: resolved.immediates() };
+        let mut lent = Lent::default();
+        let resources = resolved.lend(&mut lent);
         let uniforms = pipeline.program.uniforms(&resources);
         let growth = ledger.growth();
         let mut bound = self.executor.bind(&pipeline.program, &resources, &uniforms).within(&ledger.steps, Some(&growth));
@@ -199,6 +199,6 @@ impl ActiveCompute {
         }
         ledger.steps.add(self.executor.take_steps());
         ledger.steps.verify()?;
-        Ok(resolved.note_writes(&mut renderer.res)?)
+        Ok(resolved.note_writes(&mut renderer.res, interface)?)
     }
 }

@@ -15,7 +15,7 @@ use super::execute::{Fault, Renderer, counts};
 use super::flight::{self, Begin, Boarding, Departure, Source, Tiles};
 use super::needs::Need;
 use super::pipeline::RenderPipeline;
-use super::queued::{Charges, QueuedDraw, Shared};
+use super::queued::{self, Charges, QueuedDraw, Shared};
 use super::resources::Buffer;
 use super::state::{DrawState, IndexSlot, MAX_VERTEX_BUFFERS, VertexSlot};
 use super::surface::Shape;
@@ -60,6 +60,8 @@ pub(super) struct ActivePass {
     shared: Shared,
     /// What its draws have done, where they hand on nothing else.
     counted: Option<Funnel>,
+    /// Memory for the next draw.
+    spare: queued::Bound,
 }
 
 impl ActivePass {
@@ -220,6 +222,7 @@ impl ActivePass {
             open_statistics: None,
             timestamps,
             counted: None,
+            spare: queued::Bound::default(),
         })
     }
 
@@ -392,22 +395,20 @@ impl ActivePass {
         let mut charges = Charges { vertices: u64::from(range.count) * u64::from(range.instances), ..Charges::default() };
         ledger.vertices.charge(charges.vertices)?;
         renderer.res.charged.clear();
-        let resolved: Vec<ResolvedBindings> = pipeline
-            .programs()
-            .iter()
-            .map(|program| ResolvedBindings::new(&mut renderer.res, program.interface(), &state.bindings))
-            .collect::<Result<_, _>>()?;
+        let mut bound = std::mem::take(&mut self.spare);
+        for (program, resolved) in pipeline.programs().iter().zip(&mut bound.resolved) {
+            resolved.resolve(&mut renderer.res, program.interface(), &state.bindings)?;
+        }
         charges.prepared = std::mem::take(&mut renderer.res.charged);
         charges.steps = pipeline.programs().iter().map(Program::uniform_steps).sum();
-        charges.bindings = resolved.iter().map(ResolvedBindings::cost).sum();
+        charges.bindings = bound.resolved.iter().map(ResolvedBindings::cost).sum();
         ledger.steps.charge(charges.steps)?;
         ledger.bytes.charge(charges.bindings)?;
-        let mut vertex_buffers = Vec::with_capacity(state.vertex.len());
         for slot in &state.vertex {
-            vertex_buffers.push(match slot {
+            bound.vertex_buffers.push(match slot {
                 Some(slot) => {
                     let buffer = renderer.res.buffers.get(slot.buffer.0)?;
-                    Some(bound(buffer, slot.offset, slot.size))
+                    Some(range_of(buffer, slot.offset, slot.size))
                 }
                 None => None,
             });
@@ -417,12 +418,12 @@ impl ActivePass {
             (true, None) => return Err("an indexed draw without an index buffer".into()),
             (true, Some(slot)) => {
                 let buffer = renderer.res.buffers.get(slot.buffer.0)?;
-                Some(IndexRange { range: bound(buffer, slot.offset, slot.size), format: slot.format })
+                Some(IndexRange { range: range_of(buffer, slot.offset, slot.size), format: slot.format })
             }
         };
         let unasked = self.open_occlusion.is_none() && self.open_statistics.is_none();
         let signed = renderer.recording() && renderer.options.key.signatures && unasked;
-        let signature = if signed { signature(&pipeline, resolved.get(1), state) } else { None };
+        let signature = if signed { signature(&pipeline, &bound.resolved[1], state) } else { None };
         let draw = QueuedDraw {
             command: ledger.command(),
             charges,
@@ -430,10 +431,9 @@ impl ActivePass {
             number,
             group: renderer.groups.innermost(),
             pipeline,
-            vertex_buffers,
+            bound,
             index,
             range,
-            resolved,
             viewport: state.viewport,
             scissor: state.scissor,
             blend_constant: state.blend_constant,
@@ -450,7 +450,10 @@ impl ActivePass {
             }
             self.come_home(renderer)?;
         }
-        self.draw_here(renderer, &draw)
+        self.draw_here(renderer, &draw)?;
+        self.spare = draw.bound;
+        self.spare.clear();
+        Ok(())
     }
 
     /// Goes on with a pass in flight on this thread, alone.
@@ -490,8 +493,8 @@ impl ActivePass {
             *funnel += outcome.funnel;
         }
         if draw.pipeline.has_side_effects() {
-            for bindings in &draw.resolved {
-                bindings.note_writes(&mut renderer.res)?;
+            for (program, bindings) in draw.pipeline.programs().iter().zip(&draw.bound.resolved) {
+                bindings.note_writes(&mut renderer.res, program.interface())?;
             }
         }
         Ok(())
@@ -564,14 +567,14 @@ impl ActivePass {
 }
 
 /// Part of a buffer as a draw takes it.
-fn bound(buffer: &Buffer, offset: u64, size: u64) -> BufferRange {
+fn range_of(buffer: &Buffer, offset: u64, size: u64) -> BufferRange {
     let (words, address) = (buffer.words.clone(), buffer.address + offset);
     BufferRange { words, offset, size, address, version: buffer.version() }
 }
 
 /// The signature of what a draw's pixels depend on beside attachments and primitives; none where it does more than write pixels, or where
 /// they depend on the company that a fragment is shaded in.
-fn signature(pipeline: &RenderPipeline, fragment: Option<&ResolvedBindings>, state: &DrawState) -> Option<Signature> {
+fn signature(pipeline: &RenderPipeline, fragment: &ResolvedBindings, state: &DrawState) -> Option<Signature> {
     let interface = pipeline.fragment().map(Program::interface);
     let apart = |interface: &Interface| !interface.subgroups && interface.input(BuiltIn::PrimitiveIndex).is_none();
     if pipeline.has_side_effects() || !interface.is_none_or(apart) {
@@ -581,8 +584,8 @@ fn signature(pipeline: &RenderPipeline, fragment: Option<&ResolvedBindings>, sta
     signer.value(&pipeline.number);
     signer.value(&(state.viewport, state.scissor, state.stencil_reference));
     signer.words(&state.blend_constant.map(f32::to_bits));
-    if let (Some(bindings), Some(interface)) = (fragment, interface) {
-        bindings.sign(&mut signer, interface.immediate_bytes.div_ceil(4) as usize);
+    if let Some(interface) = interface {
+        fragment.sign(&mut signer, interface.immediate_bytes.div_ceil(4) as usize);
     }
     Some(signer.finish())
 }

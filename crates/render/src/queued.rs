@@ -6,7 +6,7 @@ use gfx::state::{Rect, Viewport};
 use num::LimitExceeded;
 use work::{Event, RenderKey, Signature};
 
-use super::bind::ResolvedBindings;
+use super::bind::{Lent, ResolvedBindings};
 use super::draw::{self, Boxes, BufferRange, DrawCall, DrawError, Drawn, IndexRange, RenderPass};
 use super::ledger::Ledger;
 use super::needs::Need;
@@ -48,6 +48,22 @@ pub(super) struct Shared {
     pub boxes: Arc<Mutex<Boxes>>,
 }
 
+/// What is bound to the slots of a draw. Its lists are used again for draws that are not kept.
+#[derive(Default)]
+pub(super) struct Bound {
+    pub vertex_buffers: Vec<Option<BufferRange>>,
+    /// The bindings of the vertex and of the fragment program.
+    pub resolved: [ResolvedBindings; 2],
+}
+
+impl Bound {
+    /// Holds nothing any more, and keeps its memory.
+    pub fn clear(&mut self) {
+        self.vertex_buffers.clear();
+        self.resolved.iter_mut().for_each(ResolvedBindings::clear);
+    }
+}
+
 /// A draw, looked up.
 pub(super) struct QueuedDraw {
     /// Number and name of the command that it belongs to.
@@ -59,11 +75,9 @@ pub(super) struct QueuedDraw {
     pub number: u32,
     pub group: Arc<str>,
     pub pipeline: Arc<RenderPipeline>,
-    pub vertex_buffers: Vec<Option<BufferRange>>,
+    pub bound: Bound,
     pub index: Option<IndexRange>,
     pub range: draw::Range,
-    /// The bindings of the vertex and of the fragment program.
-    pub resolved: Vec<ResolvedBindings>,
     pub viewport: Viewport,
     pub scissor: Rect,
     pub blend_constant: [f32; 4],
@@ -87,20 +101,17 @@ impl QueuedDraw {
         ledger: &Ledger,
         sink: &mut dyn FnMut(Event),
     ) -> Result<Drawn, DrawError> {
-        let borrowed: Vec<_> = self.resolved.iter().map(ResolvedBindings::borrow).collect();
-        let mut resources = borrowed
-            .iter()
-            .zip(&self.resolved)
-            .map(|(bindings, resolved)| shader::Resources { bindings, immediates: resolved.immediates() });
+        let [mut vertex, mut fragment] = <[Lent<'_>; 2]>::default();
+        let [vertex, fragment] = [self.bound.resolved[0].lend(&mut vertex), self.bound.resolved[1].lend(&mut fragment)];
         let call = DrawCall {
             number: self.number,
             group: &self.group,
             pipeline: &self.pipeline,
-            vertex_buffers: &self.vertex_buffers,
+            vertex_buffers: &self.bound.vertex_buffers,
             index: self.index.as_ref(),
             range: self.range,
-            vertex_resources: resources.next().unwrap_or_default(),
-            fragment_resources: resources.next(),
+            vertex_resources: vertex,
+            fragment_resources: self.pipeline.fragment().map(|_| fragment),
             viewport: self.viewport,
             scissor: self.scissor,
             blend_constant: self.blend_constant,
@@ -121,6 +132,6 @@ impl QueuedDraw {
     /// Whether another thread may do it while later commands run: it writes attachments only, and what it reads is either not written any
     /// more or copied before.
     pub fn can_wait(&self) -> bool {
-        !self.pipeline.has_side_effects() && !self.resolved.iter().any(ResolvedBindings::has_storage_textures)
+        !self.pipeline.has_side_effects() && !self.bound.resolved.iter().any(ResolvedBindings::has_storage_textures)
     }
 }

@@ -55,6 +55,9 @@ pub enum Resource<'a> {
 pub struct Resources<'a> {
     /// For each binding of the interface, in its order, the elements: one, or those of the binding array.
     pub bindings: &'a [Vec<Resource<'a>>],
+    /// The one element of each, where no binding is an array; then there are no `bindings`. Lists of one element take long to make where draws
+    /// are small.
+    pub single: &'a [Resource<'a>],
     /// Immediates, in words; missing ones read as zero.
     pub immediates: &'a [u32],
 }
@@ -63,6 +66,9 @@ impl<'a> Resources<'a> {
     /// Element `element` of binding `binding`; out of range reads as the last element, as an unbound one if there is none.
     #[inline]
     pub(super) fn get(&self, binding: u16, element: u32) -> Resource<'a> {
+        if let Some(resource) = self.single.get(usize::from(binding)) {
+            return *resource;
+        }
         match self.bindings.get(usize::from(binding)) {
             Some(elements) if !elements.is_empty() => elements[(element as usize).min(elements.len() - 1)],
             _ => Resource::None,

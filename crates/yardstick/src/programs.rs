@@ -50,7 +50,7 @@ pub fn run(program: &Program, operands: &[[u32; 3]]) -> Result<Vec<u32>> {
             vec![Resource::Buffer(BufferRange { words, offset: 0, size: words.len(), address: 0 })]
         })
         .collect();
-    let resources = Resources { bindings: &bindings, immediates: &[] };
+    let resources = Resources { bindings: &bindings, ..Resources::default() };
     let uniforms = program.uniforms(&resources);
     let mut executor = Executor::new();
     let groups = (operands.len() / GROUP) as u32;

@@ -130,8 +130,7 @@ static IDLE: Mutex<Vec<Box<Scratch>>> = Mutex::new(Vec::new());
 impl Scratch {
     fn take() -> Box<Scratch> {
         let idle = IDLE.lock().unwrap_or_else(std::sync::PoisonError::into_inner).pop();
-        let fresh =
-            || Scratch { workers: Workers::new(), stages: Stages::default(), uniforms: <[Uniforms; 2]>::default() };
+        let fresh = || Scratch { workers: Workers::new(), stages: Stages::default(), uniforms: <[Uniforms; 2]>::default() };
         idle.filter(|s| s.workers.suffice()).unwrap_or_else(|| Box::new(fresh()))
     }
 

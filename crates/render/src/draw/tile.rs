@@ -41,13 +41,7 @@ pub struct TileJob<'a> {
 impl<'a> TileJob<'a> {
     /// A tile of a picture of `across` tiles a row, without attachments.
     pub fn new(index: usize, across: u32, record: &'a mut TileRecord) -> Self {
-        TileJob {
-            index,
-            at: [index as u32 % across, index as u32 / across],
-            colors: Default::default(),
-            depth: None,
-            record,
-        }
+        TileJob { index, at: [index as u32 % across, index as u32 / across], colors: Default::default(), depth: None, record }
     }
 }
 

@@ -204,7 +204,7 @@ fn endless_loops_stop_with_their_place() {
     let p = program(source);
     let out = Words::new(4);
     let bindings = vec![vec![Resource::Buffer(BufferRange { words: &out, offset: 0, size: 4, address: 0 })]];
-    let resources = Resources { bindings: &bindings, immediates: &[] };
+    let resources = Resources { bindings: &bindings, ..Resources::default() };
     let uniforms = p.uniforms(&resources);
     let mut executor = Executor::new();
     let fault = executor.bind(&p, &resources, &uniforms).run_groups(0..1, [1, 1, 1], None).expect_err("it never ends");

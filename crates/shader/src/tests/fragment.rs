@@ -63,7 +63,7 @@ fn a_derivative_is_the_same_whether_its_operand_is_computed_once_or_by_every_lan
     let module = Module::new("test", Source::Wgsl(source)).expect("the program is valid");
     let words = words_of(&[f32::INFINITY.to_bits(), 2.5f32.to_bits()]);
     let bindings = [vec![Resource::Buffer(BufferRange { words: &words, offset: 0, size: 8, address: 0 })]];
-    let resources = Resources { bindings: &bindings, immediates: &[] };
+    let resources = Resources { bindings: &bindings, ..Resources::default() };
     for optimisations in [Optimisations::ALL, Optimisations::NONE] {
         let options = Options { optimisations, ..Options::default() };
         let p = compile(&module, Stage::Fragment, None, &options).expect("it compiles");
@@ -90,7 +90,7 @@ fn discarded_lanes_have_no_effects_and_still_help() {
     assert!(p.interface().discards && p.interface().side_effects && p.interface().bindings[0].written);
     let hits = Words::new(8);
     let bindings = vec![vec![Resource::Buffer(BufferRange { words: &hits, offset: 0, size: 8, address: 0 })]];
-    let resources = Resources { bindings: &bindings, immediates: &[] };
+    let resources = Resources { bindings: &bindings, ..Resources::default() };
     let uniforms = p.uniforms(&resources);
     let mut executor = Executor::new();
     let mut bound = executor.bind(&p, &resources, &uniforms);
@@ -139,7 +139,7 @@ fn textures_are_sampled_loaded_and_asked() {
     let view = View::new(&words, &image, &range, 0).expect("a view");
     let sampler = Sampler::new(&SamplerDesc::default());
     let bindings = vec![vec![Resource::Texture(&view)], vec![Resource::Sampler(&sampler)]];
-    let resources = Resources { bindings: &bindings, immediates: &[] };
+    let resources = Resources { bindings: &bindings, ..Resources::default() };
     let uniforms = p.uniforms(&resources);
     let mut executor = Executor::new();
     let mut bound = executor.bind(&p, &resources, &uniforms);
@@ -188,7 +188,7 @@ fn an_element_of_a_binding_array_sees_the_coordinates_of_all_lanes() {
     let view = View::new(&words, &image, &range, 0).expect("a view");
     let sampler = Sampler::new(&SamplerDesc::default());
     let bindings = vec![vec![Resource::Texture(&view); 2], vec![Resource::Sampler(&sampler)]];
-    let resources = Resources { bindings: &bindings, immediates: &[] };
+    let resources = Resources { bindings: &bindings, ..Resources::default() };
     let uniforms = p.uniforms(&resources);
     let mut executor = Executor::new();
     let mut bound = executor.bind(&p, &resources, &uniforms);

@@ -29,7 +29,7 @@ fn run_with(program: &Program, groups: [u32; 3], buffers: &[(u32, &Words)]) {
             vec![Resource::Buffer(BufferRange { words, offset: 0, size: words.len(), address: 0 })]
         })
         .collect();
-    let resources = Resources { bindings: &bindings, immediates: &[] };
+    let resources = Resources { bindings: &bindings, ..Resources::default() };
     let uniforms = program.uniforms(&resources);
     let mut executor = Executor::new();
     let mut bound = executor.bind(program, &resources, &uniforms);

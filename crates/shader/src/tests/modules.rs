@@ -111,7 +111,7 @@ fn errors_of_spirv_name_the_word() {
     let program = compile(&module, Stage::Compute, Some("main"), &Options::default()).expect("compiles");
     let words = Words::new(8);
     let resources = [vec![Resource::Buffer(BufferRange { words: &words, offset: 0, size: 8, address: 0 })]];
-    let resources = Resources { bindings: &resources, immediates: &[] };
+    let resources = Resources { bindings: &resources, ..Resources::default() };
     let uniforms = program.uniforms(&resources);
     let mut executor = Executor::new();
     let fault = executor.bind(&program, &resources, &uniforms).run_groups(0..1, [1; 3], None).expect_err("too many turns");

@@ -55,7 +55,7 @@ fn binding_arrays_of_buffers() {
     let parts: Vec<Words> = (0..3).map(|k| words_of(&[k * 10, k * 10 + 1, k * 10 + 2, k * 10 + 3])).collect();
     let buffer = |w| Resource::Buffer(BufferRange { words: w, offset: 0, size: 256, address: 0 });
     let bindings = vec![vec![buffer(&out)], parts.iter().map(buffer).collect()];
-    let resources = Resources { bindings: &bindings, immediates: &[] };
+    let resources = Resources { bindings: &bindings, ..Resources::default() };
     let uniforms = p.uniforms(&resources);
     let mut executor = Executor::new();
     executor.bind(&p, &resources, &uniforms).run_groups(0..1, [1, 1, 1], None).expect("it ends");
@@ -87,7 +87,7 @@ fn storage_textures_are_stored_and_loaded() {
         vec![Resource::Storage(StorageImage { words, desc, level: 0, base_layer: 0, layers, address: 0 })]
     };
     let bindings = vec![storage(&a, color, 2), storage(&b, number, 1)];
-    let resources = Resources { bindings: &bindings, immediates: &[] };
+    let resources = Resources { bindings: &bindings, ..Resources::default() };
     let uniforms = p.uniforms(&resources);
     let mut executor = Executor::new();
     executor.bind(&p, &resources, &uniforms).run_groups(0..1, [1, 1, 1], None).expect("it ends");
@@ -111,7 +111,7 @@ fn immediates_are_read() {
     assert_eq!(p.interface().immediate_bytes, 24);
     let out = Words::new(256);
     let bindings = vec![vec![Resource::Buffer(BufferRange { words: &out, offset: 0, size: 256, address: 0 })]];
-    let resources = Resources { bindings: &bindings, immediates: &[1, 2, 10, 11, 12, 13] };
+    let resources = Resources { bindings: &bindings, immediates: &[1, 2, 10, 11, 12, 13], ..Resources::default() };
     let uniforms = p.uniforms(&resources);
     let mut executor = Executor::new();
     executor.bind(&p, &resources, &uniforms).run_groups(0..1, [1, 1, 1], None).expect("it ends");
@@ -134,7 +134,7 @@ fn small_groups_share_a_batch_and_are_recorded_apart() {
     let p = program(source);
     let out = Words::new(4 * 6 * 5 * 2 * 3);
     let bindings = vec![vec![Resource::Buffer(BufferRange { words: &out, offset: 0, size: out.len(), address: 640 })]];
-    let resources = Resources { bindings: &bindings, immediates: &[] };
+    let resources = Resources { bindings: &bindings, ..Resources::default() };
     let uniforms = p.uniforms(&resources);
     let mut executor = Executor::new();
     let mut bound = executor.bind(&p, &resources, &uniforms);
@@ -176,7 +176,7 @@ fn barriers_end_steps() {
     assert!(p.interface().barriers && p.interface().workgroup_bytes == 280);
     let out = Words::new(280);
     let bindings = vec![vec![Resource::Buffer(BufferRange { words: &out, offset: 0, size: 280, address: 0 })]];
-    let resources = Resources { bindings: &bindings, immediates: &[] };
+    let resources = Resources { bindings: &bindings, ..Resources::default() };
     let uniforms = p.uniforms(&resources);
     let mut executor = Executor::new();
     let mut bound = executor.bind(&p, &resources, &uniforms);

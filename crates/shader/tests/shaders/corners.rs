@@ -56,7 +56,7 @@ impl Engine {
             }
         }
         let bound: Vec<Vec<Resource<'_>>> = held.iter().map(|h| vec![resource(h)]).collect();
-        let resources = Resources { bindings: &bound, immediates: &[] };
+        let resources = Resources { bindings: &bound, ..Resources::default() };
         let uniforms = self.0.uniforms(&resources);
         let mut executor = Executor::new();
         executor.bind(&self.0, &resources, &uniforms).run_groups(0..1, [1, 1, 1], None).map_err(|e| e.to_string())?;

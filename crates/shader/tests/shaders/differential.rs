@@ -224,7 +224,7 @@ fn run(module: &Module, program: &Program, expected: &Expected, setting: Setting
             stores.iter().map(|store| store.resource(storage)).collect()
         })
         .collect();
-    let resources = Resources { bindings: &bindings, immediates: &program.bindings.immediates };
+    let resources = Resources { bindings: &bindings, immediates: &program.bindings.immediates, ..Resources::default() };
     let uniforms = compiled.uniforms(&resources);
     let mut executor = Executor::new();
     let mut bound = executor.bind(&compiled, &resources, &uniforms);

@@ -49,7 +49,7 @@ fn an_endless_loop_is_stopped_with_its_place() {
         let module = Module::new("endless", Source::Wgsl(&source)).expect("the program is valid");
         let program = compile(&module, stage, None, &Options::default()).expect("the program compiles");
         let bindings = [vec![Resource::None]];
-        let resources = Resources { bindings: &bindings, immediates: &[] };
+        let resources = Resources { bindings: &bindings, ..Resources::default() };
         let uniforms = program.uniforms(&resources);
         let mut executor = Executor::new();
         let mut bound = executor.bind(&program, &resources, &uniforms);
