@@ -93,19 +93,38 @@ impl VertexSource<'_> {
     /// `n` on are left as they are.
     pub fn fetch(&self, format: VertexFormat, offset: u64, index: &[u32; LANES], n: usize, out: &mut [Lanes; 4]) {
         let n = n.min(LANES);
-        // The word index of each lane's attribute, or the sentinel for one outside.
         let bytes = u64::from(format.bytes());
         let end = self.offset.saturating_add(self.size).min(self.words.len());
-        let mut at = [usize::MAX; LANES];
-        let mut inside = true;
-        let mut aligned = 0;
         let place = |index: u32| {
             let start = self.stride.checked_mul(u64::from(index))?.checked_add(self.offset)?.checked_add(offset)?;
             (start.checked_add(bytes)? <= end).then_some(start as usize)
         };
         let last = index[..n].iter().fold(0, |most, i| most.max(*i));
-        if place(last).is_some() {
-            // If the last one is inside, so are all, and nothing overflows.
+        // If the last one is inside, so are all, and nothing overflows.
+        let all_inside = place(last).is_some();
+        let kind = component_kind(format);
+        let components = format.components() as usize;
+        let one = if kind == ComponentKind::Float { 1f32.to_bits() } else { 1 };
+        for c in components..4 {
+            out[c].0[..n].fill(if c == 3 { one } else { 0 });
+        }
+        let words = self.words.words();
+        let encoding = encoding(format);
+        if all_inside && encoding == Encoding::Bits32 && (self.offset | offset | self.stride) % 4 == 0 {
+            // The case that matters.
+            let from = Strided { words: &words[((self.offset + offset) / 4) as usize..], stride: (self.stride / 4) as usize };
+            return match components {
+                1 => from.copy::<1>(&index[..n], out),
+                2 => from.copy::<2>(&index[..n], out),
+                3 => from.copy::<3>(&index[..n], out),
+                _ => from.copy::<4>(&index[..n], out),
+            };
+        }
+        // The first byte of each lane's attribute, or the sentinel for one outside.
+        let mut at = [usize::MAX; LANES];
+        let mut inside = true;
+        let mut aligned = 0;
+        if all_inside {
             let (first, stride) = ((self.offset + offset) as usize, self.stride as usize);
             for i in 0..n {
                 at[i] = first + stride * index[i] as usize;
@@ -122,15 +141,7 @@ impl VertexSource<'_> {
                 }
             }
         }
-        let kind = component_kind(format);
-        let components = format.components() as usize;
-        let one = if kind == ComponentKind::Float { 1f32.to_bits() } else { 1 };
-        for c in components..4 {
-            out[c].0[..n].fill(if c == 3 { one } else { 0 });
-        }
         // Choose by format outside the loop over lanes.
-        let words = self.words.words();
-        let encoding = encoding(format);
         if inside && aligned % 4 == 0 {
             match encoding {
                 Encoding::Bits32 => {
@@ -165,6 +176,27 @@ impl VertexSource<'_> {
             let value = decode(encoding, components, &raw);
             for c in 0..components {
                 out[c].0[i] = value[c];
+            }
+        }
+    }
+}
+
+/// Attributes of whole words, from the first on.
+struct Strided<'a> {
+    words: &'a [AtomicU32],
+    /// Words from one vertex to the next.
+    stride: usize,
+}
+
+impl Strided<'_> {
+    /// Copies those of `N` words of some vertices.
+    #[inline(always)]
+    fn copy<const N: usize>(&self, index: &[u32], out: &mut [Lanes; 4]) {
+        for (i, &index) in index.iter().enumerate().take(LANES) {
+            let source: &[AtomicU32; N] =
+                self.words[self.stride * index as usize..].first_chunk().expect("the last one is inside");
+            for c in 0..N {
+                out[c].0[i] = source[c].load(Relaxed);
             }
         }
     }

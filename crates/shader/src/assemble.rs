@@ -9,7 +9,7 @@ use super::ir::{Builder, Def, Inst, NONE, V, texture_src as at};
 use super::lower::Lowered;
 use super::optimize::is_control;
 use super::options::Fault;
-use super::program::{Body, MemoryOp, NO_REG, Op, Placed, Program, Reg, Space};
+use super::program::{Body, MemoryOp, NO_REG, Op, Placed, Program, Reg, Space, Width};
 use super::vector;
 
 /// Most registers of a program: operations number them with 16 bits.
@@ -311,6 +311,7 @@ fn placed_words(op: &MemoryOp) -> Vec<Placed> {
         offset: u64::from(op.offset) + op.width.bytes() * c,
         width: op.width,
         count: 1,
+        words: None,
     };
     components.map(one).collect()
 }
@@ -339,6 +340,10 @@ fn runs(mut components: Vec<Placed>) -> Vec<Placed> {
             }
             _ => runs.push(placed),
         }
+    }
+    for run in &mut runs {
+        let first = u32::try_from(run.offset / 4).ok().filter(|_| run.width == Width::Word && run.offset.is_multiple_of(4));
+        run.words = first.and_then(|first| Some(first..first.checked_add(u32::from(run.count))?));
     }
     runs
 }

@@ -319,6 +319,9 @@ impl Code {
     }
 }
 
+/// Lanes that a kernel takes at once: one 256-bit register.
+pub(super) const CHUNK: usize = 8;
+
 /// How the executor applies a lane function to whole registers.
 pub(super) trait Kernels {
     /// One operand.
@@ -327,8 +330,8 @@ pub(super) trait Kernels {
     fn binary(&self, f: impl Fn(u32, u32) -> u32);
     /// Three operands.
     fn ternary(&self, f: impl Fn(u32, u32, u32) -> u32);
-    /// One operand, a long function over whole registers.
-    fn heavy(&self, f: impl Fn(&num::Lanes, &mut num::Lanes));
+    /// One operand, a long function over some lanes at once.
+    fn heavy(&self, f: impl Fn(&[f32; CHUNK], &mut [f32; CHUNK]));
 }
 
 codes! {

@@ -1,5 +1,7 @@
 //! Compiled programs: a flat list of operations over a register file, with side tables for memory and texture accesses.
 
+use std::ops::Range;
+
 use super::code::Code;
 use super::interface::Interface;
 use super::module::Place;
@@ -70,7 +72,7 @@ pub(super) struct MemoryOp {
 }
 
 /// Components of loads from a buffer at places that are known when the program is compiled: they go to registers with consecutive numbers.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Debug)]
 pub(super) struct Placed {
     /// The first register.
     pub register: Reg,
@@ -81,6 +83,8 @@ pub(super) struct Placed {
     pub width: Width,
     /// Number of components.
     pub count: u16,
+    /// Which words of the binding they are, where they are whole words.
+    pub words: Option<Range<u32>>,
 }
 
 /// What an atomic does.

@@ -3,12 +3,13 @@
 use std::ops::Range;
 
 use crate::parallel;
+use crate::pipeline::Varying;
 use gfx::clip::Outcode;
 use gfx::setup::ScreenVertex;
 use gfx::simd::wide;
 use gfx::state::StepMode;
 use num::{LANES, Lanes, Mask, Meter, QUADS};
-use shader::{BuiltIn, Executor, Recorder, ShaderFault};
+use shader::{Bound, BuiltIn, Executor, Recorder, ShaderFault};
 
 use super::frame::{PreparedDraw, Workers};
 use super::stream::Stream;
@@ -159,15 +160,15 @@ fn shade_task<const SPREAD: usize>(
             frame.source(attribute).fetch(attribute.format, attribute.offset, by, n, &mut fetched);
             for c in 0..attribute.components {
                 if let Some(input) = bound.input_mut(attribute.input, c) {
-                    spread::<SPREAD>(&fetched[c].0, &mut input.0);
+                    spread::<SPREAD>(&fetched[c].0, n, &mut input.0);
                 }
             }
         }
         for &(slot, builtin) in frame.vertex_builtins {
             let Some(input) = bound.input_mut(slot, 0) else { continue };
             match builtin {
-                BuiltIn::VertexIndex => spread::<SPREAD>(&index, &mut input.0),
-                BuiltIn::InstanceIndex => spread::<SPREAD>(&instance, &mut input.0),
+                BuiltIn::VertexIndex => spread::<SPREAD>(&index, n, &mut input.0),
+                BuiltIn::InstanceIndex => spread::<SPREAD>(&instance, n, &mut input.0),
                 BuiltIn::BaseVertex => *input = Lanes::splat(frame.base_vertex),
                 BuiltIn::BaseInstance => *input = Lanes::splat(frame.first_instance),
                 BuiltIn::DrawIndex => *input = Lanes::splat(frame.draw_index),
@@ -198,12 +199,12 @@ fn shade_task<const SPREAD: usize>(
         place(frame, position, SPREAD, at..at + n, task);
         let stride = pipeline.varying_words;
         for varying in &pipeline.varyings {
-            for c in 0..varying.components {
-                let value = &bound.output(varying.output, c).0;
-                let vertices = task.varyings[at * stride..(at + n) * stride].chunks_exact_mut(stride);
-                for (vertex, value) in vertices.zip(value.chunks_exact(SPREAD)) {
-                    vertex[varying.word + c] = value[0];
-                }
+            let vertices = &mut task.varyings[at * stride..(at + n) * stride];
+            match varying.components {
+                1 => put_varying::<SPREAD, 1>(&bound, varying, vertices, stride),
+                2 => put_varying::<SPREAD, 2>(&bound, varying, vertices, stride),
+                3 => put_varying::<SPREAD, 3>(&bound, varying, vertices, stride),
+                _ => put_varying::<SPREAD, 4>(&bound, varying, vertices, stride),
             }
         }
         if let Some((slot, planes)) = pipeline.clip_distances {
@@ -218,11 +219,27 @@ fn shade_task<const SPREAD: usize>(
     Ok(shaded)
 }
 
-/// Gives the first values to so many lanes each.
+/// Copies the `N` components of a varying to the records of the vertices.
 #[inline(always)]
-fn spread<const SPREAD: usize>(values: &[u32; LANES], lanes: &mut [u32; LANES]) {
+fn put_varying<const SPREAD: usize, const N: usize>(bound: &Bound<'_>, varying: &Varying, vertices: &mut [u32], stride: usize) {
+    let values: [&[u32; LANES]; N] = std::array::from_fn(|c| &bound.output(varying.output, c).0);
+    for (vertex, lane) in vertices.chunks_exact_mut(stride).zip((0..LANES).step_by(SPREAD)) {
+        let vertex = &mut vertex[varying.word..][..N];
+        for c in 0..N {
+            vertex[c] = values[c][lane];
+        }
+    }
+}
+
+/// Gives the first `n` values to so many lanes each; maybe more of them.
+#[inline(always)]
+fn spread<const SPREAD: usize>(values: &[u32; LANES], n: usize, lanes: &mut [u32; LANES]) {
     if SPREAD == 1 {
-        *lanes = *values;
+        // Many draws have few vertices.
+        match n {
+            0..=8 => lanes[..8].copy_from_slice(&values[..8]),
+            _ => *lanes = *values,
+        }
         return;
     }
     for (lanes, value) in lanes.chunks_exact_mut(SPREAD).zip(values) {

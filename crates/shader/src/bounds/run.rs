@@ -2,12 +2,11 @@
 
 use std::cell::Cell;
 
-use crate::code::{self, Code, Kernels};
+use crate::code::{self, CHUNK, Code, Kernels};
 use crate::exec::memory;
 use crate::program::{Body, NO_REG, Op, Reg};
 use crate::resources::Resources;
 use gfx::math;
-use num::Lanes;
 
 use super::STEPS;
 use super::arithmetic;
@@ -101,11 +100,11 @@ impl Kernels for Apply<'_> {
         set(self.file, self.op.r[0], out);
     }
 
-    fn heavy(&self, f: impl Fn(&Lanes, &mut Lanes)) {
+    fn heavy(&self, f: impl Fn(&[f32; CHUNK], &mut [f32; CHUNK])) {
         let value = |bits| {
-            let mut out = Lanes::ZERO;
-            f(&Lanes::splat(bits), &mut out);
-            Range::point(out.0[0])
+            let mut out = [0.0; CHUNK];
+            f(&[f32::from_bits(bits); CHUNK], &mut out);
+            Range::point(out[0].to_bits())
         };
         set(self.file, self.op.r[0], self.operand(1).bits().map_or(Range::ANY, value));
     }

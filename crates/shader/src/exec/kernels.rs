@@ -6,12 +6,10 @@
 
 use std::cell::Cell;
 
+pub(super) use crate::code::CHUNK;
 use crate::code::Kernels;
 use crate::program::{Op, Reg};
 use num::{LANES, Lanes, Mask};
-
-/// Lanes that a kernel takes at once: one 256-bit register.
-pub(super) const CHUNK: usize = 8;
 
 /// Chunks in a register.
 pub(super) const CHUNKS: usize = LANES / CHUNK;
@@ -190,11 +188,24 @@ impl<const K: usize> Kernels for Apply<'_, K> {
     }
 
     #[inline(always)]
-    fn heavy(&self, f: impl Fn(&Lanes, &mut Lanes)) {
-        let x = get(self.file, self.op.r[1]);
-        let mut out = Lanes::ZERO;
-        f(&x, &mut out);
-        set(self.file, self.op.r[0], &out);
+    fn heavy(&self, f: impl Fn(&[f32; CHUNK], &mut [f32; CHUNK])) {
+        let (d, a) = (chunks(self.file, self.op.r[0]), chunks(self.file, self.op.r[1]));
+        for c in 0..K {
+            let mut out = [0.0; CHUNK];
+            f(&a[c].get().map(f32::from_bits), &mut out);
+            d[c].set(out.map(f32::to_bits));
+        }
+    }
+}
+
+/// A long function of two operands, of the first `K` chunks.
+#[inline(always)]
+pub(super) fn heavy2<const K: usize>(file: File<'_>, op: &Op, f: impl Fn(&[f32; CHUNK], &[f32; CHUNK], &mut [f32; CHUNK])) {
+    let (d, a, b) = (chunks(file, op.r[0]), chunks(file, op.r[1]), chunks(file, op.r[2]));
+    for c in 0..K {
+        let mut out = [0.0; CHUNK];
+        f(&a[c].get().map(f32::from_bits), &b[c].get().map(f32::from_bits), &mut out);
+        d[c].set(out.map(f32::to_bits));
     }
 }
 

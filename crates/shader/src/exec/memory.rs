@@ -6,7 +6,7 @@ use std::sync::atomic::AtomicU32;
 use std::sync::atomic::Ordering::Relaxed;
 
 use crate::code::eval;
-use crate::program::{AtomicOp, MemoryOp, NO_REG, Op, Placed, Reg, Space, Width};
+use crate::program::{AtomicOp, MemoryOp, NO_REG, Op, Placed, Space, Width};
 use crate::resources::{Resource, Resources};
 use num::{LANES, Lanes, Mask};
 use work::RequestKind;
@@ -108,9 +108,16 @@ pub(crate) fn peek(resources: &Resources<'_>, op: &MemoryOp, element: u32, at: u
     Some(std::array::from_fn(|c| component(&w, op.width, at + size * c as u64)))
 }
 
-/// Loads from buffers at places that are known; `set` receives what each register gets.
+/// Loads from buffers at places that are known: `copy` receives the words of a run and the first register of theirs, `set` what one register
+/// gets.
 #[inline(always)]
-pub(super) fn load_placed(resources: &Resources<'_>, loads: &[Placed], mut set: impl FnMut(Reg, u32)) {
+pub(super) fn load_placed<'r, T>(
+    resources: &Resources<'r>,
+    loads: &[Placed],
+    to: &mut T,
+    copy: impl Fn(&mut T, usize, &'r [AtomicU32]),
+    set: impl Fn(&mut T, usize, u32),
+) {
     // Most of a program's are whole words of one binding.
     let (mut last, mut w) = (None, Window { words: &[], bytes: 0, start: 0, address: 0 });
     let mut words = w.words;
@@ -120,15 +127,15 @@ pub(super) fn load_placed(resources: &Resources<'_>, loads: &[Placed], mut set: 
             let (first, n) = ((w.start / 4) as usize, (w.bytes / 4) as usize);
             words = w.words.get(first..).and_then(|words| words.get(..n)).unwrap_or_default();
         }
-        let (first, n) = ((load.offset / 4) as usize, usize::from(load.count));
-        let whole = load.width == Width::Word && load.offset.is_multiple_of(4);
-        if let Some(words) = words.get(first..first + n).filter(|_| whole) {
-            for (register, word) in (load.register..).zip(words) {
-                set(register, word.load(Relaxed));
+        match &load.words {
+            Some(run) if run.end as usize <= words.len() => {
+                copy(to, usize::from(load.register), &words[run.start as usize..run.end as usize])
             }
-        } else {
-            for c in 0..load.count {
-                set(load.register + c, component(&w, load.width, load.offset + load.width.bytes() * u64::from(c)));
+            _ => {
+                for c in 0..load.count {
+                    let bits = component(&w, load.width, load.offset + load.width.bytes() * u64::from(c));
+                    set(to, usize::from(load.register + c), bits);
+                }
             }
         }
     }

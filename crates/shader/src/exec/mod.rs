@@ -14,6 +14,7 @@ mod texture;
 
 use std::cell::RefCell;
 use std::ops::Range;
+use std::sync::atomic::Ordering::Relaxed;
 
 use num::{Lanes, LimitOverrun, Mask, Meter, Words};
 
@@ -122,7 +123,15 @@ impl Program {
         let values = &mut uniforms.values;
         values.clear();
         values.resize(self.uniforms, 0);
-        memory::load_placed(resources, &self.placed_uniforms, |number, bits| values[usize::from(number)] = bits);
+        memory::load_placed(
+            resources,
+            &self.placed_uniforms,
+            values,
+            |values, first, words| {
+                values[first..][..words.len()].iter_mut().zip(words).for_each(|(value, word)| *value = word.load(Relaxed));
+            },
+            |values, number, bits| values[number] = bits,
+        );
         if self.computed_uniforms.is_empty() {
             return;
         }
@@ -134,7 +143,16 @@ impl Program {
             for (register, &bits) in file.iter_mut().zip(&self.prologue_constants) {
                 register.0[..CHUNK].fill(bits);
             }
-            memory::load_placed(resources, &self.placed, |register, bits| file[usize::from(register)].0[..CHUNK].fill(bits));
+            memory::load_placed(
+                resources,
+                &self.placed,
+                file,
+                |file, first, words| {
+                    let registers = file[first..][..words.len()].iter_mut();
+                    registers.zip(words).for_each(|(register, word)| register.0[..CHUNK].fill(word.load(Relaxed)));
+                },
+                |file, register, bits| file[register].0[..CHUNK].fill(bits),
+            );
             let mut machine = Machine::new(&self.prologue, resources, shared, 1, 1).narrow();
             let stop = run::dispatch::<false>(&mut machine, file, masks, scratch);
             debug_assert!(matches!(stop, Stop::End));

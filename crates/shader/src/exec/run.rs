@@ -6,7 +6,7 @@ use crate::resources::Resources;
 use gfx::math;
 use num::{Lanes, Mask, Words};
 
-use super::kernels::{self, Apply, CHUNKS, File, apply, get, set, truth};
+use super::kernels::{self, Apply, CHUNKS, File, apply, truth};
 use super::record::Scratch;
 
 /// Why the loop returned.
@@ -178,18 +178,8 @@ fn run<const RECORD: bool, const WIDE: bool, const K: usize>(
                 let s = math::inverse_sqrt(a * a + b * b + c * c);
                 [a * s, b * s, c * s]
             }),
-            Code::Pow => {
-                let (x, y) = (get(file, r[1]), get(file, r[2]));
-                let mut out = Lanes::ZERO;
-                math::lanes::pow(&x, &y, &mut out);
-                set(file, r[0], &out);
-            }
-            Code::Atan2 => {
-                let (y, x) = (get(file, r[1]), get(file, r[2]));
-                let mut out = Lanes::ZERO;
-                math::lanes::atan2(&y, &x, &mut out);
-                set(file, r[0], &out);
-            }
+            Code::Pow => kernels::heavy2::<K>(file, op, math::lanes::pow),
+            Code::Atan2 => kernels::heavy2::<K>(file, op, math::lanes::atan2),
             Code::Mov => kernels::masked_copy::<K>(file, r[0], r[1], mask),
             Code::Copy => kernels::masked_copy::<K>(file, r[0], r[1], !0),
             Code::Undef => {}
