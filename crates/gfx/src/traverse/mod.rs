@@ -228,10 +228,39 @@ fn convex<K: Kernel, const N: usize, const S: usize>(
     for n in 0..N {
         first[n] = edges[n].at(dx, dy) - ties[n];
     }
+    // Where no constant of a block reaches the ends of the reduced range, it is the sum of the first block's and whole pixels: the floor of a sum
+    // with a whole number is the sum of the floor and that number. Samples of several a pixel do not lie whole pixels apart.
+    let mut fits = S == 1;
+    let mut near = [0; N];
+    for n in 0..N {
+        let Edge { a, b, .. } = edges[n];
+        let c = first[n] >> PIXEL_SHIFT;
+        fits &= c.unsigned_abs() + u64::from(TILE) * u64::from(a.unsigned_abs() + b.unsigned_abs()) < 1 << 30;
+        near[n] = c as i32;
+    }
+    let grid = Grid::new([bx, by], [columns, rows], bounds);
+    if fits {
+        visit::<K, N, S, true>(edges, &first, &near, &grid, found)
+    } else {
+        visit::<K, N, S, false>(edges, &first, &near, &grid, found)
+    }
+}
+
+/// Visits the blocks of a grid in which a sample is covered. `first` are the constants at the first block. `NEAR`: those of all blocks are the
+/// sums of `near`, which are the first block's, reduced, and whole pixels.
+#[inline(always)]
+fn visit<K: Kernel, const N: usize, const S: usize, const NEAR: bool>(
+    edges: &[Edge; N],
+    first: &[i64; N],
+    near: &[i32; N],
+    grid: &Grid,
+    found: &mut Blocks<S>,
+) {
+    let [columns, rows] = grid.size;
     if columns * rows <= 4 {
         for row in 0..rows {
             for column in 0..columns {
-                block::<K, _, _>(edges, &first, [bx, by], [column, row], bounds, found);
+                block::<K, N, S, NEAR>(edges, first, near, grid, [column, row], found);
             }
         }
         return;
@@ -257,16 +286,43 @@ fn convex<K: Kernel, const N: usize, const S: usize>(
     while left != 0 {
         let bit = left.trailing_zeros() as u16;
         left &= left - 1;
-        let (column, row) = (bit & 7, bit >> 3);
+        let at = [bit & 7, bit >> 3];
         if inside >> bit & 1 == 1 {
-            let (x, y) = (bx + 8 * column, by + 8 * row);
-            let whole = x >= bounds.x0 && y >= bounds.y0 && x + 8 <= bounds.x1 && y + 8 <= bounds.y1;
-            let mask = if whole { !0 } else { rectangle_mask(bounds, x, y) };
-            found.push(Block { x, y, full: whole, samples: [mask; S] });
+            let (mask, [x, y]) = (grid.allowed(at), grid.corner_of(at));
+            found.push(Block { x, y, full: mask == !0, samples: [mask; S] });
         } else {
-            block::<K, _, _>(edges, &first, [bx, by], [column, row], bounds, found);
+            block::<K, N, S, NEAR>(edges, first, near, grid, at, found);
         }
     }
+}
+
+/// Tests the pixels of one block and visits it if any sample is covered.
+#[inline(always)]
+fn block<K: Kernel, const N: usize, const S: usize, const NEAR: bool>(
+    edges: &[Edge; N],
+    first: &[i64; N],
+    near: &[i32; N],
+    grid: &Grid,
+    at: [u16; 2],
+    found: &mut Blocks<S>,
+) {
+    let samples = if NEAR {
+        let [dx, dy] = at.map(|v| i32::from(v) * 8);
+        let mut c = [0; N];
+        for n in 0..N {
+            c[n] = near[n] + edges[n].a * dx + edges[n].b * dy;
+        }
+        [K::quads(edges, &c); S]
+    } else {
+        let [dx, dy] = at.map(|v| i32::from(v) * 8 * SUBPIXEL);
+        let mut c = [0; N];
+        for n in 0..N {
+            c[n] = Edge { c: first[n], ..edges[n] }.at(dx, dy);
+        }
+        masks::<K, N, S>(edges, &c)
+    };
+    let (allowed, [x, y]) = (grid.allowed(at), grid.corner_of(at));
+    emit(Block { x, y, full: false, samples: samples.map(|mask| mask & allowed) }, found);
 }
 
 /// The masks of all samples on the 8x8 pixels whose first pixel has the constants `c`.
@@ -285,25 +341,46 @@ fn masks<K: Kernel, const N: usize, const S: usize>(edges: &[Edge; N], c: &[i64;
     out
 }
 
-/// Tests the pixels of one block and visits it if any sample is covered.
-#[inline(always)]
-fn block<K: Kernel, const N: usize, const S: usize>(
-    edges: &[Edge; N],
-    first: &[i64; N],
-    [bx, by]: [u16; 2],
-    [column, row]: [u16; 2],
-    bounds: Bounds,
-    found: &mut Blocks<S>,
-) {
-    let (dx, dy) = (i32::from(column) * 8 * SUBPIXEL, i32::from(row) * 8 * SUBPIXEL);
-    let mut c = [0; N];
-    for n in 0..N {
-        c[n] = Edge { c: first[n], ..edges[n] }.at(dx, dy);
+/// The blocks that hold some bounds.
+struct Grid {
+    /// Upper left corner.
+    corner: [u16; 2],
+    /// Columns and rows of blocks.
+    size: [u16; 2],
+    /// Pixels of a block in the first and in the last column that lie in the bounds.
+    columns: [u64; 2],
+    /// The same of rows.
+    rows: [u64; 2],
+}
+
+impl Grid {
+    #[inline(always)]
+    fn new(corner: [u16; 2], size: [u16; 2], bounds: Bounds) -> Grid {
+        let before = |v: u16| usize::from(v & 7);
+        let end = |v: u16| usize::from((v - 1) & 7) + 1;
+        Grid {
+            corner,
+            size,
+            columns: [!COLUMNS_BELOW[before(bounds.x0)], COLUMNS_BELOW[end(bounds.x1)]],
+            rows: [!ROWS_BELOW[before(bounds.y0)], ROWS_BELOW[end(bounds.y1)]],
+        }
     }
-    let (x, y) = (bx + 8 * column, by + 8 * row);
-    let allowed = rectangle_mask(bounds, x, y);
-    let samples = masks::<K, N, S>(edges, &c).map(|m| m & allowed);
-    emit(Block { x, y, full: false, samples }, found);
+
+    /// The pixels of a block that lie in the bounds.
+    #[inline(always)]
+    fn allowed(&self, [column, row]: [u16; 2]) -> u64 {
+        let only = |at: bool, mask: u64| if at { mask } else { !0 };
+        only(column == 0, self.columns[0])
+            & only(column + 1 == self.size[0], self.columns[1])
+            & only(row == 0, self.rows[0])
+            & only(row + 1 == self.size[1], self.rows[1])
+    }
+
+    /// The first pixel of a block.
+    #[inline(always)]
+    fn corner_of(&self, [column, row]: [u16; 2]) -> [u16; 2] {
+        [self.corner[0] + 8 * column, self.corner[1] + 8 * row]
+    }
 }
 
 #[inline(always)]

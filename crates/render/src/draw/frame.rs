@@ -133,8 +133,8 @@ pub struct Worker {
     pub recorder: Recorder,
     /// How much was recorded of the last tile.
     pub room: Room,
-    /// Counts of the current segment.
-    pub drawn: Drawn,
+    /// Counts of the current segment, if it has drawn any of it.
+    pub drawn: Option<Drawn>,
     /// Pairs of tile and triangle, before they are sorted.
     pub pairs: Vec<(u32, u32)>,
 }
@@ -181,7 +181,9 @@ impl Workers {
         let mut counts = Drawn::default();
         for worker in &self.workers {
             let mut worker = worker.lock().unwrap_or_else(std::sync::PoisonError::into_inner);
-            counts += std::mem::take(&mut worker.drawn);
+            if let Some(drawn) = worker.drawn.take() {
+                counts += drawn;
+            }
         }
         counts
     }

@@ -173,9 +173,9 @@ fn plan(call: &DrawCall<'_>, frame: &PreparedDraw<'_>, planner: &mut Planner) ->
     let first = u64::from(range.first_instance);
     let instances = first..first + u64::from(range.instances);
     planner.begin(frame.topology, index.as_ref(), [range.first, range.count], restart, instances);
-    let (primitives, entries) = (planner.instance_primitives(), planner.instance_entries());
     match call.boxes {
-        Some(boxes) if primitives > 0 && cull::may_cull(call, frame) => {
+        Some(boxes) if cull::may_cull(call, frame) && planner.instance_primitives() > 0 => {
+            let (primitives, entries) = (planner.instance_primitives(), planner.instance_entries());
             let restart = restart.filter(|_| frame.topology.is_strip());
             if call.key.cull == Cull::Instances {
                 // Each instance is a run of the program on single values.

@@ -233,7 +233,8 @@ where
     }
     let TileRun { counts: funnel, samples_passed, overwritten, fault, .. } = run;
     let visible = if areas::surveys(job.at) { funnel.quads_rasterized - funnel.quads_early_culled } else { 0 };
-    worker.drawn += Drawn { samples_passed, funnel, overwritten, areas: Areas { visible, ..Areas::default() } };
+    *worker.drawn.get_or_insert_default() +=
+        Drawn { samples_passed, funnel, overwritten, areas: Areas { visible, ..Areas::default() } };
     fault.map_or(Ok(()), Err)
 }
 
