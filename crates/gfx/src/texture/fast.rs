@@ -6,7 +6,7 @@
 
 use super::fixed;
 use super::general::reference;
-use super::lod::{Selection, clamp, clamp_one, flat_lambda, quad_lambda};
+use super::lod::{self, clamp, clamp_one, flat_lambda, quad_lambda};
 use super::view::Texels;
 use super::{Lod, Sample, Sampler, View};
 use crate::simd::wide;
@@ -162,10 +162,11 @@ pub(super) fn following(view: &View, level: u32) -> u32 {
 /// The clamped level of detail of every lane.
 #[inline(always)]
 fn lambda(view: &View, sampler: &Sampler, args: &Sample<'_>) -> [f32; LANES] {
-    if !matches!(args.lod, Lod::Auto) {
-        return Selection::new(view, sampler, args).lambda;
-    }
     let mut out = [0.0; LANES];
+    if !matches!(args.lod, Lod::Auto) {
+        lod::lambda(view, sampler, args, &mut out);
+        return out;
+    }
     flat_lambda(view, args, &mut out);
     clamp(&mut out, sampler);
     out

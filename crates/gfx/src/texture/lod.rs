@@ -30,35 +30,20 @@ struct Footprint {
 impl Selection {
     pub(super) fn new(view: &View, sampler: &Sampler, args: &Sample<'_>) -> Selection {
         let mut out = Selection { lambda: [0.0; LANES], probes: [1; LANES], major: [[0.0; LANES]; 2] };
-        // With one level and one filter the level of detail changes nothing.
-        if view.levels.len() == 1 && sampler.mag_linear == sampler.min_linear && sampler.anisotropy <= 1.0 {
-            return out;
+        if !plain_lambda(view, sampler, args, &mut out.lambda) {
+            out.measure(view, sampler, args);
+            bias_and_clamp(sampler, args, &mut out.lambda);
         }
-        match args.lod {
-            Lod::Zero => {}
-            Lod::Level(level) => out.lambda = *level.f32(),
-            Lod::Auto | Lod::Bias(_) => {
-                let flat = matches!(view.dimension, ViewDimension::D2 | ViewDimension::D2Array);
-                if flat && sampler.anisotropy <= 1.0 {
-                    flat_lambda(view, args, &mut out.lambda);
-                } else {
-                    out.measure_quads(view, sampler, args);
-                }
-                if let Lod::Bias(bias) = args.lod {
-                    for (lambda, bias) in out.lambda.iter_mut().zip(bias.f32()) {
-                        *lambda += bias.clamp(BIAS.0, BIAS.1);
-                    }
-                }
-            }
-            Lod::Gradient { dx, dy } => {
-                for i in 0..LANES {
-                    let at = args.coords.map(|c| c.f32()[i]);
-                    out.set(i, measure(view, sampler, at, dx.map(|d| d.f32()[i]), dy.map(|d| d.f32()[i])));
-                }
-            }
-        }
-        clamp(&mut out.lambda, sampler);
         out
+    }
+
+    /// Measures the footprints of the lanes: not yet biased, nor clamped.
+    fn measure(&mut self, view: &View, sampler: &Sampler, args: &Sample<'_>) {
+        let Lod::Gradient { dx, dy } = args.lod else { return self.measure_quads(view, sampler, args) };
+        for i in 0..LANES {
+            let at = args.coords.map(|c| c.f32()[i]);
+            self.set(i, measure(view, sampler, at, dx.map(|d| d.f32()[i]), dy.map(|d| d.f32()[i])));
+        }
     }
 
     /// Measures the footprint of every quad from the differences of its coordinates.
@@ -82,6 +67,42 @@ impl Selection {
         self.major[0][lane] = footprint.major[0];
         self.major[1][lane] = footprint.major[1];
     }
+}
+
+/// The clamped levels of detail alone: where they are [plain](plain_lambda), the rest of a selection takes longer to make than they do.
+pub(super) fn lambda(view: &View, sampler: &Sampler, args: &Sample<'_>, out: &mut [f32; LANES]) {
+    if !plain_lambda(view, sampler, args, out) {
+        *out = Selection::new(view, sampler, args).lambda;
+    }
+}
+
+/// The clamped levels of detail where no footprint has to be measured for them; false, where one has to be.
+#[inline(always)]
+fn plain_lambda(view: &View, sampler: &Sampler, args: &Sample<'_>, out: &mut [f32; LANES]) -> bool {
+    // With one level and one filter the level of detail changes nothing.
+    if view.levels.len() == 1 && sampler.mag_linear == sampler.min_linear && sampler.anisotropy <= 1.0 {
+        *out = [0.0; LANES];
+        return true;
+    }
+    let flat = matches!(view.dimension, ViewDimension::D2 | ViewDimension::D2Array) && sampler.anisotropy <= 1.0;
+    match args.lod {
+        Lod::Zero => *out = [0.0; LANES],
+        Lod::Level(level) => *out = *level.f32(),
+        Lod::Auto | Lod::Bias(_) if flat => flat_lambda(view, args, out),
+        Lod::Auto | Lod::Bias(_) | Lod::Gradient { .. } => return false,
+    }
+    bias_and_clamp(sampler, args, out);
+    true
+}
+
+#[inline(always)]
+fn bias_and_clamp(sampler: &Sampler, args: &Sample<'_>, lambda: &mut [f32; LANES]) {
+    if let Lod::Bias(bias) = args.lod {
+        for (lambda, bias) in lambda.iter_mut().zip(bias.f32()) {
+            *lambda += bias.clamp(BIAS.0, BIAS.1);
+        }
+    }
+    clamp(lambda, sampler);
 }
 
 /// The level of detail of every quad of a flat texture without anisotropy, not yet clamped: [`measure`] without its choices.

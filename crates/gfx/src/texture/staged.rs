@@ -6,7 +6,7 @@
 
 use super::fast::{Geometry, following, integer, split};
 use super::general::reference;
-use super::lod::Selection;
+use super::lod;
 use super::sampler::{BORDER, fold};
 use super::view::{ROWS, Texels};
 use super::{Lod, Sample, Sampler, View, ellipse};
@@ -167,9 +167,11 @@ enum Filters<'a> {
 
 #[inline(always)]
 fn sample_body<S: Store>(view: &View, store: S, sampler: &Sampler, args: &Sample<'_>, out: &mut [Lanes; 4]) {
+    let mut lambda = [0.0; LANES];
     // One level whose texels are filtered alike at all sizes needs no level of detail.
-    let chooses = view.levels.len() > 1 || sampler.mag_linear != sampler.min_linear;
-    let lambda = if chooses { Selection::new(view, sampler, args).lambda } else { [0.0; LANES] };
+    if view.levels.len() > 1 || sampler.mag_linear != sampler.min_linear {
+        lod::lambda(view, sampler, args, &mut lambda);
+    }
     let (mut first, mut weight, mut marked) = ([0_u32; LANES], [0.0_f32; LANES], [0_u32; LANES]);
     let mut most = 0.0_f32;
     if view.levels.len() > 1 {
