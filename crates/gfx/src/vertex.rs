@@ -110,7 +110,7 @@ impl VertexSource<'_> {
         }
         let words = self.words.words();
         let encoding = encoding(format);
-        if all_inside && encoding == Encoding::Bits32 && (self.offset | offset | self.stride) % 4 == 0 {
+        if all_inside && encoding == Encoding::Bits32 && (self.offset | offset | self.stride).is_multiple_of(4) {
             // The case that matters.
             let from = Strided { words: &words[((self.offset + offset) / 4) as usize..], stride: (self.stride / 4) as usize };
             return match components {

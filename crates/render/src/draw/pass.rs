@@ -125,17 +125,17 @@ fn each<T: Send>(items: &mut [T], work: impl Fn(&mut T) + Sync + Send) {
 }
 
 /// Scratch that no pass uses at the moment: passes come one after the other, and fresh memory costs page faults.
-static IDLE: Mutex<Vec<Box<Scratch>>> = Mutex::new(Vec::new());
+static IDLE: Mutex<Vec<Scratch>> = Mutex::new(Vec::new());
 
 impl Scratch {
     fn take() -> Box<Scratch> {
         let idle = IDLE.lock().unwrap_or_else(std::sync::PoisonError::into_inner).pop();
         let fresh = || Scratch { workers: Workers::new(), stages: Stages::default(), uniforms: <[Uniforms; 2]>::default() };
-        idle.filter(|s| s.workers.suffice()).unwrap_or_else(|| Box::new(fresh()))
+        Box::new(idle.filter(|s| s.workers.suffice()).unwrap_or_else(fresh))
     }
 
     fn give(self: Box<Scratch>) {
-        IDLE.lock().unwrap_or_else(std::sync::PoisonError::into_inner).push(self);
+        IDLE.lock().unwrap_or_else(std::sync::PoisonError::into_inner).push(*self);
     }
 }
 
@@ -305,7 +305,7 @@ impl RenderPass {
                 let bytes = quads.saturating_mul(RECORDED_QUAD);
                 call.ledger.passing("recorded work", bytes).map_err(DrawError::Memory)?;
             }
-            self.fragments(call, frame, workers, stages, &growth, made, &mut drawn, sink)?;
+            drawn += self.fragments(call, frame, workers, stages, &growth, made, sink)?;
             if quads < SEGMENT_QUADS / 4 {
                 limit = limit.saturating_mul(2).min(most);
             }
@@ -358,9 +358,8 @@ impl RenderPass {
         stages: &mut Stages,
         growth: &Meter,
         made: Geometry,
-        sum: &mut Drawn,
         sink: &mut dyn FnMut(Event),
-    ) -> Result<(), DrawError> {
+    ) -> Result<Drawn, DrawError> {
         let tiles = self.tiles();
         let Stages { stream, vertices, batches, batches_used, pieces, touched, records, .. } = stages;
         let batches = &mut batches[..*batches_used];
@@ -419,7 +418,6 @@ impl RenderPass {
             // Tiles count what is visible in any case.
             drawn.areas = Areas::default();
         }
-        *sum += drawn;
         if let Some(mut segment) = made.segment {
             segment.funnel = drawn.funnel;
             segment.areas = drawn.areas;
@@ -434,7 +432,7 @@ impl RenderPass {
             }
             sink(Event::Segment(Arc::new(segment)));
         }
-        Ok(())
+        Ok(drawn)
     }
 
     /// One tile with its parts of the attachments.
