@@ -226,7 +226,7 @@ fn run(name: &str, workload: &Workload, frames: usize, skips: Skips, record: boo
             program.interface().bindings.iter().map(|b| vec![resource(b)]).collect()
         })
         .collect();
-    let resources = |stage: usize| Resources { bindings: &bindings[stage], immediates: &[] };
+    let resources = |stage: usize| Resources { bindings: &bindings[stage], ..Resources::default() };
     let shape = |format| Shape { format, width: WIDTH, height: HEIGHT, samples: 1 };
     let mut color = Some(TileSurface::new(shape(Format::Rgba8Unorm)));
     let mut depth = Some(TileSurface::new(shape(Format::Depth32Float)));

@@ -50,7 +50,7 @@ fn batches(c: &mut Criterion, name: &str, source: &str, stage: Stage, record: bo
     }
     let buffer = vec![Resource::Buffer(BufferRange { words: &words, offset: 0, size: 256, address: 0 })];
     let bindings = vec![buffer; program.interface().bindings.len()];
-    let resources = Resources { bindings: &bindings, immediates: &[] };
+    let resources = Resources { bindings: &bindings, ..Resources::default() };
     let uniforms = program.uniforms(&resources);
     let mut executor = Executor::new();
     let mut bound = executor.bind(&program, &resources, &uniforms);

@@ -137,7 +137,7 @@ fn run(module: &Module, stage: Stage, entry: &str) {
             vec![resource; binding.count.map_or(1, |_| 2)]
         })
         .collect();
-    let resources = Resources { bindings: &bindings, immediates: &[1, 2, 3, 4] };
+    let resources = Resources { bindings: &bindings, immediates: &[1, 2, 3, 4], ..Resources::default() };
     let uniforms = program.uniforms(&resources);
     let mut executor = Executor::new();
     let mut recorder = Recorder::new();

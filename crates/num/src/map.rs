@@ -240,33 +240,76 @@ impl<T> Slots<T> {
 
 /// Places by number. Its functions are compiled here and nowhere else.
 #[derive(Clone, Debug, Default)]
-struct Numbers(BTreeMap<u64, usize>);
+struct Numbers {
+    /// Of numbers below its length: one more than the place, or 0. Most numbers are those of objects that were made one after the other, and
+    /// every command looks some of them up.
+    low: Vec<u32>,
+    /// Of the others.
+    high: BTreeMap<u64, usize>,
+    /// How many numbers below that length have a place.
+    count: usize,
+}
+
+/// A table may have so many numbers, and so many more for each number that has a place.
+const TABLE: u64 = 64;
+const TABLE_EACH: u64 = 16;
 
 impl Numbers {
     #[inline(never)]
     fn len(&self) -> usize {
-        self.0.len()
+        self.count + self.high.len()
     }
 
     #[inline(never)]
     fn find(&self, number: u64) -> Option<usize> {
-        self.0.get(&number).copied()
+        if self.is_low(number) {
+            return (self.low[number as usize] as usize).checked_sub(1);
+        }
+        self.high.get(&number).copied()
+    }
+
+    fn is_low(&self, number: u64) -> bool {
+        number < self.low.len() as u64
     }
 
     /// The place of a number; this one where it has none.
     #[inline(never)]
     fn place(&mut self, number: u64, next: usize) -> usize {
-        *self.0.entry(number).or_insert(next)
+        if let Some(place) = self.find(number) {
+            return place;
+        }
+        if !self.is_low(number) && number < TABLE + TABLE_EACH * self.len() as u64 {
+            self.low.resize(number as usize + 1, 0);
+            let above = self.high.split_off(&(number + 1));
+            for (number, place) in std::mem::replace(&mut self.high, above) {
+                self.low[number as usize] = place as u32 + 1;
+                self.count += 1;
+            }
+        }
+        if self.is_low(number) {
+            self.low[number as usize] = next as u32 + 1;
+            self.count += 1;
+        } else {
+            self.high.insert(number, next);
+        }
+        next
     }
 
     #[inline(never)]
     fn remove(&mut self, number: u64) -> Option<usize> {
-        self.0.remove(&number)
+        let place = self.find(number)?;
+        if self.is_low(number) {
+            self.low[number as usize] = 0;
+            self.count -= 1;
+        } else {
+            self.high.remove(&number);
+        }
+        Some(place)
     }
 
     #[inline(never)]
     fn all(&self) -> Vec<(u64, usize)> {
-        self.0.iter().map(|(&number, &place)| (number, place)).collect()
+        self.list(0..u64::MAX).into_iter().chain(self.high.get(&u64::MAX).map(|&place| (u64::MAX, place))).collect()
     }
 
     #[inline(never)]
@@ -274,7 +317,10 @@ impl Numbers {
         if range.is_empty() {
             return Vec::new();
         }
-        self.0.range(range).map(|(&number, &place)| (number, place)).collect()
+        let ends = [range.start, range.end].map(|end| end.min(self.low.len() as u64) as usize);
+        let low = self.low[ends[0]..ends[1]].iter().zip(range.start..);
+        let low = low.filter_map(|(&place, number)| Some((number, (place as usize).checked_sub(1)?)));
+        low.chain(self.high.range(range).map(|(&number, &place)| (number, place))).collect()
     }
 }
 
@@ -312,7 +358,8 @@ mod tests {
         let mut random = Random::new(3);
         let (mut numbers, mut names, mut expected) = (NumberMap::new(), NameMap::new(), BTreeMap::new());
         for step in 0..4000_u32 {
-            let key = (random.below(3), random.below(30));
+            // Some in the table, some beyond it, and the table grows.
+            let key = (random.below(3), random.below(30) * (1 + random.below(2) * step / 16));
             match random.below(4) {
                 0 => assert_eq!(numbers.remove(key), expected.remove(&key)),
                 1 => assert_eq!(numbers.insert(key, step), expected.insert(key, step)),

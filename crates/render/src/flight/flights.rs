@@ -15,7 +15,7 @@ use super::images::{Away, Ticket};
 use super::{Attached, Begin, Boarding, Close, DRAWS, Failure, Flight, Landed, NAP, TURN, WAITING, help, lock};
 
 /// Images of passes that have been replaced, kept for the memory that they have.
-const SPARE: usize = 2 * FLIGHTS;
+const SPARE: usize = 3 * FLIGHTS;
 
 /// All passes in flight.
 #[derive(Default)]
@@ -42,8 +42,9 @@ impl Flights {
     pub fn surface(&mut self, shape: Shape, replaced: Away) -> TileSurface {
         self.spare.push_back((replaced.flight().clone(), replaced.slot));
         let fits = |(flight, slot): &(Arc<Flight>, usize)| {
-            // Only an image that is there already: this must not wait. Another pass may begin with it, or have begun.
-            let painter = (flight.is_over() && flight.unneeded.load(Relaxed)).then(|| lock(&flight.painter));
+            // Only an image that is there already: this must not wait. Nothing else reads it, since there is one `Away` of an image; draws of its
+            // pass that are done again have memory of their own.
+            let painter = flight.is_over().then(|| lock(&flight.painter));
             painter
                 .is_some_and(|painter| painter.tiles.get(*slot).is_some_and(|t| t.as_ref().is_some_and(|t| t.shape() == shape)))
         };
