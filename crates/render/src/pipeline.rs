@@ -142,7 +142,8 @@ impl RenderPipeline {
         let acts =
             |face: &StencilFace| [face.fail_op, face.depth_fail_op, face.pass_op].iter().any(|op| *op != StencilOp::Keep);
         let stencils = state.stencil_write_mask != 0 && [&state.stencil_front, &state.stencil_back].into_iter().any(acts);
-        std::array::from_fn(|w| depth[w] | if stencils { stencil[w] } else { 0 })
+        let bits = |written: bool, mask: u32| if written { mask } else { 0 };
+        std::array::from_fn(|w| bits(state.depth_write, depth[w]) | bits(stencils, stencil[w]))
     }
 
     /// Compiles and connects the stages of a description; of what nobody reads, with what is `needless`.

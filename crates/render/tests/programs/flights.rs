@@ -2,7 +2,7 @@
 
 use super::common::*;
 use gfx::format::Format;
-use gfx::state::VertexFormat;
+use gfx::state::{Compare, DepthStencil, VertexFormat};
 use num::Limits;
 use render::{Options, render};
 use trace::Trace;
@@ -135,6 +135,77 @@ fn a_pass_beyond_its_share_of_a_limit_is_drawn_again() {
                 let same = seen(&trace, threads, pictures) == alone;
                 assert!(same, "{threads} threads, {quads} of {least}, pictures: {pictures}");
             }
+        }
+    }
+}
+
+/// Frames that clear colours alone. Most of their draws leave depths alone, those of frames 3 and 7 write them, and those of frame 9 are tested.
+fn depths(count: usize) -> Trace {
+    let mut card = Recorder::new("depths");
+    let mut next = unit_noise(7);
+    let size = 96;
+    let mut image = |format: Format| {
+        let texture = card.create_texture("", record::texture_2d(size, size, format));
+        (texture, card.create_view(texture))
+    };
+    let ((texture, view), (_, depth_view)) = (image(Format::Rgba8Unorm), image(Format::Depth24PlusStencil8));
+    let shader = card.create_shader("program", SHADER);
+    let mut desc = record::render_pipeline(shader, Format::Rgba8Unorm);
+    desc.buffers = vec![record::vertex_buffer(&[(0, VertexFormat::Float32x2)])];
+    let mut pipeline = |depth_write: bool, depth_compare: Compare| {
+        let state = DepthStencil { depth_write, depth_compare, ..record::depth_less(Format::Depth24PlusStencil8) };
+        desc.depth_stencil = Some(state);
+        card.create_render_pipeline("", desc.clone())
+    };
+    let [idle, writes, tested] =
+        [(false, Compare::Always), (true, Compare::Less), (false, Compare::Less)].map(|(w, c)| pipeline(w, c));
+    let uniforms = card.create_buffer("uniforms", 16);
+    let vertices = card.create_buffer_init("vertices", &bytes(&bits(&[-0.2, -0.2, 0.2, -0.1, 0.0, 0.3])));
+    for frame in 0..count {
+        let aside = if frame == 9 { 0.1 } else { 0.0 };
+        card.write_buffer(uniforms, 0, "uniforms", &bytes(&bits(&[2.0, aside, 0.0, next()])));
+        let first = frame == 0;
+        let depth = DepthAttachment {
+            view: depth_view,
+            depth_clear: first.then_some(1.0),
+            depth_store: true,
+            depth_read_only: false,
+            stencil_clear: first.then_some(0),
+            stencil_store: true,
+            stencil_read_only: false,
+        };
+        let pipeline = match frame {
+            3 | 7 => writes,
+            9 => tested,
+            _ => idle,
+        };
+        let layout = card.get_bind_group_layout(AnyPipeline::Render(pipeline), 0);
+        let group = card.create_bind_group(layout, [(0, record::whole(uniforms))]);
+        let mut pass = card.begin_render_pass([record::clear(view, [0.1, 0.2, 0.3, 1.0])], Some(depth));
+        pass.set_pipeline(pipeline);
+        pass.set_bind_group(0, group);
+        pass.set_vertex_buffer(0, vertices);
+        for _ in 0..50 {
+            pass.draw(3, 1);
+        }
+        drop(pass);
+        card.present(texture);
+    }
+    card.finish()
+}
+
+#[test]
+fn depths_last_through_passes_that_do_not_write_them() {
+    let trace = depths(11);
+    for pictures in [false, true] {
+        let alone = seen(&trace, 1, pictures);
+        assert_eq!(alone.error, None);
+        let drawn: Vec<_> = alone.events.iter().filter(|(kind, _)| *kind == "segment").map(|(_, funnel)| funnel).collect();
+        assert_eq!(drawn.len(), 11);
+        let written = |frame: usize| drawn[frame].fragments_written;
+        assert!(written(9) > 0 && written(9) < written(8), "some of frame 9 is hidden");
+        for threads in [2, 3, 8] {
+            assert!(seen(&trace, threads, pictures) == alone, "{threads} threads, pictures: {pictures}");
         }
     }
 }
