@@ -213,7 +213,8 @@ fn run(name: &str, workload: &Workload, frames: usize, skips: Skips, record: boo
         targets: vec![Some(ColorTarget { format: Format::Rgba8Unorm, blend: None, write_mask: 15 })],
     };
     let pipeline = RenderPipeline::new(&desc, &module, Some(&module), RenderKey::default().needless, name)
-        .unwrap_or_else(|e| panic!("{e}"));
+        .map_or_else(|e| panic!("{e}"), Arc::new);
+    let group = "".into();
     let bindings: Vec<Vec<Vec<Resource<'_>>>> = pipeline
         .programs()
         .iter()
@@ -243,7 +244,7 @@ fn run(name: &str, workload: &Workload, frames: usize, skips: Skips, record: boo
         let mut pass = RenderPass::begin(WIDTH, HEIGHT, 1, vec![Some((c, Format::Rgba8Unorm))], Some(d));
         let call = DrawCall {
             number: 0,
-            group: "".into(),
+            group: &group,
             pipeline: &pipeline,
             vertex_buffers: &vertices,
             index: Some(&indices),
