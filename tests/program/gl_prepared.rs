@@ -27,6 +27,8 @@ const CHANGES: &[&str] = &[
     "glColor4f(1,0,0,0.5)\nglEnable(GL_COLOR_MATERIAL)",
     "glEnable(GL_COLOR_MATERIAL)\nglMaterialfv(GL_FRONT,GL_DIFFUSE,{1,0,0,1})",
     "glMaterialfv(GL_FRONT,GL_DIFFUSE,{1,0,0,1})",
+    "glMaterialfv(GL_FRONT,GL_DIFFUSE,{1,0,0,1})\nglEnable(GL_COLOR_MATERIAL)\nglBegin(GL_TRIANGLES)\nglEnd()\nglCallList(9)\nglCallList(9)\n\
+     glColor3f(0,1,0)",
     "glMaterialfv(GL_FRONT,GL_SPECULAR,{1,0,0,1})",
     "glMaterialfv(GL_BACK,GL_SPECULAR,{1,0,0,1})",
     "glMaterialf(GL_FRONT,GL_SHININESS,20)",

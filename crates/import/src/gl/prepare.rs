@@ -73,7 +73,7 @@ struct Likeness {
     projective: bool,
     /// Whether the texture matrix of a unit of the key is not the identity, and whether it computes a q: a bit each.
     matrices: [u8; 2],
-    /// Whether colour material leaves materials as `glMaterial` set them.
+    /// Whether colour material leaves materials as `glMaterial` set them, as long as the colour is the same: then no other draw is served.
     kept: bool,
 }
 
@@ -276,6 +276,7 @@ impl Gl {
         let lasts = vertex.is_none()
             && fragment.is_none()
             && placed.is_none()
+            && !likeness.kept
             && !own
             && target.color.is_none_or(|color| color.narrow.is_none());
         Ok(Some(Prepared {
