@@ -389,13 +389,13 @@ fn load_row(shape: Shape, geometry: &TileGeometry, row: u32, codes: &mut [u32], 
         let source = &from.words()[at / 4..at / 4 + geometry.width as usize];
         let (blocks, rest) = source.as_chunks::<8>();
         for (block, texels) in blocks.iter().enumerate() {
-            let quads = &mut codes[pair_at(4 * block, row)..][..14];
+            let quads = &mut codes[texel_at(BLOCK * block as u32, row)..][..14];
             for (k, texel) in texels.iter().enumerate() {
-                quads[4 * (k / 2) + k % 2] = texel.load(Relaxed);
+                quads[in_row(k)] = texel.load(Relaxed);
             }
         }
         for (k, texel) in rest.iter().enumerate() {
-            codes[pair_at(4 * blocks.len() + k / 2, row) + k % 2] = texel.load(Relaxed);
+            codes[texel_at(BLOCK * blocks.len() as u32, row) + in_row(k)] = texel.load(Relaxed);
         }
         return;
     }
@@ -422,20 +422,19 @@ fn load_row(shape: Shape, geometry: &TileGeometry, row: u32, codes: &mut [u32], 
 fn copy_row<T>(codes: &[u32], y: u32, out: &mut [T], texel: impl Fn(u32) -> T) {
     let (blocks, rest) = out.as_chunks_mut::<8>();
     for (block, texels) in blocks.iter_mut().enumerate() {
-        let quads = &codes[pair_at(4 * block, y)..][..14];
-        *texels = std::array::from_fn(|k| texel(quads[4 * (k / 2) + k % 2]));
+        let quads = &codes[texel_at(BLOCK * block as u32, y)..][..14];
+        *texels = std::array::from_fn(|k| texel(quads[in_row(k)]));
     }
     let whole = blocks.len();
     for (k, out) in rest.iter_mut().enumerate() {
-        *out = texel(codes[pair_at(4 * whole + k / 2, y) + k % 2]);
+        *out = texel(codes[texel_at(BLOCK * whole as u32, y) + in_row(k)]);
     }
 }
 
-/// Where the texels of two columns, those of a quad, begin in a tile of one word and one sample.
+/// Where the texels of a block's row are behind the first of them, in a tile of one word and one sample: two of each quad.
 #[inline(always)]
-fn pair_at(pair: usize, y: u32) -> usize {
-    // Blocks of four quads a row.
-    texel_at(0, y) + 4 * (pair % 4) + pair / 4 * (BLOCK * BLOCK) as usize
+fn in_row(k: usize) -> usize {
+    4 * (k / 2) + k % 2
 }
 
 /// Index of a pixel's code in a tile of one word and one sample.

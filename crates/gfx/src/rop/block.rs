@@ -199,7 +199,7 @@ fn unorm16(depth: __m256) -> __m256i {
 }
 
 #[cfg(test)]
-mod tests {
+pub(super) mod tests {
     use super::*;
     use crate::format::Format;
     use crate::setup::{self, Bounds, DepthBias, ScreenVertex, SetupState, is_small};
@@ -209,20 +209,21 @@ mod tests {
     const FORMATS: [Format; 4] = [Format::Depth32Float, Format::Depth24Plus, Format::Depth24PlusStencil8, Format::Depth16Unorm];
 
     /// Random cases.
-    struct Cases(Random);
+    pub struct Cases(pub Random);
 
     impl Cases {
-        fn next(&mut self) -> u64 {
+        /// Any number.
+        pub fn next(&mut self) -> u64 {
             u64::from(self.0.bits()) << 32 | u64::from(self.0.bits())
         }
 
         /// A number in [0, 1).
-        fn unit(&mut self) -> f32 {
+        pub fn unit(&mut self) -> f32 {
             self.0.unit()
         }
 
         /// All formats and comparisons, as cases go on.
-        fn state(&mut self, case: usize) -> DepthStencilState {
+        pub fn state(&mut self, case: usize) -> DepthStencilState {
             let state = DepthStencil {
                 format: FORMATS[case % 4],
                 depth_write: !self.next().is_multiple_of(4),
@@ -241,8 +242,23 @@ mod tests {
             state
         }
 
+        /// The depths of a triangle near a place, of one that faces the screen now and then.
+        pub fn plane(&mut self, case: usize, at: [u16; 2]) -> DepthPlane {
+            let mut slope = || if case % 3 == 0 { 0.0 } else { (self.unit() - 0.5) * 0.1 };
+            let (dzdx, dzdy) = (slope(), slope());
+            DepthPlane {
+                x0: f32::from(at[0]),
+                y0: f32::from(at[1]),
+                z0: self.unit(),
+                dzdx,
+                dzdy,
+                min: self.unit() * 0.5,
+                max: 0.5 + self.unit() * 0.5,
+            }
+        }
+
         /// What a pixel may hold when `depth` comes: now and then just that, or what only a copy can bring.
-        fn code(&mut self, case: usize, state: &DepthStencilState, depth: f32) -> u32 {
+        pub fn code(&mut self, case: usize, state: &DepthStencilState, depth: f32) -> u32 {
             let code = match self.next() % 8 {
                 0..3 => state.code(depth),
                 3 if case.is_multiple_of(4) => f32::NAN.to_bits(),
@@ -263,17 +279,7 @@ mod tests {
         for case in 0..4000 {
             let state = random.state(case);
             let at = [random.next() as u16 & 0x1ff8, random.next() as u16 & 0x1ff8];
-            let mut slope = || if case % 3 == 0 { 0.0 } else { (random.unit() - 0.5) * 0.1 };
-            let (dzdx, dzdy) = (slope(), slope());
-            let plane = DepthPlane {
-                x0: f32::from(at[0]),
-                y0: f32::from(at[1]),
-                z0: random.unit(),
-                dzdx,
-                dzdy,
-                min: random.unit() * 0.5,
-                max: 0.5 + random.unit() * 0.5,
-            };
+            let plane = random.plane(case, at);
             let before: [u32; LANES] = std::array::from_fn(|i| {
                 // Codes are quad by quad.
                 let (column, row) = (i / 4 % 4 * 2 + i % 2, i / 16 * 2 + i / 2 % 2);

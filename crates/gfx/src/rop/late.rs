@@ -61,10 +61,22 @@ impl Planes {
     }
 }
 
+/// The quads of a batch whose depths are tested.
+#[derive(Clone, Copy)]
+pub struct LateQuads<'a> {
+    /// Triangles of the batch.
+    pub triangles: &'a [Triangle],
+    /// How many quads are present.
+    pub count: usize,
+    /// Their sites.
+    pub sites: &'a [Site; QUADS],
+    /// Their places in the tile, in quads.
+    pub at: &'a [u32; QUADS],
+}
+
 impl DepthStencilState {
     /// Tests the quads of a batch in order against a tile, the codes of many quads one after the other, and updates its codes. Returns the pixels
-    /// that passed, of those in `mask`, which has a bit a lane. `quads` of the 16 `sites` are present; quad `q` is the `at[q]`-th of the tile. The
-    /// state is one for [`DepthStencilState::test_block_avx2`].
+    /// that passed, of those in `mask`, which has a bit a lane. The state is one for [`DepthStencilState::test_block_avx2`].
     ///
     /// # Panics
     /// If a quad that is present lies outside the tile, or its triangle is not there.
@@ -72,37 +84,20 @@ impl DepthStencilState {
     /// # Safety
     /// As for any function compiled for AVX2: the host has it.
     #[target_feature(enable = "avx2")]
-    pub fn test_sites_avx2(
-        &self,
-        triangles: &[Triangle],
-        quads: usize,
-        sites: &[Site; QUADS],
-        at: &[u32; QUADS],
-        mask: u64,
-        tile: &mut [u32],
-    ) -> u64 {
+    pub fn test_late_avx2(&self, quads: LateQuads<'_>, mask: u64, tile: &mut [u32]) -> u64 {
         debug_assert!(self.tests_blocks());
         match (self.storage, self.compare) {
-            (Storage::Float, Compare::Less) => self.test_sites::<FLOAT, LESS>(triangles, quads, sites, at, mask, tile),
-            (Storage::Float, Compare::LessEqual) => {
-                self.test_sites::<FLOAT, LESS_EQUAL>(triangles, quads, sites, at, mask, tile)
-            }
-            (Storage::Float, _) => self.test_sites::<FLOAT, ANY>(triangles, quads, sites, at, mask, tile),
-            (Storage::Unorm24, _) => self.test_sites::<UNORM24, ANY>(triangles, quads, sites, at, mask, tile),
-            _ => self.test_sites::<UNORM16, ANY>(triangles, quads, sites, at, mask, tile),
+            (Storage::Float, Compare::Less) => self.test_late::<FLOAT, LESS>(quads, mask, tile),
+            (Storage::Float, Compare::LessEqual) => self.test_late::<FLOAT, LESS_EQUAL>(quads, mask, tile),
+            (Storage::Float, _) => self.test_late::<FLOAT, ANY>(quads, mask, tile),
+            (Storage::Unorm24, _) => self.test_late::<UNORM24, ANY>(quads, mask, tile),
+            _ => self.test_late::<UNORM16, ANY>(quads, mask, tile),
         }
     }
 
     #[target_feature(enable = "avx2")]
-    fn test_sites<const STORAGE: u8, const COMPARE: u8>(
-        &self,
-        triangles: &[Triangle],
-        quads: usize,
-        sites: &[Site; QUADS],
-        at: &[u32; QUADS],
-        mask: u64,
-        tile: &mut [u32],
-    ) -> u64 {
+    fn test_late<const STORAGE: u8, const COMPARE: u8>(&self, quads: LateQuads<'_>, mask: u64, tile: &mut [u32]) -> u64 {
+        let LateQuads { triangles, count, sites, at } = quads;
         let tile = tile.as_chunks_mut::<4>().0;
         let (near, far) = (_mm256_set1_ps(self.range[0]), _mm256_set1_ps(self.range[1]));
         let beside = beside::<STORAGE>();
@@ -119,7 +114,7 @@ impl DepthStencilState {
             left &= !(0xff << (8 * pair));
             // Where the second is absent the first stands for it, and is not written twice.
             let (mut here, mut places) = (sites[pair], at[pair]);
-            if 2 * pair + 1 >= quads {
+            if 2 * pair + 1 >= count {
                 (here, places) = ([here[0]; 2], [places[0]; 2]);
             }
             let names = here.map(|site| site.triangle);
@@ -165,13 +160,11 @@ impl DepthStencilState {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::format::Format;
     use crate::interpolate::{self, Place};
+    use crate::rop::block::tests::Cases;
     use crate::setup::{self, Bounds, DepthBias, ScreenVertex, SetupState};
-    use crate::state::{CullMode, DepthStencil, FrontFace, StencilFace};
+    use crate::state::{CullMode, FrontFace};
     use num::{Lanes, Random};
-
-    const FORMATS: [Format; 4] = [Format::Depth32Float, Format::Depth24Plus, Format::Depth24PlusStencil8, Format::Depth16Unorm];
 
     #[test]
     fn quads_after_shading_give_the_bits_of_lanes() {
@@ -189,74 +182,43 @@ mod tests {
         };
         let corners = [[0, 0], [9000, 0], [0, 9000]].map(|[x, y]| ScreenVertex { x, y, z: 0.0, inv_w: 1.0 });
         let whole = setup::triangle(&setup, &corners).expect("a triangle");
-        let mut random = Random::new(11);
+        let mut random = Cases(Random::new(11));
         let (mut some, mut all) = (0, 0);
         for case in 0..6000 {
-            let face = StencilFace::default();
-            let state = DepthStencil {
-                format: FORMATS[case % 4],
-                depth_write: !random.bits().is_multiple_of(4),
-                depth_compare: Compare::ALL[case / 4 % 8],
-                stencil_front: face,
-                stencil_back: face,
-                stencil_read_mask: 0xff,
-                stencil_write_mask: 0xff,
-                bias: 0,
-                bias_slope: 0.0,
-                bias_clamp: 0.0,
-            };
-            let range = [[0.0, 1.0], [0.25, 0.75]][random.bits() as usize % 2];
-            let state = DepthStencilState::new(&state, 0, range);
+            let state = random.state(case);
             // Without a comparison and a write there is no state of a draw.
             if state.is_idle() {
                 continue;
             }
-            let origin = [0, 0].map(|_: u32| random.bits() as u16 & 0x1fc0);
-            let triangles: Vec<Triangle> = (0..1 + random.bits() % 5)
+            let origin = [0, 0].map(|_: u32| random.next() as u16 & 0x1fc0);
+            let triangles: Vec<Triangle> = (0..1 + random.next() % 5)
                 .map(|_| {
-                    let mut slope = || if case % 3 == 0 { 0.0 } else { (random.unit() - 0.5) * 0.1 };
-                    let (dzdx, dzdy) = (slope(), slope());
-                    let z0 = if random.bits().is_multiple_of(32) { f32::NAN } else { random.unit() };
-                    let depth = DepthPlane {
-                        x0: f32::from(origin[0]),
-                        y0: f32::from(origin[1]),
-                        z0,
-                        dzdx,
-                        dzdy,
-                        min: random.unit() * 0.5,
-                        max: 0.5 + random.unit() * 0.5,
-                    };
+                    let mut depth = random.plane(case, origin);
+                    if random.next().is_multiple_of(32) {
+                        depth.z0 = f32::NAN;
+                    }
                     Triangle { depth, ..whole }
                 })
                 .collect();
-            let n = if case.is_multiple_of(2) { QUADS } else { 1 + random.bits() as usize % QUADS };
+            let n = if case.is_multiple_of(2) { QUADS } else { 1 + random.next() as usize % QUADS };
             // What is beyond the quads that are present has no place and no triangle.
             let (mut sites, mut at) = ([Site { triangle: 1 << 20, x: 9, y: 9 }; QUADS], [1 << 20; QUADS]);
             let mut triangle = 0;
             for q in 0..n {
-                if random.bits().is_multiple_of(4) {
-                    triangle = random.bits() % triangles.len() as u32;
+                if random.next().is_multiple_of(4) {
+                    triangle = (random.next() % triangles.len() as u64) as u32;
                 }
-                let place = random.bits() % if case % 5 == 0 { 4 } else { 256 };
+                let place = random.next() as u32 % if case % 5 == 0 { 4 } else { 256 };
                 let [x, y] = [place % 16, place / 16].map(|v| 2 * v as u16);
                 (sites[q], at[q]) = (Site { triangle, x: origin[0] + x, y: origin[1] + y }, place);
             }
-            let mut bits = || u64::from(random.bits()) << 32 | u64::from(random.bits());
-            let mask = [!0, bits(), bits() & bits(), 0xf << (4 * (case % 16))][case / 32 % 4] & u64::MAX >> (64 - 4 * n);
-            let before: Vec<u32> = (0..1024)
-                .map(|_| {
-                    let code = match random.bits() % 16 {
-                        0 if case.is_multiple_of(4) => f32::NAN.to_bits(),
-                        1 if case.is_multiple_of(4) => (-0.0_f32).to_bits(),
-                        2 => state.code(triangles[0].depth.z0),
-                        _ => state.code(random.unit()),
-                    };
-                    if FORMATS[case % 4] == Format::Depth24PlusStencil8 { code | random.bits() << 24 } else { code }
-                })
-                .collect();
+            let mask = [!0, random.next(), random.next() & random.next(), 0xf << (4 * (case % 16))][case / 32 % 4]
+                & u64::MAX >> (64 - 4 * n);
+            let before: Vec<u32> = (0..1024).map(|_| random.code(case, &state, triangles[0].depth.z0)).collect();
             let (mut tile, mut expected) = (before.clone(), before);
             // SAFETY: the host has AVX2.
-            let passed = unsafe { state.test_sites_avx2(&triangles, n, &sites, &at, mask, &mut tile) };
+            let quads = LateQuads { triangles: &triangles, count: n, sites: &sites, at: &at };
+            let passed = unsafe { state.test_late_avx2(quads, mask, &mut tile) };
             let (mut z, mut codes) = (Lanes::ZERO, Lanes::ZERO);
             interpolate::depth(&triangles, &sites[..n], Place::Center, &mut z);
             state.codes(&z, &mut codes);

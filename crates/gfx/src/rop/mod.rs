@@ -26,6 +26,8 @@ mod tests;
 pub use blend::ColorState;
 pub use compose::{compare_depths, composes_over, over};
 pub use depth::DepthStencilState;
+#[cfg(target_arch = "x86_64")]
+pub use late::LateQuads;
 pub use resolve::{alpha_to_coverage, resolve};
 
 /// Words of a stored pixel's code: formats of up to 4 bytes take one `u32` each, larger ones two or four.

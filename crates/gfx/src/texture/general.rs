@@ -3,7 +3,7 @@
 use super::lod::{Levels, Selection};
 use super::sampler::BORDER;
 use super::taps::{Place, Taps, gather_taps, taps};
-use super::view::{Level, ROWS, Texels};
+use super::view::{Level, ROWS, Texels, word_in_columns};
 use super::{Sample, Sampler, View, ellipse};
 use crate::simd::wide;
 use crate::texel::srgb_table;
@@ -285,9 +285,7 @@ fn load_flat_body(view: &View, words: &[u32], [x, y, _]: [&Lanes; 3], level: &La
     let mut codes = [0; LANES];
     for i in 0..LANES {
         let (x, y) = (x.0[i] & present[i], y.0[i] & present[i]);
-        let group = y.wrapping_mul(43_691) >> 17;
-        let column = geometry.columns[0].wrapping_add(group.wrapping_mul(geometry.stride)).wrapping_add(x);
-        codes[i] = column.wrapping_mul(4).wrapping_add(y.wrapping_sub(group.wrapping_mul(ROWS)));
+        codes[i] = word_in_columns(geometry.columns[0], geometry.stride, x, y);
     }
     for code in &mut codes {
         *code = words.get(*code as usize).copied().unwrap_or_default();

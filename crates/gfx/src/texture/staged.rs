@@ -8,7 +8,7 @@ use super::fast::{Geometry, following, integer, split};
 use super::general::reference;
 use super::lod;
 use super::sampler::{BORDER, fold};
-use super::view::{ROWS, Texels};
+use super::view::{Texels, word_in_columns};
 use super::{Lod, Sample, Sampler, View, ellipse};
 use crate::simd::wide;
 use crate::state::{AddressMode, ViewDimension};
@@ -85,11 +85,7 @@ impl Store for Unorm<'_> {
     #[inline(always)]
     fn places(at: &Geometry, x: &[i32; LANES], y: &[i32; LANES], out: &mut [u32; LANES]) {
         for i in 0..LANES {
-            // Exact for numbers of 16 bits.
-            let group = (y[i] as u32).wrapping_mul(43_691) >> 17;
-            let row = (y[i] as u32).wrapping_sub(group.wrapping_mul(ROWS));
-            let column = at.base[i].wrapping_add(group.wrapping_mul(at.stride[i])).wrapping_add(x[i] as u32);
-            out[i] = column.wrapping_mul(4).wrapping_add(row);
+            out[i] = word_in_columns(at.base[i], at.stride[i], x[i] as u32, y[i] as u32);
         }
     }
 

@@ -1,191 +1,15 @@
 //! The server's state: what `glPushAttrib` saves.
 
-use std::rc::Rc;
+mod light;
+mod vertex;
 
 pub use gl_shader::{COLORS_MAX, LIGHTS, PLANES, TARGETS, UNITS};
-use glam::{Mat4, Vec3, vec3};
+use glam::Mat4;
 
-use super::arb::GENERICS;
 use super::consts as e;
 use super::pixel_data::Transfer;
-
-/// Texture units whose coordinates are stored in the vertex itself. Few programs use more.
-const OWN: usize = 2;
-
-/// Attributes that most programs never change. Vertices share them.
-#[derive(Clone, Debug, PartialEq)]
-struct More {
-    /// Texture coordinates of the other units.
-    texture: [[f32; 4]; UNITS - OWN],
-    /// Generic attributes.
-    generic: [[f32; 4]; GENERICS],
-}
-
-/// A vertex with all its attributes.
-#[derive(Clone, Debug, PartialEq)]
-pub struct Vertex {
-    /// Position in object space.
-    pub position: [f32; 4],
-    /// Normal.
-    pub normal: [f32; 3],
-    /// Primary colour.
-    pub color: [f32; 4],
-    /// Secondary colour.
-    pub secondary: [f32; 3],
-    /// Fog coordinate.
-    pub fog: f32,
-    /// Texture coordinates of the first units.
-    own: [[f32; 4]; OWN],
-    more: Rc<More>,
-    /// Whether an edge of a polygon begins here.
-    pub edge: bool,
-    /// Depth offset of the polygon whose edge or corner it is.
-    pub offset: f32,
-}
-
-impl Vertex {
-    /// Texture coordinates of a unit.
-    pub fn texture(&self, unit: usize) -> [f32; 4] {
-        if unit < OWN { self.own[unit] } else { self.more.texture[unit - OWN] }
-    }
-
-    /// Sets texture coordinates of a unit.
-    pub fn set_texture(&mut self, unit: usize, value: [f32; 4]) {
-        if unit < OWN {
-            self.own[unit] = value;
-        } else if self.more.texture[unit - OWN] != value {
-            Rc::make_mut(&mut self.more).texture[unit - OWN] = value;
-        }
-    }
-
-    /// A generic attribute. Attribute 0 is the position and is not stored here.
-    pub fn generic(&self, k: usize) -> [f32; 4] {
-        self.more.generic[k]
-    }
-
-    /// Sets a generic attribute.
-    pub fn set_generic(&mut self, k: usize, value: [f32; 4]) {
-        if self.more.generic[k] != value {
-            Rc::make_mut(&mut self.more).generic[k] = value;
-        }
-    }
-
-    /// This vertex, with the attributes whose bit is not in `arrays` taken from `current`: bit 1 normal, 2 colour, 3 secondary colour,
-    /// 4 fog coordinate, 5 edge flag, from 8 on texture coordinates, from 16 on generic attributes.
-    #[inline]
-    pub fn over(&self, current: &Vertex, arrays: u32) -> Vertex {
-        let from = |bit: usize| if arrays & 1 << bit != 0 { self } else { current };
-        let vertex = Vertex {
-            position: self.position,
-            normal: from(1).normal,
-            color: from(2).color,
-            secondary: from(3).secondary,
-            fog: from(4).fog,
-            edge: from(5).edge,
-            own: std::array::from_fn(|unit| from(8 + unit).own[unit]),
-            more: if arrays & MORE == 0 { current.more.clone() } else { self.more.clone() },
-            offset: self.offset,
-        };
-        if arrays & MORE == 0 { vertex } else { vertex.with_more(current, arrays) }
-    }
-
-    /// The part of [`Vertex::over`] that few vertices need.
-    fn with_more(mut self, current: &Vertex, arrays: u32) -> Vertex {
-        let has = |bit: usize| arrays & 1 << bit != 0;
-        for unit in (OWN..UNITS).filter(|&unit| !has(8 + unit)) {
-            self.set_texture(unit, current.texture(unit));
-        }
-        for k in (1..GENERICS).filter(|&k| !has(16 + k)) {
-            self.set_generic(k, current.generic(k));
-        }
-        self
-    }
-
-    /// Whether both vertices point to the same shared attributes; values are not compared. The shared attributes are the generic ones, and
-    /// the texture coordinates of units from [`Vertex::UNSHARED`] on.
-    pub fn shares(&self, other: &Vertex) -> bool {
-        Rc::ptr_eq(&self.more, &other.more)
-    }
-}
-
-/// Bits of the attributes that vertices share.
-const MORE: u32 = ((1 << UNITS) - (1 << OWN)) << 8 | ((1 << GENERICS) - 2) << 16;
-
-impl Vertex {
-    /// Number of texture units whose coordinates are not shared between vertices.
-    pub const UNSHARED: usize = OWN;
-}
-
-/// A light; positions and directions are in eye space.
-#[derive(Clone, Debug)]
-pub struct Light {
-    /// Colours.
-    pub ambient: [f32; 4],
-    /// Colours.
-    pub diffuse: [f32; 4],
-    /// Colours.
-    pub specular: [f32; 4],
-    /// Position; w = 0: a direction.
-    pub position: [f32; 4],
-    /// Direction of the spot.
-    pub spot_direction: [f32; 3],
-    /// Exponent of the spot.
-    pub spot_exponent: f32,
-    /// Cutoff in degrees; 180: no spot.
-    pub spot_cutoff: f32,
-    /// Constant, linear, quadratic.
-    pub attenuation: [f32; 3],
-    /// What shaders read of position, spot and viewer: computed by [`Light::derive`].
-    pub derived: Derived,
-}
-
-/// Terms of a light that shaders read.
-#[derive(Clone, Debug, Default)]
-pub struct Derived {
-    /// The direction (w = 0), or the position divided by its w (w = 1).
-    pub position: [f32; 4],
-    /// The half vector for a viewer at infinity.
-    pub half: [f32; 4],
-    /// The direction of the spot, and the cosine of its cutoff.
-    pub spot: [f32; 4],
-}
-
-impl Light {
-    /// Whether it is a direction.
-    pub fn directional(&self) -> bool {
-        self.position[3] == 0.0
-    }
-
-    /// Computes the terms again, after a change of the light.
-    pub fn derive(&mut self) {
-        let [x, y, z, w] = self.position;
-        let position = match self.directional() {
-            true => vec3(x, y, z).normalize_or_zero().extend(0.0),
-            false => (vec3(x, y, z) / w).extend(1.0),
-        };
-        let [x, y, z] = Vec3::from(self.spot_direction).normalize_or_zero().to_array();
-        self.derived = Derived {
-            position: position.to_array(),
-            half: (position.truncate() + Vec3::Z).normalize_or_zero().extend(0.0).to_array(),
-            spot: [x, y, z, libm::cos(f64::from(self.spot_cutoff).to_radians()) as f32],
-        };
-    }
-}
-
-/// A material of one side.
-#[derive(Clone, Debug, PartialEq)]
-pub struct Material {
-    /// Colours.
-    pub ambient: [f32; 4],
-    /// Colours.
-    pub diffuse: [f32; 4],
-    /// Colours.
-    pub specular: [f32; 4],
-    /// Colours.
-    pub emission: [f32; 4],
-    /// Exponent.
-    pub shininess: f32,
-}
+pub use light::{Derived, Light, Material};
+pub use vertex::Vertex;
 
 /// Generation of one texture coordinate.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -417,17 +241,7 @@ impl Default for State {
             },
         };
         let stencil = Stencil { compare: e::ALWAYS, reference: 0, read: !0, ops: [e::KEEP; 3], write: !0 };
-        let first = Vertex {
-            position: black,
-            normal: [0.0, 0.0, 1.0],
-            color: white,
-            secondary: [0.0; 3],
-            fog: 0.0,
-            own: [black; OWN],
-            more: Rc::new(More { texture: [black; UNITS - OWN], generic: [black; GENERICS] }),
-            edge: true,
-            offset: 0.0,
-        };
+        let first = Vertex::default();
         State {
             current: first.clone(),
             enabled: capability(e::DITHER).unwrap_or(0) | capability(e::MULTISAMPLE).unwrap_or(0),

@@ -72,9 +72,10 @@ impl TileRun<'_, '_, '_> {
                 (&frame.depth, &mut self.job.depth, self.pending.sites.first_chunk())
         {
             tile.materialise(frame.depth_words);
-            let (triangles, n, at) = (&self.pending.triangles, self.pending.n, self.pending.places());
+            let quads =
+                rop::LateQuads { triangles: &self.pending.triangles, count: self.pending.n, sites, at: self.pending.places() };
             // SAFETY: `flush` has found the instruction sets on this host.
-            let passed = unsafe { state.test_sites_avx2(triangles, n, sites, at, alive, tile.codes) };
+            let passed = unsafe { state.test_late_avx2(quads, alive, tile.codes) };
             self.counts.fragments_late_failed += u64::from((alive & !passed).count_ones());
             return passed;
         }
