@@ -2,7 +2,7 @@
 
 use std::sync::atomic::Ordering::Relaxed;
 
-use crate::surface::TileMut;
+use crate::surface::{TileMut, quad_of};
 use gfx::setup::{Bounds, Triangle};
 use gfx::traverse::{Block, Blocks};
 use num::Meter;
@@ -452,7 +452,8 @@ impl TileRun<'_, '_, '_> {
         record: u32,
     ) {
         let slot = self.slot(triangle);
-        let quad = PendingQuad { place: [x, y], at: quad_in_tile(x, y), coverage, alive, sample, record };
+        let at = quad_of(u32::from(x) % TILE, u32::from(y) % TILE);
+        let quad = PendingQuad { place: [x, y], at, coverage, alive, sample, record };
         self.pending.push(slot, triangle.front, quad);
         self.flush_if_full::<S, RECORD>();
     }
@@ -484,12 +485,6 @@ pub(super) fn block_in_tile(x: u16, y: u16) -> usize {
     usize::from(y % 64 / 8 * 8 + x % 64 / 8)
 }
 
-/// Number of a quad in its tile, in storage order.
-#[inline(always)]
-fn quad_in_tile(x: u16, y: u16) -> u32 {
-    block_in_tile(x, y) as u32 * 16 + u32::from(y % 8 / 2 * 4 + x % 8 / 2)
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -497,6 +492,5 @@ mod tests {
     #[test]
     fn quads_of_a_mask() {
         assert_eq!(quads_in(0x8000_0000_0000_0021), 0x1000_0000_0000_0011);
-        assert_eq!(quad_in_tile(64 + 10, 128 + 3), 16 + 4 + 1);
     }
 }
