@@ -244,7 +244,7 @@ pub(super) mod tests {
 
         /// The depths of a triangle near a place, of one that faces the screen now and then.
         pub fn plane(&mut self, case: usize, at: [u16; 2]) -> DepthPlane {
-            let mut slope = || if case % 3 == 0 { 0.0 } else { (self.unit() - 0.5) * 0.1 };
+            let mut slope = || if case.is_multiple_of(3) { 0.0 } else { (self.unit() - 0.5) * 0.1 };
             let (dzdx, dzdy) = (slope(), slope());
             DepthPlane {
                 x0: f32::from(at[0]),

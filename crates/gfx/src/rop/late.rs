@@ -216,8 +216,8 @@ mod tests {
                 & u64::MAX >> (64 - 4 * n);
             let before: Vec<u32> = (0..1024).map(|_| random.code(case, &state, triangles[0].depth.z0)).collect();
             let (mut tile, mut expected) = (before.clone(), before);
-            // SAFETY: the host has AVX2.
             let quads = LateQuads { triangles: &triangles, count: n, sites: &sites, at: &at };
+            // SAFETY: the host has AVX2.
             let passed = unsafe { state.test_late_avx2(quads, mask, &mut tile) };
             let (mut z, mut codes) = (Lanes::ZERO, Lanes::ZERO);
             interpolate::depth(&triangles, &sites[..n], Place::Center, &mut z);
