@@ -28,7 +28,7 @@ use gfx::format::Format;
 use work::Funnel;
 
 use super::attachments::{Clearing, Keep};
-use super::draw::RenderPass;
+use super::draw::{DrawCall, DrawError, Drawn, RenderPass};
 use super::ledger::Ledger;
 use super::queued::{QueuedDraw, Shared};
 use super::surface::{ALL, Shape, TileSurface};
@@ -40,8 +40,12 @@ pub(super) use images::{Source, Tiles};
 /// Draws that a task does before it lets others have the thread.
 const TURN: usize = 32;
 
-/// Draws of a pass in flight, at most: they are kept until all are done.
-pub(super) const DRAWS: usize = 1 << 16;
+/// Lists of so many draws that it does where a thread would have nothing to do: that computes the geometry of some beside the fragments of
+/// others.
+const LONG_TURN: usize = 8;
+
+/// Draws of a pass in flight, at most: they are kept until all are done. A longer pass lands and takes off again.
+pub(super) const DRAWS: usize = 1 << 13;
 
 /// Draws that are kept of passes whose images are loaded, and how many such passes there may be one behind the other: beyond these a pass begins
 /// from a copy.
@@ -56,6 +60,9 @@ const ATTACHMENTS: u64 = 128 << 20;
 
 /// How long a thread sleeps that waits for a pass and finds nothing to help with.
 const NAP: Duration = Duration::from_micros(100);
+
+/// How often a thread that waits looks for draws in halves before it sleeps.
+const LOOKS: u32 = 100;
 
 fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
     // What a task leaves when it panics is not read: the panic is handed on.
@@ -100,6 +107,8 @@ pub(super) struct Begin {
     pub shared: Shared,
     /// Whether its frame is wanted.
     pub wanted: bool,
+    /// What draws of the same pass have done before it took off.
+    pub counted: Option<Funnel>,
 }
 
 /// Whether a pass with attachments of these shapes may be in flight: each has memory of its own.
@@ -138,10 +147,13 @@ enum Close {
 
 #[derive(Default)]
 struct Queue {
-    draws: VecDeque<QueuedDraw>,
+    /// Draws in lists of [`TURN`]; the last list of a pass may be shorter.
+    draws: VecDeque<Vec<QueuedDraw>>,
     closed: Option<Close>,
     /// A task works on it.
     running: bool,
+    /// Its draws are done in halves.
+    ahead: bool,
     /// Passes that have to be over before it begins.
     behind: usize,
 }
@@ -152,7 +164,7 @@ struct Painter {
     pass: Option<RenderPass>,
     begun: bool,
     /// Draws that were done, or could not be done.
-    done: Vec<QueuedDraw>,
+    done: Vec<Vec<QueuedDraw>>,
     panic: Option<Box<dyn std::any::Any + Send>>,
     landed: Landed,
     /// What drawing it again has shown.
@@ -186,6 +198,10 @@ pub(super) struct Flight {
     painter: Mutex<Painter>,
     /// Draws that wait, of all passes.
     waiting: Arc<AtomicUsize>,
+    /// Passes that a task works on.
+    running: Arc<AtomicUsize>,
+    /// Passes whose draws are done in halves.
+    halved: Arc<AtomicUsize>,
     /// Nobody wants it any more.
     cancelled: AtomicBool,
     /// It has to be drawn again.
@@ -230,8 +246,8 @@ impl Flight {
         let begun = sources.is_empty();
         let pass = begun.then(|| begin.pass(&attachments, std::mem::take(&mut surfaces)));
         let tiles = if begun { attachments.iter().map(|_| None).collect() } else { surfaces };
-        let painter =
-            Painter { starts, pass, begun, done: Vec::new(), panic: None, landed: Landed::default(), failure: None, tiles };
+        let landed = begin.landed();
+        let painter = Painter { starts, pass, begun, done: Vec::new(), panic: None, landed, failure: None, tiles };
         let kept = |sum: (usize, usize), flight: &Arc<Flight>| {
             (sum.0 + flight.kept.0 + flight.draws.load(Relaxed), sum.1.max(flight.kept.1 + 1))
         };
@@ -249,6 +265,8 @@ impl Flight {
             queue: Mutex::new(Queue { behind: sources.len(), ..Queue::default() }),
             painter: Mutex::new(painter),
             waiting: flights.waiting.clone(),
+            running: flights.running.clone(),
+            halved: flights.halved.clone(),
             cancelled: AtomicBool::new(false),
             failed: AtomicBool::new(false),
             over: AtomicBool::new(false),
@@ -271,9 +289,12 @@ impl Flight {
 
     /// Hands draws on.
     fn push(self: &Arc<Flight>, draws: &mut Vec<QueuedDraw>) {
+        if draws.is_empty() {
+            return;
+        }
         self.waiting.fetch_add(draws.len(), Relaxed);
         let mut queue = lock(&self.queue);
-        queue.draws.extend(draws.drain(..));
+        queue.draws.push_back(std::mem::replace(draws, Vec::with_capacity(TURN)));
         self.start(queue);
     }
 
@@ -287,6 +308,7 @@ impl Flight {
         let due = queue.behind == 0 && (!queue.draws.is_empty() || queue.closed.is_some());
         if due && !std::mem::replace(&mut queue.running, true) {
             drop(queue);
+            self.running.fetch_add(1, Relaxed);
             self.spawn();
         }
     }
@@ -306,20 +328,29 @@ impl Flight {
     /// Does some draws; the last turn ends the pass.
     fn turn(self: Arc<Flight>) {
         let mut queue = lock(&self.queue);
-        let n = queue.draws.len().min(TURN);
+        // Two halves of draws are as much work as two passes.
+        let ahead = !queue.draws.is_empty() && self.running.load(Relaxed) < rayon::current_num_threads();
+        let n = queue.draws.len().min(if ahead { LONG_TURN } else { 1 });
+        match (ahead, queue.ahead) {
+            (true, false) => drop(self.halved.fetch_add(1, Relaxed)),
+            (false, true) => drop(self.halved.fetch_sub(1, Relaxed)),
+            _ => {}
+        }
+        queue.ahead = ahead;
         if n == 0 && queue.closed.is_none() {
             queue.running = false;
+            self.running.fetch_sub(1, Relaxed);
             return;
         }
-        let (draws, closed): (Vec<QueuedDraw>, _) = (queue.draws.drain(..n).collect(), queue.closed);
+        let (draws, closed): (Vec<Vec<QueuedDraw>>, _) = (queue.draws.drain(..n).collect(), queue.closed);
         drop(queue);
-        self.waiting.fetch_sub(n, Relaxed);
+        self.waiting.fetch_sub(draws.iter().map(Vec::len).sum(), Relaxed);
         let mut painter = lock(&self.painter);
         let work = || {
             self.begin(&mut painter);
             match closed {
                 Some(how) if draws.is_empty() => self.end(&mut painter, how),
-                _ => self.draw(&mut painter, draws),
+                _ => self.draw(&mut painter, draws, ahead),
             }
         };
         let stopped = catch_unwind(AssertUnwindSafe(work));
@@ -331,6 +362,7 @@ impl Flight {
         if n > 0 {
             return self.spawn();
         }
+        self.running.fetch_sub(1, Relaxed);
         let asleep = lock(&self.sleepers.0);
         self.over.store(true, Release);
         self.sleepers.1.notify_all();
@@ -362,18 +394,34 @@ impl Flight {
         painter.pass = Some(self.begin.pass(&self.attachments, surfaces));
     }
 
-    fn draw(&self, painter: &mut Painter, draws: Vec<QueuedDraw>) {
-        for draw in draws {
-            if !self.failed.load(Relaxed) && !self.cancelled.load(Relaxed) {
-                let pass = painter.pass.as_mut().expect("the pass has not ended");
-                self.ledger.set_alive(draw.alive);
-                match draw.draw(pass, &self.begin.shared, &self.ledger, &mut |_| ()) {
-                    Ok(drawn) => painter.landed.add(drawn.funnel, drawn.overwritten),
-                    Err(_) => self.failed.store(true, Relaxed),
+    fn draw(&self, painter: &mut Painter, draws: Vec<Vec<QueuedDraw>>, ahead: bool) {
+        let Painter { pass, done, landed, .. } = painter;
+        let (shared, ledger) = (&self.begin.shared, &self.ledger);
+        let goes_on = || !self.failed.load(Relaxed) && !self.cancelled.load(Relaxed);
+        let mut came_to = |drawn: Result<Drawn, DrawError>| match drawn {
+            Ok(drawn) => landed.add(drawn.funnel, drawn.overwritten),
+            Err(_) => self.failed.store(true, Relaxed),
+        };
+        // One that has failed before its first draw has no images.
+        let Some(pass) = pass.as_mut().filter(|_| goes_on()) else { return done.extend(draws) };
+        if ahead {
+            // Of all of them, since it is not said when each has its turn: what passes with the most passes with less.
+            let draws: Vec<&QueuedDraw> = draws.iter().flatten().collect();
+            ledger.set_alive(draws.iter().map(|draw| draw.alive).max().unwrap_or(0));
+            let calls = |number: usize, work: &mut dyn FnMut(&DrawCall<'_>)| draws[number].lend(shared, ledger, work);
+            pass.draw_all(draws.len(), &calls, &mut |_, drawn| {
+                came_to(drawn);
+                goes_on()
+            });
+        } else {
+            for draw in draws.iter().flatten() {
+                if goes_on() {
+                    ledger.set_alive(draw.alive);
+                    came_to(draw.draw(pass, shared, ledger, &mut |_| ()));
                 }
             }
-            painter.done.push(draw);
         }
+        done.extend(draws);
     }
 
     /// Ends the pass, if no draw has failed.
@@ -425,8 +473,9 @@ impl Flight {
         }
         let ahead = std::mem::take(&mut *lock(&self.ahead));
         ahead.iter().for_each(|flight| flight.finish());
+        let mut helper = Helper { halved: &self.halved, looked: 0 };
         while !self.is_over() {
-            if !help() {
+            if !helper.help() {
                 let asleep = lock(&self.sleepers.0);
                 if !self.is_over() {
                     let _ = self.sleepers.1.wait_timeout(asleep, NAP);
@@ -471,6 +520,11 @@ impl Flight {
 }
 
 impl Begin {
+    /// What it has come to before its first draw.
+    fn landed(&self) -> Landed {
+        Landed { counted: self.counted, ..Landed::default() }
+    }
+
     /// The pass, on these images: colours by location, then depth.
     fn pass(&self, attachments: &[Option<Attached>], surfaces: Vec<Option<TileSurface>>) -> RenderPass {
         let mut surfaces: Vec<_> = surfaces
@@ -490,7 +544,27 @@ impl Landed {
     }
 }
 
-/// Runs one task of the pool on this thread; whether there was one.
-fn help() -> bool {
-    rayon::yield_now() == Some(rayon::Yield::Executed)
+/// A thread that waits and helps meanwhile.
+struct Helper<'a> {
+    halved: &'a AtomicUsize,
+    /// How often it has looked for something to do in vain.
+    looked: u32,
+}
+
+impl Helper<'_> {
+    /// Runs one task of the pool, or lets other threads have the processor; whether to look again at once.
+    fn help(&mut self) -> bool {
+        if rayon::yield_now() == Some(rayon::Yield::Executed) {
+            self.looked = 0;
+            return true;
+        }
+        // The geometry of some draws is there to be computed every few ten microseconds: who sleeps misses it.
+        self.looked += 1;
+        if self.halved.load(Relaxed) > 0 && self.looked < LOOKS {
+            std::thread::yield_now();
+            return true;
+        }
+        self.looked = 0;
+        false
+    }
 }

@@ -196,7 +196,7 @@ impl ActivePass {
             && flight::fits(sources().map(Source::shape))
             && renderer.may_depart(sources().any(Source::needs_copy));
         let way = if departs {
-            let begin = Begin { width, height, samples, shared: shared.clone(), wanted: renderer.in_range() };
+            let begin = Begin { width, height, samples, shared: shared.clone(), wanted: renderer.in_range(), counted: None };
             let boarding = bound.iter().chain([&depth_bound]).zip(storage.into_iter().chain([depth_storage]));
             let boarding = boarding.map(|(bound, source)| {
                 let (bound, source) = (bound.as_ref()?, source?);
@@ -443,12 +443,15 @@ impl ActivePass {
             record: renderer.recording(),
             signature,
         };
-        if let Way::Away(departure) = &mut self.way {
-            if departure.takes(&draw) {
-                departure.push(draw);
-                return Ok(());
-            }
+        if !draw.can_wait() {
             self.come_home(renderer)?;
+        } else if matches!(&self.way, Way::Away(departure) if departure.is_full()) {
+            self.come_home(renderer)?;
+            self.take_off_again(renderer)?;
+        }
+        if let Way::Away(departure) = &mut self.way {
+            departure.push(draw);
+            return Ok(());
         }
         self.draw_here(renderer, &draw)?;
         self.spare = draw.bound;
@@ -463,6 +466,25 @@ impl ActivePass {
             renderer.land_all()?;
             self.arrive();
         }
+        Ok(())
+    }
+
+    /// Hands a pass that has been in flight to other threads once more, from where it is.
+    fn take_off_again(&mut self, renderer: &mut Renderer<'_, '_>) -> Result<(), Fault> {
+        if !renderer.may_depart(true) {
+            return Ok(());
+        }
+        let Way::Here(pass) = std::mem::replace(&mut self.way, Way::Over) else { return Ok(()) };
+        let (width, height, samples) = (self.width, self.height, pass.samples());
+        let counted = self.counted.take();
+        let begin = Begin { width, height, samples, shared: self.shared.clone(), wanted: renderer.in_range(), counted };
+        let ended = pass.end();
+        let tiles = ended.color.into_iter().chain([ended.depth]);
+        let boarding = self.color.iter().chain([&self.depth]).zip(tiles).map(|(bound, tiles)| {
+            let (bound, tiles) = (bound.as_ref()?, tiles?);
+            Some(Boarding { source: Source::Tiles(tiles), format: bound.format, keep: bound.keep })
+        });
+        self.way = Way::Away(renderer.depart(begin, boarding.collect())?);
         Ok(())
     }
 

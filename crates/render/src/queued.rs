@@ -101,6 +101,11 @@ impl QueuedDraw {
         ledger: &Ledger,
         sink: &mut dyn FnMut(Event),
     ) -> Result<Drawn, DrawError> {
+        self.lend(shared, ledger, |call| pass.draw(call, sink))
+    }
+
+    /// Does something with it as the call that it is.
+    pub fn lend<R>(&self, shared: &Shared, ledger: &Ledger, work: impl FnOnce(&DrawCall<'_>) -> R) -> R {
         let [mut vertex, mut fragment] = <[Lent<'_>; 2]>::default();
         let [vertex, fragment] = [self.bound.resolved[0].lend(&mut vertex), self.bound.resolved[1].lend(&mut fragment)];
         let call = DrawCall {
@@ -126,7 +131,7 @@ impl QueuedDraw {
             boxes: self.may_cull.then_some(&*shared.boxes),
             ledger,
         };
-        pass.draw(&call, sink)
+        work(&call)
     }
 
     /// Whether another thread may do it while later commands run: it writes attachments only, and what it reads is either not written any

@@ -52,14 +52,19 @@ impl<'a> PreparedDraw<'a> {
     /// Prepares a call that has these settings. Uniforms are computed in the memory of others: those of the vertex program, then those of the
     /// fragment program.
     pub fn new(call: &DrawCall<'a>, settings: &'a Settings, uniforms: &'a mut [Uniforms; 2]) -> PreparedDraw<'a> {
+        let [vertex_uniforms, fragment_uniforms] = &mut *uniforms;
+        call.pipeline.vertex().uniforms_into(&call.vertex_resources, vertex_uniforms);
+        if let Some(program) = call.pipeline.fragment().filter(|_| settings.shades) {
+            program.uniforms_into(&call.fragment_resources.unwrap_or_default(), fragment_uniforms);
+        }
+        PreparedDraw::again(call, settings, uniforms)
+    }
+
+    /// Prepares a call whose uniforms [have been computed](PreparedDraw::new).
+    pub fn again(call: &DrawCall<'a>, settings: &'a Settings, uniforms: &'a [Uniforms; 2]) -> PreparedDraw<'a> {
         let pipeline: &RenderPipeline = call.pipeline;
         let fragment = pipeline.fragment().filter(|_| settings.shades);
-        let fragment_resources = call.fragment_resources.unwrap_or_default();
         let [vertex_uniforms, fragment_uniforms] = uniforms;
-        pipeline.vertex().uniforms_into(&call.vertex_resources, vertex_uniforms);
-        if let Some(program) = fragment {
-            program.uniforms_into(&fragment_resources, fragment_uniforms);
-        }
         PreparedDraw {
             settings,
             pipeline,
@@ -70,7 +75,7 @@ impl<'a> PreparedDraw<'a> {
             base_vertex: if call.index.is_some() { call.range.base_vertex as u32 } else { call.range.first },
             first_instance: call.range.first_instance,
             draw_index: call.range.draw_index,
-            fragment_resources,
+            fragment_resources: call.fragment_resources.unwrap_or_default(),
             fragment_uniforms,
             classes: fragment.map_or(&[], |_| &pipeline.classes),
             fragment_builtins: fragment.map_or(&[], |_| &pipeline.builtins[1]),

@@ -5,12 +5,15 @@
 //! ([`primitive`], [`batch`]), and the tiles ([`tile`]), each of which one thread takes through traversal, tests, shading and blending with
 //! every primitive of the segment in API order. What a thread computes never depends on which thread it is.
 
+mod ahead;
 mod areas;
 mod batch;
 mod clip_distance;
 mod cull;
 mod early;
+mod fragments;
 mod frame;
+mod geometry;
 mod late;
 mod needless;
 mod pass;

@@ -4,7 +4,7 @@
 use std::sync::Arc;
 
 use crate::pipeline::RenderPipeline;
-use crate::surface::TileSurface;
+use crate::surface::Shape;
 use gfx::clip::ClipVolume;
 use gfx::format::Format;
 use gfx::rop::{ColorState, DepthStencilState};
@@ -85,6 +85,18 @@ impl Key {
     }
 }
 
+/// The attachments of a pass, as far as draws are resolved against them.
+pub struct Attachments {
+    pub width: u32,
+    pub height: u32,
+    /// Samples a pixel.
+    pub samples: u32,
+    /// Colour attachments by location, with the format in which they are drawn.
+    pub color: Vec<Option<(Shape, Format)>>,
+    /// Depth and stencil.
+    pub depth: Option<Shape>,
+}
+
 /// The state of draws, resolved against the attachments of their pass.
 pub struct Settings {
     key: Key,
@@ -155,22 +167,16 @@ impl Settings {
     ///
     /// # Errors
     /// If pipeline and attachments do not fit each other.
-    pub fn new(
-        call: &DrawCall<'_>,
-        extent: (u32, u32, u32),
-        colors: &[Option<(TileSurface, Format)>],
-        depth: Option<&TileSurface>,
-    ) -> Result<Settings, DrawError> {
+    pub fn new(call: &DrawCall<'_>, attachments: &Attachments) -> Result<Settings, DrawError> {
         let pipeline = call.pipeline;
-        let (width, height, samples) = extent;
+        let &Attachments { width, height, samples, color: ref colors, depth } = attachments;
         let misfit = |message: String| DrawError::Pipeline { label: pipeline.label.clone(), message };
         if pipeline.samples != samples {
             return Err(misfit(format!("{} samples a pixel in a pass of {samples}", pipeline.samples)));
         }
         let viewport = call.viewport;
         let state = match (&pipeline.depth_stencil, depth) {
-            (Some(state), Some(surface)) if state.format != surface.shape().format => {
-                let format = surface.shape().format;
+            (Some(state), Some(Shape { format, .. })) if state.format != format => {
                 return Err(misfit(format!("depth format {} in a pass with {}", state.format.name(), format.name())));
             }
             (Some(state), Some(_)) => Some(state),
@@ -226,7 +232,7 @@ impl Settings {
             screen: Screen::new(&viewport),
             setup,
             depth: depth_state,
-            depth_words: depth.map_or(0, |d| d.shape().words()),
+            depth_words: depth.map_or(0, |shape| shape.words()),
             early,
             tests_blocks: depth_state.is_some_and(|d| d.tests_blocks()),
             needs_triangles: !(flat && early && no_builtins),
@@ -271,14 +277,14 @@ fn bias(state: &DepthStencil) -> DepthBias {
 /// The colour targets that the draw writes, and the words of a payload in all.
 fn targets(
     call: &DrawCall<'_>,
-    colors: &[Option<(TileSurface, Format)>],
+    colors: &[Option<(Shape, Format)>],
     depth_payload: usize,
 ) -> Result<(Vec<FrameTarget>, usize), String> {
     let mut out = Vec::new();
     let mut payload = 0;
     for (location, target) in call.pipeline.targets.iter().enumerate() {
         let Some(target) = target else { continue };
-        let Some(Some((surface, format))) = colors.get(location) else {
+        let Some(Some((shape, format))) = colors.get(location) else {
             if target.output.is_some() && target.state.write_mask & 15 != 0 {
                 return Err(format!("target {location} in a pass without such an attachment"));
             }
@@ -289,7 +295,7 @@ fn targets(
         }
         let state = ColorState::new(&target.state, call.blend_constant);
         let Some(output) = target.output.filter(|_| !state.is_idle()) else { continue };
-        let words = surface.shape().words();
+        let words = shape.words();
         let packed = !state.blends();
         let payload_words = if packed { words } else { 4 };
         let first = depth_payload + payload;

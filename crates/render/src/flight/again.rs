@@ -6,7 +6,7 @@ use std::sync::atomic::Ordering::Release;
 use super::super::draw::RenderPass;
 use super::super::queued::QueuedDraw;
 use super::super::surface::TileSurface;
-use super::{Failure, Flight, Landed, Start, lock};
+use super::{Failure, Flight, Start, lock};
 
 impl Flight {
     /// Draws it again, as the only pass. No lock is held: while this thread waits for others it may run tasks that need it.
@@ -19,11 +19,11 @@ impl Flight {
             }
         }
         let ledger = self.whole.with_sums(sums);
-        let mut landed = Landed::default();
+        let mut landed = self.begin.landed();
         let (starts, done) = self.kept_draws();
         let mut pass = self.first(&starts);
         let (mut steps, mut bytes) = (0, 0);
-        for draw in &done {
+        for draw in done.iter().flatten() {
             ledger.set_alive(draw.alive);
             let charges = &draw.charges;
             (steps, bytes) = (steps + charges.steps, bytes + charges.bindings + charges.prepared.iter().sum::<u64>());
@@ -48,7 +48,7 @@ impl Flight {
     }
 
     /// What it takes to draw it again.
-    fn kept_draws(&self) -> (Vec<Option<Start>>, Vec<QueuedDraw>) {
+    fn kept_draws(&self) -> (Vec<Option<Start>>, Vec<Vec<QueuedDraw>>) {
         let mut painter = lock(&self.painter);
         (std::mem::take(&mut painter.starts), std::mem::take(&mut painter.done))
     }
@@ -89,7 +89,7 @@ impl Flight {
         let mut pass = self.first(&starts);
         // These sums were allowed before.
         let ledger = self.whole.with_sums([0; 7]);
-        for draw in &done {
+        for draw in done.iter().flatten() {
             ledger.set_alive(draw.alive);
             let _ = draw.draw(&mut pass, &self.begin.shared, &ledger, &mut |_| ());
         }

@@ -12,7 +12,7 @@ use super::super::ledger::{FLIGHTS, Ledger};
 use super::super::queued::QueuedDraw;
 use super::super::surface::{ALL, Shape, TileSurface};
 use super::images::{Away, Ticket};
-use super::{Attached, Begin, Boarding, Close, DRAWS, Failure, Flight, Landed, NAP, TURN, WAITING, help, lock};
+use super::{Attached, Begin, Boarding, Close, DRAWS, Failure, Flight, Helper, Landed, NAP, TURN, WAITING, lock};
 
 /// Images of passes that have been replaced, kept for the memory that they have.
 const SPARE: usize = 3 * FLIGHTS;
@@ -25,6 +25,8 @@ pub(in super::super) struct Flights {
     /// Images that were replaced.
     spare: VecDeque<(Arc<Flight>, usize)>,
     pub(super) waiting: Arc<AtomicUsize>,
+    pub(super) running: Arc<AtomicUsize>,
+    pub(super) halved: Arc<AtomicUsize>,
 }
 
 impl Flights {
@@ -97,9 +99,9 @@ pub(in super::super) struct Departure {
 }
 
 impl Departure {
-    /// Whether it takes a draw.
-    pub fn takes(&self, draw: &QueuedDraw) -> bool {
-        self.flight.draws.load(Relaxed) < DRAWS && draw.can_wait()
+    /// Whether it has as many draws as it can have.
+    pub fn is_full(&self) -> bool {
+        self.flight.draws.load(Relaxed) >= DRAWS
     }
 
     /// Hands on a draw.
@@ -112,8 +114,9 @@ impl Departure {
         self.draws.push(draw);
         if self.draws.len() == TURN {
             self.flight.push(&mut self.draws);
+            let mut helper = Helper { halved: &self.flight.halved, looked: 0 };
             while self.flight.waiting.load(Relaxed) > WAITING {
-                if !help() {
+                if !helper.help() {
                     std::thread::sleep(NAP);
                 }
             }

@@ -2,7 +2,7 @@
 
 use super::common::*;
 use gfx::format::Format;
-use gfx::state::{Compare, DepthStencil, VertexFormat};
+use gfx::state::{Blend, BlendComponent, BlendFactor, BlendOp, Compare, DepthStencil, VertexFormat};
 use num::Limits;
 use render::{Options, render};
 use trace::Trace;
@@ -135,6 +135,55 @@ fn a_pass_beyond_its_share_of_a_limit_is_drawn_again() {
                 let same = seen(&trace, threads, pictures) == alone;
                 assert!(same, "{threads} threads, {quads} of {least}, pictures: {pictures}");
             }
+        }
+    }
+}
+
+/// One pass of small blended draws, so many that it lands and takes off again; a loop in the draws of number `endless` has no end.
+fn long(draws: u32, endless: Option<u32>) -> Trace {
+    let mut card = Recorder::new("long");
+    let mut next = unit_noise(11);
+    let texture = card.create_texture("", record::texture_2d(96, 96, Format::Rgba8Unorm));
+    let view = card.create_view(texture);
+    let shader = card.create_shader("program", SHADER);
+    let mut desc = record::render_pipeline(shader, Format::Rgba8Unorm);
+    desc.buffers = vec![record::vertex_buffer(&[(0, VertexFormat::Float32x2)])];
+    let component = BlendComponent { src: BlendFactor::SrcAlpha, dst: BlendFactor::OneMinusSrcAlpha, op: BlendOp::Add };
+    desc.targets[0].as_mut().expect("a target").blend = Some(Blend { color: component, alpha: component });
+    let pipeline = card.create_render_pipeline("", desc);
+    let layout = card.get_bind_group_layout(AnyPipeline::Render(pipeline), 0);
+    let mut group = |blue: f32| {
+        let buffer = card.create_buffer_init("u", &bytes(&bits(&[0.5 + next(), next() - 0.5, next() - 0.5, blue])));
+        card.create_bind_group(layout, [(0, record::whole(buffer))])
+    };
+    let groups: Vec<_> = (0..7).map(|i| group(i as f32 / 7.0)).collect();
+    let without_end = group(-1.0);
+    let vertices = card.create_buffer_init("vertices", &bytes(&bits(&[-0.2, -0.2, 0.2, -0.1, 0.0, 0.3])));
+    let mut pass = card.begin_render_pass([record::clear(view, [0.1, 0.2, 0.3, 1.0])], None);
+    pass.set_pipeline(pipeline);
+    pass.set_vertex_buffer(0, vertices);
+    for draw in 0..draws {
+        pass.set_bind_group(0, if endless == Some(draw) { without_end } else { groups[draw as usize % groups.len()] });
+        pass.draw(3, 1);
+    }
+    drop(pass);
+    card.present(texture);
+    card.finish()
+}
+
+#[test]
+fn a_pass_of_many_draws_takes_off_again() {
+    const DRAWS: u32 = 2 * 8192 + 100;
+    for endless in [None, Some(20), Some(8300), Some(DRAWS - 1)] {
+        let trace = long(DRAWS, endless);
+        let alone = seen(&trace, 1, true);
+        let kinds: Vec<&str> = alone.events.iter().map(|(kind, _)| *kind).filter(|kind| *kind != "other").collect();
+        match endless {
+            None => assert_eq!(kinds, ["begin", "segment", "end", "frame"], "one sum a pass"),
+            Some(_) => assert!(alone.error.as_deref().is_some_and(|text| text.contains("without an end")), "{endless:?}"),
+        }
+        for threads in [2, 8] {
+            assert!(seen(&trace, threads, true) == alone, "{endless:?}, {threads} threads");
         }
     }
 }
