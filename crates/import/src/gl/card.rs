@@ -365,15 +365,19 @@ impl Card {
             let mut own = [None; 2];
             if !pass.vertices.is_empty() {
                 let vertices = self.recorder.create_buffer("vertices", pass.vertices.len() as u64);
-                for (at, bytes) in pass.uploads() {
-                    self.recorder.write_buffer(vertices, at, "vertices", bytes);
+                if pass.gaps.is_empty() {
+                    self.recorder.write_buffer(vertices, 0, "vertices", std::mem::take(&mut pass.vertices));
+                } else {
+                    for (at, bytes) in pass.uploads() {
+                        self.recorder.write_buffer(vertices, at, "vertices", bytes);
+                    }
                 }
                 own[0] = Some(vertices);
             }
             if !indices.is_empty() {
-                own[1] = Some(self.recorder.create_buffer_init("indices", &indices));
+                own[1] = Some(self.recorder.create_buffer_init("indices", indices));
             }
-            let uniforms = self.recorder.create_buffer_init("uniforms", &uniforms);
+            let uniforms = self.recorder.create_buffer_init("uniforms", uniforms);
             buffers = own.into_iter().flatten().chain([uniforms]).collect();
             let layout = self.uniform_layout();
             let bound = BoundResource::Buffer { buffer: uniforms, offset: 0, size: Some(pass.block as u64) };

@@ -30,6 +30,7 @@
 mod desc;
 mod pass;
 
+use std::borrow::Cow;
 use std::collections::BTreeMap;
 use std::path::Path;
 
@@ -134,9 +135,9 @@ impl Recorder {
     }
 
     /// Keeps bytes as a blob called after `label`, or finds the blob that has these contents already.
-    fn keep(&mut self, label: &str, extension: &str, bytes: &[u8]) -> String {
-        let sampled = (bytes.len(), sample(bytes));
-        let hash = self.hash(sampled, bytes);
+    fn keep(&mut self, label: &str, extension: &str, bytes: Cow<'_, [u8]>) -> String {
+        let sampled = (bytes.len(), sample(&bytes));
+        let hash = self.hash(sampled, &bytes);
         if let Some(name) = hash.and_then(|hash| self.by_hash.get(&hash)) {
             return name.clone();
         }
@@ -159,7 +160,7 @@ impl Recorder {
             }
         }
         self.bytes += bytes.len() as u64;
-        self.builder.add_blob(&name, bytes.to_vec()).expect("the name is plain and free");
+        self.builder.add_blob(&name, bytes.into_owned()).expect("the name is plain and free");
         match hash {
             Some(hash) => {
                 self.by_hash.insert(hash, name.clone());
@@ -183,8 +184,10 @@ impl Recorder {
         Some(*blake3::hash(bytes).as_bytes())
     }
 
-    fn data(&mut self, label: &str, bytes: &[u8]) -> Data {
-        Data { blob: self.keep(label, "bin", bytes), offset: 0, size: bytes.len() as u64 }
+    fn data<'a>(&mut self, label: &str, bytes: impl Into<Cow<'a, [u8]>>) -> Data {
+        let bytes = bytes.into();
+        let size = bytes.len() as u64;
+        Data { blob: self.keep(label, "bin", bytes), offset: 0, size }
     }
 
     /// A buffer of this many bytes, all zero.
@@ -194,15 +197,16 @@ impl Recorder {
         id
     }
 
-    /// A buffer with these contents.
-    pub fn create_buffer_init(&mut self, label: &str, bytes: &[u8]) -> BufferId {
+    /// A buffer with these contents: a vector is kept as it is, other bytes are copied.
+    pub fn create_buffer_init<'a>(&mut self, label: &str, bytes: impl Into<Cow<'a, [u8]>>) -> BufferId {
+        let bytes = bytes.into();
         let id = self.create_buffer(label, bytes.len() as u64);
         self.write_buffer(id, 0, label, bytes);
         id
     }
 
-    /// Writes bytes at an offset; `label` names the blob.
-    pub fn write_buffer(&mut self, id: BufferId, offset: u64, label: &str, bytes: &[u8]) {
+    /// Writes bytes at an offset; `label` names the blob. A vector is kept as it is, other bytes are copied.
+    pub fn write_buffer<'a>(&mut self, id: BufferId, offset: u64, label: &str, bytes: impl Into<Cow<'a, [u8]>>) {
         let data = self.data(label, bytes);
         self.push(Command::WriteBuffer { id, offset, data });
     }
@@ -253,7 +257,7 @@ impl Recorder {
     /// A shader module from WGSL; kept as a text file called after `label`.
     pub fn create_shader(&mut self, label: &str, wgsl: &str) -> ShaderId {
         let id = ShaderId(take(&mut self.next.shader));
-        let source = ShaderSource::Wgsl(self.keep(label, "wgsl", wgsl.as_bytes()));
+        let source = ShaderSource::Wgsl(self.keep(label, "wgsl", wgsl.as_bytes().into()));
         self.push(Command::CreateShader { id, source, label: some_label(label) });
         id
     }
@@ -261,7 +265,7 @@ impl Recorder {
     /// A shader module from a SPIR-V binary.
     pub fn create_shader_spirv(&mut self, label: &str, binary: &[u8]) -> ShaderId {
         let id = ShaderId(take(&mut self.next.shader));
-        let source = ShaderSource::SpirV(self.keep(label, "spv", binary));
+        let source = ShaderSource::SpirV(self.keep(label, "spv", binary.into()));
         self.push(Command::CreateShader { id, source, label: some_label(label) });
         id
     }
@@ -269,7 +273,7 @@ impl Recorder {
     /// A shader module from naga's own form, as RON.
     pub fn create_shader_naga_ir(&mut self, label: &str, ron: &str) -> ShaderId {
         let id = ShaderId(take(&mut self.next.shader));
-        let source = ShaderSource::NagaIr(self.keep(label, "ron", ron.as_bytes()));
+        let source = ShaderSource::NagaIr(self.keep(label, "ron", ron.as_bytes().into()));
         self.push(Command::CreateShader { id, source, label: some_label(label) });
         id
     }
