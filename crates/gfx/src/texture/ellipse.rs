@@ -16,7 +16,6 @@ use super::taps::Place;
 use super::{Lod, Sample, Sampler, View};
 use crate::math::{exp, log2};
 use crate::state::ViewDimension;
-use num::Mask;
 
 /// The footprint of a pixel in a level: where `a u^2 + b u v + c v^2 < 1`, in texels from its centre.
 #[derive(Clone, Copy, Debug)]
@@ -40,36 +39,44 @@ pub(super) fn applies(view: &View, sampler: &Sampler, args: &Sample<'_>) -> bool
         && matches!(args.lod, Lod::Auto | Lod::Bias(_) | Lod::Gradient { .. })
 }
 
-/// Calls `one` with each lane of a mask, its footprint and its place.
-#[inline(always)]
-pub(super) fn each(view: &View, sampler: &Sampler, args: &Sample<'_>, mask: Mask, mut one: impl FnMut(usize, &Ellipse, Place)) {
-    let [u, v] = [args.coords[0].f32(), args.coords[1].f32()];
-    // Without a bias or derivatives of its own a lane has the ellipse of its quad.
-    let shared = matches!(args.lod, Lod::Auto);
-    let mut last = None;
-    for lane in super::general::lanes_of(mask) {
+/// The footprints of the lanes of a batch, asked for in their order.
+pub(super) struct Ellipses<'a> {
+    view: &'a View,
+    sampler: &'a Sampler,
+    args: &'a Sample<'a>,
+    /// The last quad, and its footprint.
+    last: Option<(usize, Ellipse)>,
+}
+
+impl<'a> Ellipses<'a> {
+    pub(super) fn new(view: &'a View, sampler: &'a Sampler, args: &'a Sample<'a>) -> Ellipses<'a> {
+        Ellipses { view, sampler, args, last: None }
+    }
+
+    /// The footprint of a lane.
+    #[inline(always)]
+    pub(super) fn of(&mut self, lane: usize) -> Ellipse {
+        let args = self.args;
+        let [u, v] = [args.coords[0].f32(), args.coords[1].f32()];
         let quad = lane / 4;
-        let ellipse = match last {
-            Some((of, ellipse)) if shared && of == quad => ellipse,
-            _ => {
-                let first = 4 * quad;
-                let (dx, dy) = match args.lod {
-                    Lod::Gradient { dx, dy } => {
-                        ([dx[0].f32()[lane], dx[1].f32()[lane]], [dy[0].f32()[lane], dy[1].f32()[lane]])
-                    }
-                    _ => {
-                        ([u[first + 1] - u[first], v[first + 1] - v[first]], [u[first + 2] - u[first], v[first + 2] - v[first]])
-                    }
-                };
-                let bias = match args.lod {
-                    Lod::Bias(bias) => bias.f32()[lane].clamp(BIAS.0, BIAS.1),
-                    _ => 0.0,
-                };
-                Ellipse::new(view, sampler, dx, dy, bias)
-            }
+        // Without a bias or derivatives of its own a lane has the footprint of its quad.
+        if let (Some((of, ellipse)), Lod::Auto) = (self.last, args.lod)
+            && of == quad
+        {
+            return ellipse;
+        }
+        let first = 4 * quad;
+        let (dx, dy) = match args.lod {
+            Lod::Gradient { dx, dy } => ([dx[0].f32()[lane], dx[1].f32()[lane]], [dy[0].f32()[lane], dy[1].f32()[lane]]),
+            _ => ([u[first + 1] - u[first], v[first + 1] - v[first]], [u[first + 2] - u[first], v[first + 2] - v[first]]),
         };
-        last = Some((quad, ellipse));
-        one(lane, &ellipse, Place::new(view, args, lane));
+        let bias = match args.lod {
+            Lod::Bias(bias) => bias.f32()[lane].clamp(BIAS.0, BIAS.1),
+            _ => 0.0,
+        };
+        let ellipse = Ellipse::new(self.view, self.sampler, dx, dy, bias);
+        self.last = Some((quad, ellipse));
+        ellipse
     }
 }
 
@@ -86,6 +93,7 @@ fn squares(x: [f32; 2], y: [f32; 2], ratio: f32) -> (f32, f32) {
 impl Ellipse {
     /// The footprint for derivatives of the coordinates and a bias of the level of detail. Derivatives that are not finite count
     /// as infinite for the level, and as zero within it.
+    #[inline(always)]
     pub(super) fn new(view: &View, sampler: &Sampler, dx: [f32; 2], dy: [f32; 2], bias: f32) -> Ellipse {
         let scaled = |level: usize, d: [f32; 2]| {
             let [w, h, _] = view.levels[level].size;

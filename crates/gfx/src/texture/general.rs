@@ -1,10 +1,11 @@
 //! Sampling of any format, dimension and mode, a lane at a time.
 
+use super::ellipse::{self, Ellipses};
 use super::lod::{Levels, Selection};
 use super::sampler::BORDER;
 use super::taps::{Place, Taps, gather_taps, taps};
 use super::view::{Level, ROWS, Texels, word_in_columns};
-use super::{Sample, Sampler, View, ellipse};
+use super::{Sample, Sampler, View};
 use crate::simd::wide;
 use crate::texel::srgb_table;
 use num::{LANES, Lanes, Mask};
@@ -142,17 +143,21 @@ fn sample_from<S: Source>(view: &View, source: S, sampler: &Sampler, args: &Samp
     }
 }
 
-/// Samples by elliptical weighted averages.
-fn average<S: Source>(view: &View, source: S, sampler: &Sampler, args: &Sample<'_>, mask: Mask, out: &mut [Lanes; 4]) {
-    ellipse::each(view, sampler, args, mask, |lane, footprint, place| {
+wide! {
+    /// Samples by elliptical weighted averages.
+    fn average [S: Source] (view: &View, source: S, sampler: &Sampler, args: &Sample<'_>, mask: Mask, out: &mut [Lanes; 4]) = average_body;
+}
+
+#[inline(always)]
+fn average_body<S: Source>(view: &View, source: S, sampler: &Sampler, args: &Sample<'_>, mask: Mask, out: &mut [Lanes; 4]) {
+    let mut ellipses = Ellipses::new(view, sampler, args);
+    for lane in lanes_of(mask) {
+        let footprint = ellipses.of(lane);
+        let level = &view.levels[footprint.level];
         let reference = args.compare.map(|r| reference(view, r.f32()[lane]));
         let (mut sum, mut total) = ([0.0_f32; 4], 0.0);
-        footprint.texels(view, sampler, place, args.offset, |texel, weight| {
-            let value = if texel.contains(&BORDER) {
-                sampler.border
-            } else {
-                source.texel(S::place(&view.levels[footprint.level], texel))
-            };
+        footprint.texels(view, sampler, Place::new(view, args, lane), args.offset, |texel, weight| {
+            let value = if texel.contains(&BORDER) { sampler.border } else { source.texel(S::place(level, texel)) };
             total += weight;
             match reference {
                 None => {
@@ -168,7 +173,7 @@ fn average<S: Source>(view: &View, source: S, sampler: &Sampler, args: &Sample<'
         for c in 0..4 {
             out[c].f32_mut()[lane] = value[c];
         }
-    });
+    }
 }
 
 /// A comparison's reference value, clamped where the stored depths are fixed-point.

@@ -2,13 +2,14 @@
 
 use std::ops::Range;
 
+use super::ellipse::{self, Ellipses};
 use super::fast::QuadLevels;
 use super::general::{lanes_of, locate};
 use super::lod::{Levels, Selection};
 use super::sampler::BORDER;
 use super::squares::Room;
 use super::taps::{Place, gather_taps, taps};
-use super::{Sample, Sampler, View, ellipse};
+use super::{Sample, Sampler, View};
 use num::{Lanes, Mask, QUADS};
 
 /// Lines and operations of one texture instruction of a batch.
@@ -97,15 +98,14 @@ impl Footprint {
 
     fn average(&mut self, view: &View, sampler: &Sampler, args: &Sample<'_>, mask: Mask) {
         self.fill(mask, |lane, quad| {
-            ellipse::each(view, sampler, args, 1 << lane, |_, footprint, place| {
-                let mut count = 0_u16;
-                footprint.texels(view, sampler, place, args.offset, |texel, _| {
-                    count += 1;
-                    let texel = if texel.contains(&BORDER) { [BORDER; 3] } else { texel };
-                    quad.texel(view, footprint.level, texel);
-                });
-                quad.operations += count.div_ceil(4);
+            let footprint = Ellipses::new(view, sampler, args).of(lane);
+            let mut count = 0_u16;
+            footprint.texels(view, sampler, Place::new(view, args, lane), args.offset, |texel, _| {
+                count += 1;
+                let texel = if texel.contains(&BORDER) { [BORDER; 3] } else { texel };
+                quad.texel(view, footprint.level, texel);
             });
+            quad.operations += count.div_ceil(4);
         });
     }
 
