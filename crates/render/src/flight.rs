@@ -3,7 +3,8 @@
 //! The draws of a pass are handed to a task of the thread pool, one after the other, while the renderer's thread goes on to the next pass. A
 //! pass that begins with its attachments cleared depends on none before it, so frames of many small draws, each of which is not worth other
 //! threads, are drawn side by side; one that loads what another draws begins after it. What reads an image of such a pass waits for it
-//! ([`Tiles`]).
+//! ([`Tiles`]). Where fewer passes can go on than there are threads, the geometry of a pass's draws is computed ahead
+//! ([`RenderPass::draw_all`]).
 //!
 //! What comes out is what comes out of one thread, errors included:
 //! * Events wait behind the passes before them.

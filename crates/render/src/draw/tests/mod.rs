@@ -1,5 +1,6 @@
 //! Small pipelines drawn whole and compared: with expected pixels, and one way of drawing with another.
 
+mod ahead;
 mod coverage;
 mod cull;
 mod images;
@@ -64,6 +65,8 @@ struct How {
     count: bool,
     need: Need,
     areas: bool,
+    /// In halves, with geometry ahead of fragments.
+    ahead: bool,
 }
 
 const USUAL: How = How {
@@ -82,6 +85,7 @@ const USUAL: How = How {
     count: false,
     need: Need::Colors,
     areas: false,
+    ahead: false,
 };
 
 fn stage(entry: &str) -> Stage {
@@ -197,48 +201,52 @@ impl Scene {
         let (mut drawn, mut draws, mut segments) = (Drawn::default(), Vec::new(), Vec::new());
         let boxes = Mutex::default();
         let ledger = Ledger::new(&self.limits);
-        for range in &self.draws {
-            let call = DrawCall {
-                number: 0,
-                group: &"".into(),
-                pipeline,
-                vertex_buffers: &buffers,
-                index: index.as_ref(),
-                range: Range {
-                    first: range.start,
-                    count: range.end - range.start,
-                    instances: self.instances,
-                    ..Range::default()
-                },
-                vertex_resources: Resources::default(),
-                fragment_resources: Some(Resources { bindings: &storage, ..Resources::default() }),
-                viewport: self.viewport.unwrap_or(Viewport {
-                    x: 0.0,
-                    y: 0.0,
-                    width: width as f32,
-                    height: height as f32,
-                    min_depth: 0.0,
-                    max_depth: 1.0,
-                }),
-                scissor: self.scissor.unwrap_or(Rect { x: 0, y: 0, width, height }),
-                blend_constant: [0.0; 4],
-                stencil_reference: self.reference,
-                count_samples: how.count,
-                need: how.need,
-                areas: how.areas,
-                key: how.key,
-                signature: None,
-                record: how.record,
-                skips: how.skips,
-                boxes: Some(&boxes),
-                ledger: &ledger,
-            };
-            let one = pass.draw(&call, &mut |event| match event {
-                Event::Draw(draw) => draws.push(draw),
-                Event::Segment(segment) => segments.push(segment),
-                other => panic!("{other:?}"),
-            })?;
-            drawn += one;
+        let group = "".into();
+        let call_of = |range: &std::ops::Range<u32>| DrawCall {
+            number: 0,
+            group: &group,
+            pipeline,
+            vertex_buffers: &buffers,
+            index: index.as_ref(),
+            range: Range { first: range.start, count: range.end - range.start, instances: self.instances, ..Range::default() },
+            vertex_resources: Resources::default(),
+            fragment_resources: Some(Resources { bindings: &storage, ..Resources::default() }),
+            viewport: self.viewport.unwrap_or(Viewport {
+                x: 0.0,
+                y: 0.0,
+                width: width as f32,
+                height: height as f32,
+                min_depth: 0.0,
+                max_depth: 1.0,
+            }),
+            scissor: self.scissor.unwrap_or(Rect { x: 0, y: 0, width, height }),
+            blend_constant: [0.0; 4],
+            stencil_reference: self.reference,
+            count_samples: how.count,
+            need: how.need,
+            areas: how.areas,
+            key: how.key,
+            signature: None,
+            record: how.record,
+            skips: how.skips,
+            boxes: Some(&boxes),
+            ledger: &ledger,
+        };
+        if how.ahead {
+            let mut result = Ok(());
+            pass.draw_all(self.draws.len(), &|number, work| work(&call_of(&self.draws[number])), &mut |_, one| {
+                result = one.map(|one| drawn += one);
+                result.is_ok()
+            });
+            result?;
+        } else {
+            for range in &self.draws {
+                drawn += pass.draw(&call_of(range), &mut |event| match event {
+                    Event::Draw(draw) => draws.push(draw),
+                    Event::Segment(segment) => segments.push(segment),
+                    other => panic!("{other:?}"),
+                })?;
+            }
         }
         let ended = pass.end();
         let color = ended.color.into_iter().next().flatten().unwrap();
