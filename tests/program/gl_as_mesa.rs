@@ -56,6 +56,36 @@ fn sizes_of_points_that_differ_are_whole() {
 }
 
 #[test]
+fn points_at_the_same_distance_of_two_columns_have_the_right_one() {
+    let sprites = "glEnable(GL_POINT_SPRITE)\n";
+    for size in 1..=4_usize {
+        for at in [7.75_f32, 8.0, 8.25, 8.5, 8.75] {
+            let point = format!("glPointSize({size})\nglBegin(GL_POINTS)\nglVertex2f({at},{at})\nglEnd()\n");
+            let lit = shown(&format!("{ORTHO}{point}"), &[]).lit();
+            // OpenGL 1.5, section 3.3: the first pixel, from the centre that the size gives.
+            let first = if size % 2 == 1 { at.floor() as usize - size / 2 } else { (at + 0.5).floor() as usize - size / 2 };
+            let wanted: Vec<_> = (0..size * size).map(|k| (first + k % size, first + k / size)).collect();
+            assert_eq!(lit, wanted, "size {size} at {at}");
+            // Sprites are squares around their place: ties are those of triangles.
+            let sprite = shown(&format!("{ORTHO}{sprites}{point}"), &[]).lit();
+            assert_eq!(sprite.len(), size * size, "size {size} at {at}");
+        }
+    }
+}
+
+#[test]
+fn sizes_of_points_fall_with_the_distance_from_the_plane_of_the_eye() {
+    // The size is divided by the distance, whatever lies beside the axis.
+    let lit = |x: f32, z: f32| {
+        let attenuation = "glPointParameterfv(GL_POINT_DISTANCE_ATTENUATION,{0,0,1})\nglPointSize(2)\n";
+        shown(&format!("{ORTHO}{attenuation}glBegin(GL_POINTS)\nglVertex3f({x},8.1,{z})\nglEnd()\n"), &[]).lit().len()
+    };
+    for x in [4.6, 8.1, 11.1] {
+        assert_eq!([-0.25, -0.5, 0.5, 1.0].map(|z| lit(x, z)), [64, 16, 16, 4], "at {x}");
+    }
+}
+
+#[test]
 fn inner_parts_of_smooth_points_are_less_transparent() {
     let image = shown(
         &format!(

@@ -7,7 +7,7 @@ use super::gl_features::{BLACK, BLUE, GREEN, QUAD, RED, near, recorded, shown};
 const WHITE: [u8; 3] = [255; 3];
 
 /// A program of these shaders, which is used; objects have the numbers n, n + 1 and n + 2.
-fn program(n: usize, vertex: &str, fragment: &str) -> String {
+pub(super) fn program(n: usize, vertex: &str, fragment: &str) -> String {
     let mut calls = format!("glCreateProgram()={}\n", n + 2);
     for (k, (stage, text)) in [("VERTEX", vertex), ("FRAGMENT", fragment)].into_iter().enumerate() {
         let (name, program) = (n + k, n + 2);

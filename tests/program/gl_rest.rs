@@ -1,6 +1,8 @@
 //! Rarely used features of OpenGL 1.5: copies of depths and stencil values, borders, flat outlines, stencils with two sides, and others.
 
-use super::gl_features::{BLACK, BLUE, GREEN, QUAD, RED, near, shown};
+use super::gl_features::{BLACK, BLUE, GREEN, QUAD, RED, near, recorded, shown};
+use super::gl_later::program;
+use fillrate::trace::Reading;
 
 const ORTHO: &str = "glMatrixMode(GL_PROJECTION)\nglOrtho(0,16,0,16,-1,1)\nglMatrixMode(GL_MODELVIEW)\n";
 
@@ -146,6 +148,24 @@ fn outlines_of_flat_polygons_have_the_colour_of_the_provoking_vertex() {
         shown(&calls, &[]).at(7, 2)
     };
     assert_eq!((lit("0,0,1"), lit("0,1,0")), ([255; 3], BLACK));
+}
+
+#[test]
+fn flat_values_of_the_first_vertex_are_refused() {
+    let line = "glBegin(GL_LINES)\nglVertex2f(0,0)\nglVertex2f(1,1)\nglEnd()\n";
+    let refusal = |calls: &str| recorded(&format!("{calls}{line}"), &[], 0..u64::MAX, &Reading::default()).1.refusal();
+    let (first, last) = ("glProvokingVertex(GL_FIRST_VERTEX_CONVENTION)\n", "glProvokingVertex(GL_LAST_VERTEX_CONVENTION)\n");
+    let flat = "glShadeModel(GL_FLAT)\n";
+    // Without flat values nothing depends on it.
+    assert_eq!(refusal(first), None);
+    assert_eq!(refusal(&format!("{first}{last}{flat}")), None);
+    assert_eq!(refusal(&format!("glPushAttrib(GL_LIGHTING_BIT)\n{first}{flat}glPopAttrib()\n")), None);
+    let refused = refusal(&format!("{first}{flat}")).expect("refused");
+    assert!(refused.contains("flat values of the first vertex (glProvokingVertex) (1 times"), "{refused}");
+    let vertex = "#version 130\nflat out vec4 v; void main() { gl_Position = gl_Vertex; v = gl_Color; }";
+    let fragment = "#version 130\nflat in vec4 v; void main() { gl_FragColor = v; }";
+    let refused = refusal(&format!("{first}{}", program(10, vertex, fragment))).expect("refused");
+    assert!(refused.contains("glProvokingVertex"), "{refused}");
 }
 
 #[test]

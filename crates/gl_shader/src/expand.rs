@@ -49,7 +49,8 @@ pub(crate) fn expand(key: &ShaderKey, out: &mut String) {
             let size = if key.vertex.is_some_and(|vertex| vertex.size) { "out_size.x" } else { "u.screen.z" };
             line!(out, "    var size = {size};");
             if key.attenuated_point {
-                line!(out, "    let distance = length(eye);\n    let terms = u.point_attenuation;");
+                // The distance is that from the plane of the eye, as in Mesa.
+                line!(out, "    let distance = abs(eye.z);\n    let terms = u.point_attenuation;");
                 line!(out, "    size *= inverseSqrt(max(terms.x + distance * (terms.y + distance * terms.z), 1e-30));");
                 line!(out, "    size = clamp(size, u.point_limits.x, u.point_limits.y);");
             }

@@ -248,4 +248,9 @@ impl Program {
             code: None,
         }
     }
+
+    /// Whether it hands on values that one vertex gives to a whole primitive, beside the colours of flat shading.
+    pub fn has_flat(&self) -> bool {
+        self.code.as_ref().is_some_and(|code| code.varyings.iter().any(|varying| varying.interpolation == Some("flat")))
+    }
 }

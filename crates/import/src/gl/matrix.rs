@@ -3,6 +3,8 @@
 //! With f32 only products of `Mat4` and functions of `Vec3` are used: glam computes these in the same order on every host. The order of the sum
 //! in a dot product of `Vec4` depends on the host's vector instructions, so that of a plane and a point is computed by `DVec4`.
 
+use std::f64::consts::PI;
+
 use glam::dcamera::rh::proj::opengl;
 use glam::{DMat3, DMat4, DVec3, DVec4, Mat3, Mat4, Vec4};
 
@@ -26,19 +28,24 @@ pub fn inverse(m: &Mat4) -> Option<Mat4> {
     m.as_dmat4().try_inverse().map(|inverse| inverse.as_mat4())
 }
 
-/// A rotation by degrees about an axis; the identity for an axis of no length.
+/// Degrees up to which quarter turns are exact.
+const TURNS: f64 = 36_000.0;
+
+/// A rotation by degrees about an axis; the identity for an axis of no length. The angle has the precision of Mesa's, a float in radians: with
+/// a large one a program turns by what is left of it.
 pub fn rotation(degrees: f64, axis: [f64; 3]) -> Mat4 {
     let axis = DVec3::from(axis);
     let length = axis.length();
     if !(length > 0.0) {
         return Mat4::IDENTITY;
     }
+    let degrees = f64::from(degrees as f32);
     // Quarter turns are exact. glam's are not: it finds a cosine of 6e-17.
     let (sine, cosine) = match degrees.rem_euclid(360.0) {
-        90.0 => (1.0, 0.0),
-        180.0 => (0.0, -1.0),
-        270.0 => (-1.0, 0.0),
-        _ => libm::sincos(degrees.to_radians()),
+        90.0 if degrees.abs() <= TURNS => (1.0, 0.0),
+        180.0 if degrees.abs() <= TURNS => (0.0, -1.0),
+        270.0 if degrees.abs() <= TURNS => (-1.0, 0.0),
+        _ => libm::sincos(f64::from((degrees * PI / 180.0) as f32)),
     };
     // Rodrigues' formula, for each axis of the coordinates.
     let k = axis / length;
@@ -82,6 +89,16 @@ mod tests {
         assert_eq!([x, y, z, w], [0.0, 1.0, 0.0, 1.0]);
         let [x, y, ..] = transform(&rotation(-30.0, [0.0, 0.0, 1.0]), [1.0, 0.0, 0.0, 1.0]);
         assert!((x - 0.866_025_4).abs() < 1e-6 && (y + 0.5).abs() < 1e-6);
+    }
+
+    #[test]
+    fn large_angles_are_those_of_a_float_in_radians() {
+        for degrees in [2.3e8_f64, 1.7e9, -9.0e8] {
+            let radians = (degrees * PI / 180.0) as f32;
+            let [x, y, ..] = transform(&rotation(degrees, [0.0, 0.0, 1.0]), [1.0, 0.0, 0.0, 1.0]);
+            assert!((x - radians.cos()).abs() < 1e-6 && (y - radians.sin()).abs() < 1e-6, "{degrees}: {x} {y}");
+            assert!((f64::from(y) - degrees.to_radians().sin()).abs() > 1e-3, "{degrees}: the angle in doubles is another");
+        }
     }
 
     #[test]

@@ -215,6 +215,10 @@ impl Gl {
             self.given.limit(lighting, constant, summary);
         }
         self.programmed(&mut key, batch, vertex.as_ref(), fragment.as_ref())?;
+        let flat = || key.flat || vertex.as_ref().is_some_and(|active| active.program.has_flat());
+        if self.state.provoking_first && batch.class != Class::Points && flat() {
+            return Err(Fault::Unsupported("flat values of the first vertex (glProvokingVertex)".into()));
+        }
         key.colors = colors_of(&target, fragment.as_ref());
         if key.colors.narrow.is_some() && self.mask() != 0 && self.blending(&self.state.writes[0])?.is_some() {
             // Drawn, but what is blended keeps all eight bits.
@@ -293,7 +297,7 @@ impl Gl {
             pipeline: None,
             bound,
             group: None,
-            viewport: self.viewport(&target),
+            viewport: self.viewport(&target, &key, batch.class),
             scissor,
             blend: if self.constant_alpha() { [self.state.blend_color[3]; 4] } else { self.state.blend_color },
             lit: None,
@@ -388,11 +392,19 @@ impl Gl {
         shader
     }
 
-    fn viewport(&self, target: &Target) -> Viewport {
+    fn viewport(&self, target: &Target, key: &ShaderKey, class: Class) -> Viewport {
         let height = target.size[1] as f32;
-        let [x, y, w, h] = self.state.viewport.map(|value| value as f32);
+        let [mut x, y, w, h] = self.state.viewport.map(|value| value as f32);
         let [min_depth, max_depth] = self.state.depth_range;
-        let y = if target.upward { y } else { height - y - h };
+        let mut y = if target.upward { y } else { height - y - h };
+        // A point without smoothing has the pixels around floor(x) + 1/2, or floor(x + 1/2) where its size is even (OpenGL 1.5, section 3.3):
+        // the rule of the card's edges leaves out the right one of two columns at the same distance. One step of its grid decides. Rows
+        // are counted from below.
+        if class == Class::Points && key.expand != Expand::SmoothPoint && !self.state.is(e::POINT_SPRITE) {
+            const STEP: f32 = 1.0 / SUBPIXEL as f32;
+            x += STEP;
+            y += if target.upward { STEP } else { 0.0 };
+        }
         Viewport { x, y, width: w, height: h, min_depth, max_depth }
     }
 

@@ -122,6 +122,15 @@ pub(super) fn shade_model(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
     Ok(())
 }
 
+pub(super) fn provoking_vertex(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
+    gl.state.provoking_first = match call.u32(0)? {
+        e::FIRST_VERTEX_CONVENTION => true,
+        e::LAST_VERTEX_CONVENTION => false,
+        _ => return Err(INVALID_ENUM),
+    };
+    Ok(())
+}
+
 fn color(values: &[f64], shape: Shape) -> Outcome<[f32; 4]> {
     let float = matches!(shape.scalar, super::call::Scalar::Float | super::call::Scalar::Double);
     let values = values.get(..4).ok_or_else(|| Fault::Damaged("a colour of fewer than 4 numbers".into()))?;

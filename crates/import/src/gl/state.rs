@@ -123,6 +123,8 @@ pub struct State {
     pub color_material: [u32; 2],
     /// Flat shading.
     pub flat: bool,
+    /// Whether the first vertex of a primitive gives its flat values.
+    pub provoking_first: bool,
     /// Fog.
     pub fog_mode: u32,
     /// Fog.
@@ -258,6 +260,7 @@ impl Default for State {
             materials: [material.clone(), material],
             color_material: [e::FRONT_AND_BACK, e::AMBIENT_AND_DIFFUSE],
             flat: false,
+            provoking_first: false,
             fog_mode: e::EXP,
             fog_color: [0.0; 4],
             fog: [1.0, 0.0, 1.0],
@@ -386,7 +389,7 @@ impl State {
         take!(e::ENABLE_BIT => programs);
         take!(e::VIEWPORT_BIT => viewport, depth_range);
         take!(e::TRANSFORM_BIT => matrix_mode, planes);
-        take!(e::LIGHTING_BIT => lights, model_ambient, local_viewer, two_side, separate_specular, materials, color_material, flat);
+        take!(e::LIGHTING_BIT => lights, model_ambient, local_viewer, two_side, separate_specular, materials, color_material, flat, provoking_first);
         take!(e::FOG_BIT => fog_mode, fog_color, fog, fog_from_coordinate);
         take!(e::POLYGON_BIT => cull, front, polygon_modes, polygon_offset);
         take!(e::POLYGON_STIPPLE_BIT => stipple);

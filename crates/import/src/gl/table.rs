@@ -222,6 +222,7 @@ fn exact(name: &str) -> Option<(Moment, Run)> {
         "PushAttrib" => (Server, saved::push),
         "PopAttrib" => (Server, saved::pop),
         "ShadeModel" => (Server, raster::shade_model),
+        "ProvokingVertex" => (Server, raster::provoking_vertex),
         "ColorMaterial" => (Server, raster::color_material),
         "CullFace" => (Server, raster::cull_face),
         "FrontFace" => (Server, raster::front_face),
