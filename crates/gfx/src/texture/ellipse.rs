@@ -21,15 +21,15 @@ use crate::state::ViewDimension;
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Ellipse {
     pub level: usize,
-    a: f32,
-    b: f32,
-    c: f32,
+    pub a: f32,
+    pub b: f32,
+    pub c: f32,
     /// 4 / (4 a c - b^2).
-    f: f32,
+    pub f: f32,
     /// Half the height of its bounding box.
-    height: f32,
+    pub height: f32,
     /// By what the ratio of neighbouring weights of a row falls from texel to texel.
-    fade: f32,
+    pub fade: f32,
 }
 
 /// Whether a sample is filtered anisotropically by ellipses.

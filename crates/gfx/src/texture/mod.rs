@@ -10,6 +10,7 @@
 //! texel before filtering, anisotropy by elliptical weighted averages ([`ellipse`]; on cubes, where an ellipse could leave its
 //! face, by equally spaced probes along the major axis). The fast path's weights have 15 bits.
 
+mod averaged;
 mod cube;
 mod ellipse;
 mod fast;
@@ -101,7 +102,7 @@ impl View {
             return;
         }
         *out = [Lanes::ZERO; 4];
-        if !staged::sample(self, sampler, args, mask, out) {
+        if !staged::sample(self, sampler, args, mask, out) && !averaged::sample(self, sampler, args, mask, out) {
             general::sample(self, sampler, args, mask, out);
         }
     }

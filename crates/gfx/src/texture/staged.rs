@@ -16,13 +16,13 @@ use crate::texel::srgb_table;
 use num::{LANES, Lanes, Mask};
 
 /// Four channels of all lanes.
-type Values = [[f32; LANES]; 4];
+pub(super) type Values = [[f32; LANES]; 4];
 
 /// A place in a store that no texel has: the border.
 const OUTSIDE: u32 = u32::MAX;
 
 /// Lanes from which on stages over all of them take less time than the live ones one after another.
-const LANES_MIN: u32 = 6;
+pub(super) const LANES_MIN: u32 = 6;
 
 /// Samples where the view, sampler and operands allow; says whether they did.
 #[inline]
@@ -36,18 +36,18 @@ pub(super) fn sample(view: &View, sampler: &Sampler, args: &Sample<'_>, mask: Ma
     {
         return false;
     }
-    match &view.texels {
-        Texels::Unorm8(columns) => sample_wide(view, Unorm(columns.as_flattened()), sampler, args, out),
-        Texels::Srgb8 { codes, .. } => sample_wide(view, Srgb(codes, srgb_table()), sampler, args, out),
-        Texels::F32(texels) => sample_wide(view, Single(texels), sampler, args, out),
-        Texels::F32x4(texels) => sample_wide(view, Float(texels), sampler, args, out),
-        Texels::U32x4(_) => return false,
+    match Stores::of(view) {
+        Some(Stores::Unorm(store)) => sample_wide(view, store, sampler, args, out),
+        Some(Stores::Srgb(store)) => sample_wide(view, store, sampler, args, out),
+        Some(Stores::Single(store)) => sample_wide(view, store, sampler, args, out),
+        Some(Stores::Float(store)) => sample_wide(view, store, sampler, args, out),
+        None => return false,
     }
     true
 }
 
 /// A store of texels.
-trait Store: Copy {
+pub(super) trait Store: Copy {
     /// Whether texels are codes of 8 bits: none is -0 or NaN.
     const CODES: bool = false;
 
@@ -65,19 +65,41 @@ trait Store: Copy {
 
 /// The words of columns of four 8-bit channels.
 #[derive(Clone, Copy)]
-struct Unorm<'a>(&'a [u32]);
+pub(super) struct Unorm<'a>(&'a [u32]);
 
 /// Four 8-bit channels, three of them sRGB.
 #[derive(Clone, Copy)]
-struct Srgb<'a>(&'a [u32], &'a [f32; 256]);
+pub(super) struct Srgb<'a>(&'a [u32], &'a [f32; 256]);
 
 /// One number.
 #[derive(Clone, Copy)]
-struct Single<'a>(&'a [f32]);
+pub(super) struct Single<'a>(&'a [f32]);
 
 /// Four numbers.
 #[derive(Clone, Copy)]
-struct Float<'a>(&'a [[f32; 4]]);
+pub(super) struct Float<'a>(&'a [[f32; 4]]);
+
+/// The store of a view.
+pub(super) enum Stores<'a> {
+    Unorm(Unorm<'a>),
+    Srgb(Srgb<'a>),
+    Single(Single<'a>),
+    Float(Float<'a>),
+}
+
+impl<'a> Stores<'a> {
+    /// That of a view; none of integers, which are not filtered.
+    #[inline(always)]
+    pub(super) fn of(view: &'a View) -> Option<Stores<'a>> {
+        Some(match &view.texels {
+            Texels::Unorm8(columns) => Stores::Unorm(Unorm(columns.as_flattened())),
+            Texels::Srgb8 { codes, .. } => Stores::Srgb(Srgb(codes, srgb_table())),
+            Texels::F32(texels) => Stores::Single(Single(texels)),
+            Texels::F32x4(texels) => Stores::Float(Float(texels)),
+            Texels::U32x4(_) => return None,
+        })
+    }
+}
 
 impl Store for Unorm<'_> {
     const CODES: bool = true;
@@ -328,7 +350,7 @@ fn mark_outside(sampler: &Sampler, x: &[i32; LANES], y: &[i32; LANES], places: &
 }
 
 #[inline(always)]
-fn bordered(sampler: &Sampler) -> bool {
+pub(super) fn bordered(sampler: &Sampler) -> bool {
     sampler.address[..2].contains(&AddressMode::ClampToBorder)
 }
 

@@ -474,6 +474,50 @@ proptest! {
     }
 
     #[test]
+    fn averages_over_all_lanes_have_the_bits_of_the_general_filter(
+        address in proptest::array::uniform2(proptest::sample::select(AddressMode::ALL.to_vec())),
+        size in [1_u32..90, 1_u32..90],
+        format in 0_usize..4,
+        lod in 0_usize..3,
+        anisotropy in 2_u16..=16,
+        odd in proptest::collection::vec(any::<u32>(), LANES),
+        coords in proptest::collection::vec(-3.0_f32..3.0, 4 * LANES),
+        scale in -8.0_f32..0.0,
+        all_levels in any::<bool>(),
+        layer in 0_u32..4,
+        mask in any::<u64>(),
+    ) {
+        let format = [Format::Rgba8Unorm, Format::Bgra8UnormSrgb, Format::R32Float, Format::Rgba16Float][format];
+        let levels = if all_levels { 32 - size[0].max(size[1]).leading_zeros() } else { 1 };
+        let dimension = if layer == 0 { ViewDimension::D2 } else { ViewDimension::D2Array };
+        let view = view_of(&image([size[0], size[1], layer.max(1)], levels, format), dimension);
+        let address = [address[0], address[1], AddressMode::Repeat];
+        let sampler = Sampler::new(&SamplerDesc { address, anisotropy, ..linear() });
+        // Footprints of all sizes; every seventh lane has any bits.
+        let lanes: [Lanes; 4] = std::array::from_fn(|c| {
+            let place = |i: usize| (coords[4 * i + c] * scale.exp2()).to_bits();
+            Lanes(std::array::from_fn(|i| if i % 7 == c { odd[i] } else { place(i) }))
+        });
+        let [u, v, level, w] = &lanes;
+        let lod = [Lod::Auto, Lod::Bias(level), Lod::Gradient { dx: [u, v, v], dy: [v, w, u] }][lod];
+        let layers = Lanes(std::array::from_fn(|i| (i as u32 / 5) % layer.max(1)));
+        let mut args = operands([u, v, v], lod);
+        args.layer = (layer > 0).then_some(&layers);
+        let (mut averages, mut exact) = ([Lanes::ZERO; 4], [Lanes::ZERO; 4]);
+        let borders = address[..2].contains(&AddressMode::ClampToBorder);
+        let done = averaged::sample(&view, &sampler, &args, mask, &mut averages);
+        prop_assert_eq!(done, !borders && mask.count_ones() >= 6);
+        general::sample(&view, &sampler, &args, mask, &mut exact);
+        for c in 0..4 {
+            for i in (0..LANES).filter(|i| done && mask >> i & 1 == 1) {
+                let (a, b) = (averages[c].0[i], exact[c].0[i]);
+                let both_nan = f32::from_bits(a).is_nan() && f32::from_bits(b).is_nan();
+                prop_assert!(a == b || both_nan, "channel {c} lane {i}: {a:#x} {b:#x}");
+            }
+        }
+    }
+
+    #[test]
     fn fast_comparison_agrees_with_the_general_one(
         address in [addresses(), addresses()],
         size in [1_u32..40, 1_u32..40],
