@@ -191,8 +191,8 @@ fn attribute(location: u32) -> VertexAttribute {
 
 fn record(workload: &Workload, frames: u32) -> Recorder {
     let mut card = Recorder::new(workload.name);
-    let vertices = card.create_buffer_init("vertices", &workload.mesh.vertex_bytes());
-    let indices = card.create_buffer_init("indices", &workload.mesh.index_bytes());
+    let vertices = card.create_buffer_init("vertices", workload.mesh.vertex_bytes());
+    let indices = card.create_buffer_init("indices", workload.mesh.index_bytes());
     let camera = card.create_buffer_init("camera", bytemuck::cast_slice(&workload.camera));
 
     let mut kinds = vec![(0, record::UNIFORM)];

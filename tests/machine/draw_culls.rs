@@ -174,10 +174,10 @@ fn moving(comes: Comes) -> Trace {
     } else {
         corners(4.0)
     };
-    let vertices = card.create_buffer_init("vertices", &[away, corners(0.0)].concat());
-    let others = card.create_buffer_init("others", &corners(0.0));
+    let vertices = card.create_buffer_init("vertices", [away, corners(0.0)].concat());
+    let others = card.create_buffer_init("others", corners(0.0));
     let index = |first: u16| (first..first + 3).chain([0]).flat_map(u16::to_le_bytes).collect::<Vec<u8>>();
-    let indices = card.create_buffer_init("indices", &index(0));
+    let indices = card.create_buffer_init("indices", index(0));
     let shader = card.create_shader("moving", SHADER);
     let mut desc = record::render_pipeline(shader, Format::Rgba8Unorm);
     desc.buffers = vec![record::vertex_buffer(&[(0, VertexFormat::Float32x4)])];
@@ -193,7 +193,7 @@ fn moving(comes: Comes) -> Trace {
         if frame == 1 {
             match comes {
                 Comes::Never => {}
-                Comes::Written => card.write_buffer(vertices, 0, "again", &corners(0.0)),
+                Comes::Written => card.write_buffer(vertices, 0, "again", corners(0.0)),
                 Comes::Copied => card.copy_buffer_to_buffer((others, 0), (vertices, 0), 48),
                 Comes::Cleared => card.push(Command::ClearBuffer { buffer: vertices, offset: 0, size: Some(4) }),
                 Comes::Computed => {
@@ -202,7 +202,7 @@ fn moving(comes: Comes) -> Trace {
                     pass.set_bind_group(0, group);
                     pass.dispatch(3, 1, 1);
                 }
-                Comes::ByIndex => card.write_buffer(indices, 0, "others", &index(3)),
+                Comes::ByIndex => card.write_buffer(indices, 0, "others", index(3)),
             }
         }
         let mut pass = card.begin_render_pass([record::clear(view, [0.0; 4])], None);

@@ -75,8 +75,8 @@ fn record(other: Other, samples: u32) -> Recorder {
         let at = [[-1.0, 1.0], [-1.0, 1.0 - size], [-1.0 + size, 1.0]];
         bytes(&at.iter().flat_map(|&[x, y]| [x, y, tint, tint, tint, 1.0]).collect::<Vec<f32>>())
     };
-    let vertices = card.create_buffer_init("corner", &corner(0.5, 0.5));
-    let uniform = card.create_buffer_init("color", &bytes(&[0.2, 0.4, 0.6, 1.0]));
+    let vertices = card.create_buffer_init("corner", corner(0.5, 0.5));
+    let uniform = card.create_buffer_init("color", bytes(&[0.2, 0.4, 0.6, 1.0]));
     let sum = card.create_buffer("sum", 16);
     let image = card.create_texture("image", record::texture_2d(4, 4, Format::Rgba8Unorm));
     let texels: Vec<u8> = (0..64).map(|i| i * 3).collect();
@@ -122,10 +122,10 @@ fn record(other: Other, samples: u32) -> Recorder {
         let now = |what: Other| frame == 1 && other == what;
         if now(Vertices) || now(Varyings) {
             let (size, tint) = if other == Vertices { (0.4, 0.5) } else { (0.5, 0.25) };
-            card.write_buffer(vertices, 0, "corner-1", &corner(size, tint));
+            card.write_buffer(vertices, 0, "corner-1", corner(size, tint));
         }
         if now(Uniform) {
-            card.write_buffer(uniform, 0, "color-1", &bytes(&[0.2, 0.4, 0.7, 1.0]));
+            card.write_buffer(uniform, 0, "color-1", bytes(&[0.2, 0.4, 0.7, 1.0]));
         }
         if now(Texture) {
             card.write_level(image, 0, "image-1", &texels.iter().rev().copied().collect::<Vec<u8>>());

@@ -55,8 +55,8 @@ fn record(extra: Extra) -> Recorder {
     // A grid of triangles, and 32 bytes a vertex beside their positions.
     let at = |i: u32| [i % 17, i / 17].map(|i| i as f32 / 8.0 - 1.0);
     let indices: Vec<u16> = (0..16 * 16).flat_map(|i| [0, 1, 17].map(|k| (i / 16 * 17 + i % 16 + k) as u16)).collect();
-    let vertices = card.create_buffer_init("positions", &bytes((0..17 * 17).flat_map(at).collect()));
-    let more = card.create_buffer_init("more", &bytes(vec![0.25; 17 * 17 * 8]));
+    let vertices = card.create_buffer_init("positions", bytes((0..17 * 17).flat_map(at).collect()));
+    let more = card.create_buffer_init("more", bytes(vec![0.25; 17 * 17 * 8]));
     let triangles = card.create_buffer_init("triangles", bytemuck::cast_slice(&indices));
     let target = card.create_texture("target", record::texture_2d(64, 64, Format::Rgba8Unorm));
     let view = card.create_view(target);

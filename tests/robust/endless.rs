@@ -112,8 +112,8 @@ fn what_buffers_say_at_run_time_is_looked_at() {
     let garbage = |words: &[u32]| words.iter().flat_map(|word| word.to_le_bytes()).collect::<Vec<u8>>();
     for indexed in [false, true] {
         let hostile = drawing(16, "return p;", |card, pipeline, view| {
-            let arguments = card.create_buffer_init("arguments", &garbage(&[u32::MAX; 40]));
-            let indices = card.create_buffer_init("indices", &garbage(&[0, 1, 2]));
+            let arguments = card.create_buffer_init("arguments", garbage(&[u32::MAX; 40]));
+            let indices = card.create_buffer_init("indices", garbage(&[0, 1, 2]));
             let mut pass = card.begin_render_pass([record::clear(view, [0.0; 4])], None);
             pass.set_pipeline(pipeline);
             pass.set_index_buffer(indices, gfx::state::IndexFormat::Uint32);
@@ -122,7 +122,7 @@ fn what_buffers_say_at_run_time_is_looked_at() {
         at_limit(&hostile.replay(&[]), "DrawIndirect", "work.vertices");
     }
     let hostile = computing("b[0] = 1u;", |card, pipeline, group| {
-        let arguments = card.create_buffer_init("arguments", &garbage(&[65_535; 3]));
+        let arguments = card.create_buffer_init("arguments", garbage(&[65_535; 3]));
         let mut pass = card.begin_compute_pass();
         pass.set_pipeline(pipeline);
         pass.set_bind_group(0, group);

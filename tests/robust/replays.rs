@@ -138,10 +138,10 @@ fn record() -> Recorder {
     let bytes = |words: &[u32]| -> Vec<u8> { words.iter().flat_map(|w| w.to_le_bytes()).collect() };
     let floats = |numbers: &[f32]| bytes(&numbers.iter().map(|x| x.to_bits()).collect::<Vec<_>>());
     let corners = [-0.9f32, -0.8, 0.0, 0.0, 0.9, -0.9, 1.0, 0.0, -0.8, 0.9, 0.0, 1.0, 0.9, 0.9, 1.0, 1.0];
-    let vertices = card.create_buffer_init("vertices", &floats(&corners));
-    let indices = card.create_buffer_init("indices", &bytes(&[0x0001_0000, 0x0002_0002, 0x0003_0001]));
+    let vertices = card.create_buffer_init("vertices", floats(&corners));
+    let indices = card.create_buffer_init("indices", bytes(&[0x0001_0000, 0x0002_0002, 0x0003_0001]));
     let uniforms: Vec<f32> = (0..128).map(|k| if k % 64 < 4 { 0.01 * k as f32 } else { 0.8 }).collect();
-    let uniforms = card.create_buffer_init("uniforms", &floats(&uniforms));
+    let uniforms = card.create_buffer_init("uniforms", floats(&uniforms));
     let texture = card.create_texture("texels", record::texture_mipped(8, 8, 4, Format::Rgba8Unorm));
     for level in 0..4u32 {
         let texels: Vec<u32> = (0..(64 >> (2 * level))).map(|k: u32| k.wrapping_mul(0x9e37_79b9) | 0xff00_0000).collect();

@@ -68,7 +68,7 @@ pub fn record() -> Recorder {
     // Places and sizes; the floor is the last, where it is.
     let crowd: Vec<[f64; 4]> = (0..GLOBES).map(globe_at).collect();
     let floor_place = [0.0, 0.0, 0.0, 1.0];
-    let places = card.create_buffer_init("places", &floats(crowd.iter().flatten().copied().chain(floor_place)));
+    let places = card.create_buffer_init("places", floats(crowd.iter().flatten().copied().chain(floor_place)));
 
     let entries = [(0, record::STORAGE_READ), (1, record::TEXTURE), (2, record::SAMPLER)];
     let layout = card.create_bind_group_layout(entries);

@@ -214,8 +214,8 @@ pub fn record() -> Recorder {
     let tile = mipped_texture(&mut card, "tiles", &[Image::paint(64, tiles)], true).1;
     let patch = mipped_texture(&mut card, "patches", &[Image::paint(64, patches)], true).1;
     let sampler = card.create_sampler(record::trilinear_repeat());
-    let posts = card.create_buffer_init("posts", &instances(POSTS, post));
-    let firs = card.create_buffer_init("firs", &instances(WOOD, fir));
+    let posts = card.create_buffer_init("posts", instances(POSTS, post));
+    let firs = card.create_buffer_init("firs", instances(WOOD, fir));
 
     let material_layout = card.create_bind_group_layout([(0, record::TEXTURE), (1, record::SAMPLER)]);
     let mut material =

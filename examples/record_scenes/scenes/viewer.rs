@@ -117,8 +117,8 @@ pub fn record() -> Recorder {
     };
     let (ball, wall) = (ball(), wall());
     let (ball_buffers, wall_buffers) = (buffers("ball", &ball), buffers("wall", &wall));
-    let places = card.create_buffer_init("places", &models());
-    let behind = card.create_buffer_init("behind", &floats([0.0, 2.0, -12.0, 9.0]));
+    let places = card.create_buffer_init("places", models());
+    let behind = card.create_buffer_init("behind", floats([0.0, 2.0, -12.0, 9.0]));
 
     let brass = mipped_texture(&mut card, "brass", &[Image::paint(64, brass)], true).1;
     let picture = mipped_texture(&mut card, "picture", &[Image::paint(32, picture)], true).1;

@@ -64,7 +64,7 @@ impl Lab {
     /// A buffer with these words.
     pub fn buffer(&mut self, words: &[u32]) -> BufferId {
         let id = self.words(words.len() as u64);
-        self.card.write_buffer(id, 0, "data", &bytes(words));
+        self.card.write_buffer(id, 0, "data", bytes(words));
         id
     }
 

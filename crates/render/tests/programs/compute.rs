@@ -107,7 +107,7 @@ fn append_and_dispatch_indirectly() {
     let mut lab = Lab::new();
     let (args, kept, result) = (lab.words(4), lab.words(N as u64), lab.words(N as u64));
     // The array's length is asked: exactly its bytes are bound.
-    let source = lab.card.create_buffer_init("input", &bytes(&input));
+    let source = lab.card.create_buffer_init("input", bytes(&input));
     let (keep, finish, work) = (lab.compute(keep), lab.compute(finish), lab.compute(work));
     lab.dispatch(keep, [N.div_ceil(64) as u32, 1, 1], [args, source, kept].map(record::whole));
     lab.dispatch(finish, [1, 1, 1], [record::whole(args)]);

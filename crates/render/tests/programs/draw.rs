@@ -624,7 +624,7 @@ fn clustered_lights_with_cascaded_shadows() {
             return vec4f(sum * (0.25 + 0.75 * lit), f32(c) + lit * 0.5);
         }";
     let mut lab = Lab::new();
-    let light_buffer = lab.card.create_buffer_init("lights", &bytes(&bits(&lights)));
+    let light_buffer = lab.card.create_buffer_init("lights", bytes(&bits(&lights)));
     let (clusters, list, used) = (lab.words(64), lab.words(512), lab.words(1));
     let assign = lab.compute(assign);
     lab.dispatch(assign, [1, 1, 1], [light_buffer, clusters, list, used].map(record::whole));

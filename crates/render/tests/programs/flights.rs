@@ -35,11 +35,11 @@ fn frames(count: usize, endless: Option<usize>) -> Trace {
     let uniforms = card.create_buffer("uniforms", 16);
     let layout = card.get_bind_group_layout(AnyPipeline::Render(pipeline), 0);
     let group = card.create_bind_group(layout, [(0, record::whole(uniforms))]);
-    let vertices = card.create_buffer_init("vertices", &bytes(&bits(&[-0.2, -0.2, 0.2, -0.1, 0.0, 0.3])));
+    let vertices = card.create_buffer_init("vertices", bytes(&bits(&[-0.2, -0.2, 0.2, -0.1, 0.0, 0.3])));
     for frame in 0..count {
         for attachment in [record::clear(view, [0.1, 0.2, 0.3, 1.0]), record::load(view)] {
             let blue = if endless == Some(frame) { -1.0 } else { next() };
-            card.write_buffer(uniforms, 0, "uniforms", &bytes(&bits(&[1.0 + next(), next() - 0.5, next() - 0.5, blue])));
+            card.write_buffer(uniforms, 0, "uniforms", bytes(&bits(&[1.0 + next(), next() - 0.5, next() - 0.5, blue])));
             let mut pass = card.begin_render_pass([attachment], None);
             pass.set_pipeline(pipeline);
             pass.set_bind_group(0, group);
@@ -153,12 +153,12 @@ fn long(draws: u32, endless: Option<u32>) -> Trace {
     let pipeline = card.create_render_pipeline("", desc);
     let layout = card.get_bind_group_layout(AnyPipeline::Render(pipeline), 0);
     let mut group = |blue: f32| {
-        let buffer = card.create_buffer_init("u", &bytes(&bits(&[0.5 + next(), next() - 0.5, next() - 0.5, blue])));
+        let buffer = card.create_buffer_init("u", bytes(&bits(&[0.5 + next(), next() - 0.5, next() - 0.5, blue])));
         card.create_bind_group(layout, [(0, record::whole(buffer))])
     };
     let groups: Vec<_> = (0..7).map(|i| group(i as f32 / 7.0)).collect();
     let without_end = group(-1.0);
-    let vertices = card.create_buffer_init("vertices", &bytes(&bits(&[-0.2, -0.2, 0.2, -0.1, 0.0, 0.3])));
+    let vertices = card.create_buffer_init("vertices", bytes(&bits(&[-0.2, -0.2, 0.2, -0.1, 0.0, 0.3])));
     let mut pass = card.begin_render_pass([record::clear(view, [0.1, 0.2, 0.3, 1.0])], None);
     pass.set_pipeline(pipeline);
     pass.set_vertex_buffer(0, vertices);
@@ -209,10 +209,10 @@ fn depths(count: usize) -> Trace {
     let [idle, writes, tested] =
         [(false, Compare::Always), (true, Compare::Less), (false, Compare::Less)].map(|(w, c)| pipeline(w, c));
     let uniforms = card.create_buffer("uniforms", 16);
-    let vertices = card.create_buffer_init("vertices", &bytes(&bits(&[-0.2, -0.2, 0.2, -0.1, 0.0, 0.3])));
+    let vertices = card.create_buffer_init("vertices", bytes(&bits(&[-0.2, -0.2, 0.2, -0.1, 0.0, 0.3])));
     for frame in 0..count {
         let aside = if frame == 9 { 0.1 } else { 0.0 };
-        card.write_buffer(uniforms, 0, "uniforms", &bytes(&bits(&[2.0, aside, 0.0, next()])));
+        card.write_buffer(uniforms, 0, "uniforms", bytes(&bits(&[2.0, aside, 0.0, next()])));
         let first = frame == 0;
         let depth = DepthAttachment {
             view: depth_view,

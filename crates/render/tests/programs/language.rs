@@ -99,7 +99,7 @@ fn runtime_sized_arrays() {
         words[64 + 4 + 4 * i + 1] = (10.0 * i as f32).to_bits();
         words[64 + 4 + 4 * i + 3] = 100 + i as u32;
     }
-    let list = lab.card.create_buffer_init("list", &bytes(&words));
+    let list = lab.card.create_buffer_init("list", bytes(&words));
     let plain = lab.card.create_buffer("plain", 16 * 5 + 12);
     let pipeline = lab.compute(&source);
     lab.dispatch(
@@ -521,7 +521,7 @@ fn half_precision_numbers() {
     halves[18] = half(333.0);
     let words: Vec<u32> = halves.chunks(2).map(|h| u32::from(h[0]) | u32::from(h[1]) << 16).collect();
     let mut lab = Lab::new();
-    let (result, data) = (lab.words(64), lab.card.create_buffer_init("data", &bytes(&words[..12])));
+    let (result, data) = (lab.words(64), lab.card.create_buffer_init("data", bytes(&words[..12])));
     let pipeline = lab.compute(source);
     lab.dispatch(pipeline, [1, 1, 1], [record::whole(result), record::whole(data)]);
     let copy = lab.words(64);
