@@ -47,7 +47,9 @@ enum Half {
 
 /// Memory of draws whose geometry is computed ahead.
 pub struct Ahead {
-    /// Of the thread that computes geometry alone: two threads that use the same would wait for each other when work is counted.
+    /// Of the thread that computes geometry alone. Two threads that use the same would wait for each other when work is counted. The thread of
+    /// the fragments may wait for a draw of this one, which must come to its end: it shares no work, since while it waited for its share
+    /// it could take up a row that waits, by others, for the first.
     workers: Workers,
     slots: Vec<Mutex<Slot>>,
 }
@@ -55,7 +57,7 @@ pub struct Ahead {
 impl Ahead {
     /// Memory for the current pool; slots come with the first draws.
     pub fn new() -> Ahead {
-        Ahead { workers: Workers::new(), slots: Vec::new() }
+        Ahead { workers: Workers::alone(), slots: Vec::new() }
     }
 }
 

@@ -147,12 +147,23 @@ pub struct Worker {
 /// Scratch memory, one a thread of the pool.
 pub struct Workers {
     workers: Vec<Mutex<Worker>>,
+    alone: bool,
 }
 
 impl Workers {
     /// Scratch for every thread of the current pool, and for one that is not of it.
     pub fn new() -> Workers {
-        Workers { workers: (0..=rayon::current_num_threads()).map(|_| Mutex::default()).collect() }
+        Workers { workers: (0..=rayon::current_num_threads()).map(|_| Mutex::default()).collect(), alone: false }
+    }
+
+    /// The same for stages that must not share their work: a thread that waits for its share takes up any other task meanwhile.
+    pub fn alone() -> Workers {
+        Workers { alone: true, ..Workers::new() }
+    }
+
+    /// Whether stages may share their work with other threads.
+    pub fn share(&self) -> bool {
+        !self.alone
     }
 
     /// Whether there is one for every thread of the current pool.

@@ -205,7 +205,11 @@ fn geometry(
         mark_small: late_setup && batch::mark_small(frame),
         areas: call.areas || call.need == Need::Survey,
     };
-    each(&mut batches[..n], |batch| workers.with(|worker| batch.run(&input, worker)));
+    let run = |batch: &mut Batch| workers.with(|worker| batch.run(&input, worker));
+    match workers.share() {
+        true => each(&mut batches[..n], run),
+        false => batches[..n].iter_mut().for_each(run),
+    }
     batches.truncate(n.max(64));
     let entries = stream.entries.len() as u64 - pieces.iter().map(|p| u64::from(p.repeated)).sum::<u64>();
     stages.batches_used = n;

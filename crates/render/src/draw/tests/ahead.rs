@@ -32,6 +32,21 @@ fn halves_of_draws_are_whole_draws() {
     }
 }
 
+/// Draws of several tasks of vertices and batches of primitives, in more rows at a time than there are threads.
+#[test]
+fn rows_beside_each_other_come_to_their_ends() {
+    let scene = cut(&Scene::new(soup(4_000, 8, true)), 3900);
+    let alone = scene.draw_as(How { threads: 1, ..USUAL });
+    let pipeline = scene.pipeline().expect("a pipeline");
+    let pool = rayon::ThreadPoolBuilder::new().num_threads(8).build().expect("threads");
+    let rows = pool.install(|| {
+        crate::parallel::map(0..40, 1..=1, |_, _| scene.draw_with(&pipeline, How { ahead: true, ..USUAL })).collect::<Vec<_>>()
+    });
+    for row in rows {
+        same("rows", "beside each other", &alone, &row.expect("drawn"));
+    }
+}
+
 #[test]
 fn what_is_too_much_is_refused() {
     let mut scene = cut(&Scene::new(soup(600, 1, true)), 6);
