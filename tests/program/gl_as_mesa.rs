@@ -181,6 +181,8 @@ fn ends_of_wide_lines_follow_the_diamonds_of_pixels() {
     // Beyond the middle of a pixel a line is still in its diamond: it leaves that of its first pixel, and not that of its last.
     assert_eq!([columns(3.7, 6.7), columns(6.7, 3.7)], [vec![3, 4, 5], vec![4, 5, 6]]);
     assert_eq!([columns(3.2, 6.2), columns(6.2, 3.2)], [vec![3, 4, 5], vec![4, 5, 6]]);
+    // From middle to middle: the first pixel is drawn, the last is not.
+    assert_eq!([columns(3.5, 6.5), columns(6.5, 3.5)], [vec![3, 4, 5], vec![4, 5, 6]]);
 }
 
 #[test]

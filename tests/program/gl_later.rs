@@ -334,7 +334,8 @@ fn wide_lines_of_a_program_are_those_of_the_fixed_functions() {
     let own = "varying vec4 v; void main() { gl_Position = gl_ModelViewProjectionMatrix * gl_Vertex; v = gl_Color; }";
     let (plain, from_own) = ("void main() { gl_FragColor = gl_Color; }", "varying vec4 v; void main() { gl_FragColor = v; }");
     let smooth = "glEnable(GL_LINE_SMOOTH)\nglEnable(GL_BLEND)\nglBlendFunc(GL_SRC_ALPHA,GL_ONE_MINUS_SRC_ALPHA)\n";
-    for state in ["", matrix, smooth, &format!("{matrix}{smooth}"), "glShadeModel(GL_FLAT)\n"] {
+    let part = "glViewport(4,4,9,9)\n";
+    for state in ["", matrix, smooth, &format!("{matrix}{smooth}"), "glShadeModel(GL_FLAT)\n", part] {
         let fixed = shown(&format!("{state}{line}"), &[]);
         assert!(fixed.lit().len() > 20 && fixed.lit().len() < 100, "{state}: {}", fixed.lit().len());
         for (vertex, fragment) in [(builtin, plain), (own, from_own)] {

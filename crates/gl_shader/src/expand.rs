@@ -25,9 +25,8 @@ pub(crate) fn line_of_program(key: &ShaderKey, varyings: &[(String, bool)], out:
     }
     line!(out, "    var o = line_end(v);\n    let far = line_end(at_far);");
     line!(out, "    let ends = array(o.position, far.position);\n    var cut = vec2f(0, 1);");
-    // Smooth lines end softly where they leave the window, as in Mesa: they are cut at all its planes.
-    let planes = ["e.z", "e.w - e.z", "e.w + e.x", "e.w - e.x", "e.w + e.y", "e.w - e.y"];
-    for plane in &planes[..if key.expand == Expand::SmoothLine { 6 } else { 1 }] {
+    // A line ends where its middle leaves the view volume.
+    for plane in ["e.z", "e.w - e.z", "e.w + e.x", "e.w - e.x", "e.w + e.y", "e.w - e.y"] {
         let [a, b] = ["ends[0]", "ends[1]"].map(|end| plane.replace("e.", &format!("{end}.")));
         line!(out, "    {{\n        let a = {a};\n        let b = {b};");
         line!(out, "        if a < 0.0 {{\n            cut.x = max(cut.x, select(2.0, a / (a - b), b >= 0.0));");
@@ -41,7 +40,8 @@ pub(crate) fn line_of_program(key: &ShaderKey, varyings: &[(String, bool)], out:
     line!(out, "    if !(cut.x < cut.y) {{\n        o.position = vec4f(0, 0, -1, 1);\n    }}\n    return o;\n}}");
 }
 
-/// Points and lines as triangles: `corner` is from -1 to 1.
+/// Points and lines as triangles: `corner` is from -1 to 1. They may reach out of the viewport: that of the draw is larger about the same
+/// middle, and `part` is the size of the program's in it.
 pub(crate) fn expand(key: &ShaderKey, out: &mut String) {
     match key.expand {
         Expand::No => {}
@@ -80,18 +80,12 @@ pub(crate) fn expand(key: &ShaderKey, out: &mut String) {
             line!(out, "    let way = -v.corner.y * (q.xy / q.w - p.xy / p.w) * u.screen.xy;");
             if key.expand == Expand::Line {
                 line!(out, "    let across = select(vec2f(1, 0), vec2f(0, 1), abs(way.x) >= abs(way.y));");
-                // A pixel belongs to a line that leaves its diamond (OpenGL 1.5, section 3.4.1): an end beyond the middle of a pixel, but
-                // within its diamond, is drawn back before the middle.
                 line!(out, "    let steep = abs(way.x) < abs(way.y);");
-                line!(out, "    let run = select(way, way.yx, steep);");
-                line!(out, "    let window = (p.xy / p.w + vec2f(1)) * u.screen.xy;");
-                line!(out, "    let at = select(window, window.yx, steep);");
-                line!(out, "    let slope = run.y / select(run.x, 1.0, run.x == 0.0);");
-                line!(out, "    let beyond = fract(at.x) - 0.5;");
-                line!(out, "    let aside = at.y - floor(at.y - beyond * slope) - 0.5;");
-                line!(out, "    let back = beyond * run.x > 0.0 && abs(beyond) + abs(aside) < 0.5;");
-                line!(out, "    let shift = select(0.0, -beyond - sign(run.x) / 64.0, back) * vec2f(1, slope);");
-                line!(out, "    let by = v.corner.x * 0.5 * u.screen.z * across + select(shift, shift.yx, steep);");
+                diamonds(out);
+                line!(
+                    out,
+                    "    let by = v.corner.x * 0.5 * u.screen.z * across + select(shift, shift.yx, steep) * vec2f(1, -1);"
+                );
                 line!(out, "    o.corner = vec4f();");
             } else {
                 line!(out, "    let along = way * inverseSqrt(max(dot(way, way), 1e-30));");
@@ -105,4 +99,36 @@ pub(crate) fn expand(key: &ShaderKey, out: &mut String) {
             line!(out, "    o.position = vec4f(p.xy + by / u.screen.xy * p.w, p.zw);");
         }
     }
+    if key.expand != Expand::No {
+        line!(out, "    o.position = vec4f(o.position.xy * u.part.xy, o.position.zw);");
+    }
+}
+
+/// Which columns of pixels (rows, of a steep line) a line draws at its ends: a pixel belongs to it if the line leaves the diamond about the
+/// pixel's middle (OpenGL 1.5, section 3.4.1). The card draws a column if its middle lies between the ends; where that is not the same, an end
+/// moves back along the line, just before the middle. As Mesa does, the test takes a line that does not come near the middle of the column to
+/// cross it at the mirrored height, and rows are counted downward.
+fn diamonds(out: &mut String) {
+    line!(out, "    let down = way * vec2f(1, -1);");
+    line!(out, "    let run = select(down, down.yx, steep);");
+    // On the card's grid: what rounding adds to an end in the middle of a pixel would decide otherwise.
+    line!(out, "    let window = round((p.xy / p.w + vec2f(1)) * u.screen.xy * 256.0) / 256.0 * vec2f(1, -1);");
+    line!(out, "    let at = select(window, window.yx, steep);");
+    line!(out, "    let slope = run.y / select(run.x, 1.0, run.x == 0.0);");
+    line!(out, "    let begins = v.corner.y < 0.0;");
+    line!(out, "    var off = fract(at) - vec2f(0.5);");
+    line!(out, "    if !begins && off.y == -0.5 && run.y > 0.0 {{\n        off.y = 0.5;\n    }}");
+    line!(out, "    let inside = abs(off.x) + abs(off.y) < 0.5;");
+    line!(out, "    let turn = select(1.0, -1.0, steep);");
+    line!(out, "    let beyond = (turn * off.x >= 0.0) == (turn * run.x >= 0.0);");
+    line!(out, "    let apart = (-turn * off.y >= 0.0) == (-turn * run.y >= 0.0);");
+    line!(out, "    let height = fract(at.y) + off.x * slope;");
+    line!(out, "    let crosses = (height > 0.0 || steep && !begins && height == 0.0) && height < 1.0;");
+    line!(out, "    let begun = inside || !beyond && (!apart || crosses);");
+    line!(out, "    let ended = !inside && beyond && (apart || crosses);");
+    // A middle at the very end is drawn at a left end, and at an upper or lower one by the rule of the target.
+    line!(out, "    let before = select(off.x <= 0.0, off.x < 0.0, steep && u.screen.w != 0.0);");
+    line!(out, "    let covered = ((run.x > 0.0) == before) == begins;");
+    line!(out, "    let back = select(covered && !ended, begun && !covered, begins);");
+    line!(out, "    let shift = select(0.0, -off.x - sign(run.x) / 64.0, back) * vec2f(1, slope);");
 }

@@ -78,8 +78,8 @@ impl Gl {
         Ok((key, bound))
     }
 
-    /// The key of a draw whose units have these keys.
-    pub(super) fn key(&self, batch: &Batch, summary: &Summary, mut units: Vec<UnitKey>) -> Outcome<ShaderKey> {
+    /// The key of a draw whose units have these keys, into a target of this size.
+    pub(super) fn key(&self, batch: &Batch, summary: &Summary, mut units: Vec<UnitKey>, size: [u32; 2]) -> Outcome<ShaderKey> {
         let state = &self.state;
         for unit in units.iter_mut().filter(|unit| !unit.projective && !unit.sprite) {
             unit.projective = summary.projective(unit.unit);
@@ -110,11 +110,12 @@ impl Gl {
         let normalize = if state.is(e::NORMALIZE) { 1 } else { 2 * u8::from(state.is(e::RESCALE_NORMAL)) };
         let attenuated_point = batch.class == Class::Points && state.point_attenuation != [1.0, 0.0, 0.0];
         let sprite = units.iter().any(|unit| unit.sprite);
+        let apart = batch.class != Class::Triangles && self.reaches_out_of(size);
         let expand = match batch.class {
             Class::Points if state.is(e::POINT_SMOOTH) && !state.is(e::POINT_SPRITE) => Expand::SmoothPoint,
-            Class::Points if state.point_size > 1.0 || attenuated_point || sprite => Expand::Point,
+            Class::Points if state.point_size > 1.0 || attenuated_point || sprite || apart => Expand::Point,
             Class::Lines if state.is(e::LINE_SMOOTH) => Expand::SmoothLine,
-            Class::Lines if state.line_width >= 1.5 => Expand::Line,
+            Class::Lines if state.line_width >= 1.5 || apart => Expand::Line,
             _ => Expand::No,
         };
         Ok(ShaderKey {

@@ -102,7 +102,7 @@ impl Gl {
         Ok(image)
     }
 
-    fn target_of(&mut self, name: u32) -> Outcome<Target> {
+    pub(super) fn target_of(&mut self, name: u32) -> Outcome<Target> {
         let object = self.framebuffers.get(name).cloned().ok_or(INCOMPLETE)?;
         let mut images = [None; COLORS_MAX];
         for (image, &buffer) in images.iter_mut().zip(&object.draw) {

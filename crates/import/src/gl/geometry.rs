@@ -173,15 +173,14 @@ impl Gl {
     }
 
     /// Whether a primitive can be drawn from the card's memory: none of its vertices depends on the state.
-    fn stays(&self, geometry: &Geometry) -> bool {
-        let state = &self.state;
+    fn stays(&mut self, geometry: &Geometry) -> bool {
         !self.survey
             && !self.keep_draws
             && self.card.kept_bytes < KEPT_MAX
-            && !state.is(e::COLOR_LOGIC_OP)
+            && !self.state.is(e::COLOR_LOGIC_OP)
             && match geometry.class() {
                 Class::Points => true,
-                Class::Lines => state.line_width < 1.5 && !state.is(e::LINE_SMOOTH) && !self.line_stippled(),
+                Class::Lines => !self.widens_lines() && !self.line_stippled(),
                 Class::Triangles => self.fills() && !self.sides_differ(&Batch { class: Class::Triangles, ..Batch::default() }),
             }
     }

@@ -57,6 +57,7 @@ mod pixels;
 mod prepare;
 mod primitive;
 mod raster;
+mod reach;
 mod reader;
 mod rectangles;
 mod resident;

@@ -147,13 +147,7 @@ impl Gl {
         if enabled == without {
             return self.add(class, Some(back), vertices, indices);
         }
-        self.flush()?;
-        self.prepared = None;
-        self.state.enabled = without;
-        let outcome = self.add(class, Some(false), vertices, indices).and_then(|()| self.flush());
-        self.state.enabled = enabled;
-        self.prepared = None;
-        outcome
+        self.with_enabled(without, |gl| gl.add(class, Some(false), vertices, indices))
     }
 
     /// The enabled capabilities for vertices that have been lit.

@@ -8,7 +8,7 @@ use super::key::{Expand, ShaderKey};
 use super::matrix;
 use super::primitive::{Class, Sent};
 use super::state::{UNITS, Vertex};
-use super::stipple::{VIEW_VOLUME, between, visible};
+use super::stipple::{between, visible};
 use super::summary::Summary;
 use gl_shader::expand::far_locations;
 use gl_shader::wgsl::{self, location};
@@ -168,8 +168,7 @@ impl Packing {
         }
     }
 
-    /// Points and lines as two triangles each. Lines are clipped to the near plane, since their ends are projected in the shader.
-    /// Smooth lines are clipped to the view volume, as Mesa does: their ends are soft where they leave the window.
+    /// Points and lines as two triangles each. Lines are clipped to the view volume: they end where their middle leaves it.
     fn expand(&self, of: Drawn<'_>, clip: &Mat4, flat: bool, bytes: &mut Vec<u8>, indices: &mut Vec<u32>) {
         let smooth = self.expand == Expand::SmoothLine;
         let mut count = 0;
@@ -195,7 +194,7 @@ impl Packing {
         for line in of.indices.chunks_exact(2) {
             let mut ends = [0, 1].map(|k| of.vertices[line[k] as usize].clone());
             // Where a program computes positions, the shader cuts.
-            if self.both_ends || cut(&mut ends, clip, flat, smooth) {
+            if self.both_ends || cut(&mut ends, clip, flat) {
                 let [a, b] = &ends;
                 // The first two corners are at the first end.
                 quad(bytes, [(a, Some(b)), (a, Some(b)), (b, Some(a)), (b, Some(a))]);
@@ -213,14 +212,14 @@ pub struct Drawn<'a> {
     pub indices: &'a [u32],
 }
 
-/// Clips a line to the near plane, or to the whole view volume; returns whether anything is left.
-fn cut(ends: &mut [Vertex], clip: &Mat4, flat: bool, whole: bool) -> bool {
+/// Clips a line to the view volume; returns whether anything is left.
+fn cut(ends: &mut [Vertex], clip: &Mat4, flat: bool) -> bool {
     if flat {
         ends[0].color = ends[1].color;
         ends[0].normal = ends[1].normal;
     }
     let [a, b] = [0, 1].map(|k| matrix::transform(clip, ends[k].position));
-    let Some([from, to]) = visible(a, b, if whole { &VIEW_VOLUME } else { &VIEW_VOLUME[..1] }) else { return false };
+    let Some([from, to]) = visible(a, b) else { return false };
     let both = [ends[0].clone(), ends[1].clone()];
     (ends[0], ends[1]) = (between(&both, from), between(&both, to));
     true

@@ -174,6 +174,7 @@ fn source<'a>(
         borders,
         height: target.size[1],
         upward: target.upward,
+        wider: super::reach::wider(gl.state.viewport, target.size),
         pixels: gl.pixels.map_or([[0.0; 4]; 4], |pixels| pixels.uniforms),
         vertex,
         fragment,
@@ -210,7 +211,7 @@ impl Gl {
             return Err(Fault::Unsupported("pixel rectangles with programs".into()));
         }
         let Units { keys, mut bound, biases, borders, white } = self.units(&target, batch.class, [&vertex, &fragment])?;
-        let mut key = self.key(batch, summary, keys)?;
+        let mut key = self.key(batch, summary, keys, target.size)?;
         if let Some(lighting) = &mut key.lighting {
             self.given.limit(lighting, constant, summary);
         }
@@ -390,22 +391,6 @@ impl Gl {
         self.texts.push((label, text));
         self.shaders.insert(key.clone(), shader);
         shader
-    }
-
-    fn viewport(&self, target: &Target, key: &ShaderKey, class: Class) -> Viewport {
-        let height = target.size[1] as f32;
-        let [mut x, y, w, h] = self.state.viewport.map(|value| value as f32);
-        let [min_depth, max_depth] = self.state.depth_range;
-        let mut y = if target.upward { y } else { height - y - h };
-        // A point without smoothing has the pixels around floor(x) + 1/2, or floor(x + 1/2) where its size is even (OpenGL 1.5, section 3.3):
-        // the rule of the card's edges leaves out the right one of two columns at the same distance. One step of its grid decides. Rows
-        // are counted from below.
-        if class == Class::Points && key.expand != Expand::SmoothPoint && !self.state.is(e::POINT_SPRITE) {
-            const STEP: f32 = 1.0 / SUBPIXEL as f32;
-            x += STEP;
-            y += if target.upward { STEP } else { 0.0 };
-        }
-        Viewport { x, y, width: w, height: h, min_depth, max_depth }
     }
 
     /// Whether these are lines that become triangles, are clipped to the near plane, and are fogged by distance. For triangles, the card's

@@ -3,10 +3,13 @@
 use gfx::state::Topology;
 use glam::{Mat4, Vec4};
 
+use super::arb::Stage;
 use super::call::Outcome;
 use super::consts as e;
 use super::machine::Gl;
+use super::matrix;
 use super::state::Vertex;
+use super::stipple::VIEW_VOLUME;
 use super::uniforms::to_clip;
 
 /// A batch is drawn when it has this number of vertices.
@@ -121,7 +124,41 @@ impl Gl {
         if class == Class::Lines && self.line_stippled() {
             return self.dashed(polygon, vertices, indices);
         }
+        if class == Class::Lines
+            && self.state.is(e::LIGHTING)
+            && self.widens_lines()
+            && self.active_program(Stage::Vertex)?.is_none()
+        {
+            let clip = to_clip(&self.projection.top, &self.modelview.top);
+            let outside = |vertex: &Vertex| {
+                let position = matrix::transform(&clip, vertex.position);
+                VIEW_VOLUME.iter().any(|plane| !(plane(position) >= 0.0))
+            };
+            if vertices.iter().any(outside) {
+                // They are clipped before the card lights them, and what lies between ends has a colour between theirs.
+                let mut vertices = vertices.to_vec();
+                self.light(&mut vertices, polygon == Some(true));
+                return self.append_lit(class, polygon, &vertices, indices);
+            }
+        }
         self.append(class, polygon, vertices, indices)
+    }
+
+    /// Appends primitives whose vertices have been lit, as draws of their own.
+    pub(super) fn append_lit(&mut self, class: Class, polygon: Option<bool>, vertices: &[Vertex], indices: &[u32]) -> Outcome {
+        let enabled = self.without_lighting();
+        self.with_enabled(enabled, |gl| gl.append(class, polygon, vertices, indices))
+    }
+
+    /// Draws with other enabled capabilities than the program's.
+    pub(super) fn with_enabled(&mut self, enabled: u64, draw: impl FnOnce(&mut Gl) -> Outcome) -> Outcome {
+        self.flush()?;
+        self.prepared = None;
+        let own = std::mem::replace(&mut self.state.enabled, enabled);
+        let outcome = draw(self).and_then(|()| self.flush());
+        self.state.enabled = own;
+        self.prepared = None;
+        outcome
     }
 
     pub(super) fn append(&mut self, class: Class, polygon: Option<bool>, vertices: &[Vertex], indices: &[u32]) -> Outcome {

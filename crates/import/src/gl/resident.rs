@@ -250,13 +250,13 @@ impl Gl {
     }
 
     /// A draw from the card's memory, if none of its vertices depends on the state and the card can read all.
-    fn resident(&self, mode: u32, ready: &[Ready], selection: &Selection) -> Outcome<Option<(Resident, Batch)>> {
+    fn resident(&mut self, mode: u32, ready: &[Ready], selection: &Selection) -> Outcome<Option<(Resident, Batch)>> {
+        let Some((class, topology, count)) = self.native(mode, selection.numbers.len() as u32) else { return Ok(None) };
         let state = &self.state;
         let other = self.survey || self.compiling.is_some() || self.render_mode != e::RENDER || state.is(e::COLOR_LOGIC_OP);
         if other || ready.iter().any(|array| array.buffer.is_none()) {
             return Ok(None);
         }
-        let Some((class, topology, count)) = self.native(mode, selection.numbers.len() as u32) else { return Ok(None) };
         // As a triangle strip, a quadrilateral strip has each pair of vertices exchanged.
         let turned = mode == e::QUAD_STRIP && topology.is_some();
         let numbers = &selection.numbers[..count as usize];
@@ -339,15 +339,16 @@ impl Gl {
 
     /// How the card draws `n` vertices of a mode without a change to them: the type, the topology (none: a list of triangles with other
     /// indices), and the number of vertices.
-    fn native(&self, mode: u32, n: u32) -> Option<(Class, Option<Topology>, u32)> {
-        let state = &self.state;
+    fn native(&mut self, mode: u32, n: u32) -> Option<(Class, Option<Topology>, u32)> {
         let class = class_of(mode);
         let plain = match class {
             Class::Points => {
-                let one = state.point_size <= 1.0 && state.point_attenuation == [1.0, 0.0, 0.0];
+                let apart = self.reaches_out();
+                let state = &self.state;
+                let one = state.point_size <= 1.0 && state.point_attenuation == [1.0, 0.0, 0.0] && !apart;
                 one && !state.is(e::POINT_SMOOTH) && !state.is(e::POINT_SPRITE) && state.programs == 0 && !self.glsl.used()
             }
-            Class::Lines => state.line_width < 1.5 && !state.is(e::LINE_SMOOTH) && !self.line_stippled(),
+            Class::Lines => !self.widens_lines() && !self.line_stippled(),
             Class::Triangles => n >= 3 && self.fills() && !self.sides_differ(&Batch::default()),
         };
         if !plain {

@@ -36,14 +36,9 @@ impl Gl {
             return self.append(Class::Lines, polygon, &vertices, &indices);
         }
         // Lighting comes before the pattern.
-        self.flush()?;
         self.light(&mut vertices, polygon == Some(true));
         let (vertices, indices) = self.runs(&vertices, indices, polygon.is_some(), VERTICES_MAX)?;
-        let enabled = self.state.enabled;
-        self.state.enabled = self.without_lighting();
-        let outcome = self.append(Class::Lines, polygon, &vertices, &indices).and_then(|()| self.flush());
-        self.state.enabled = enabled;
-        outcome
+        self.append_lit(Class::Lines, polygon, &vertices, &indices)
     }
 
     /// The runs of lines, two vertices each. The pattern continues if a line begins at the vertex at which the previous one ended, and along
@@ -60,7 +55,7 @@ impl Gl {
             }
             last = Some(line[1]);
             let [a, b] = ends.each_ref().map(|vertex| matrix::transform(&clip, vertex.position));
-            let Some(part) = visible(a, b, &VIEW_VOLUME) else { continue };
+            let Some(part) = visible(a, b) else { continue };
             let [p, q]: [[f32; 4]; 2] = part.map(|t| std::array::from_fn(|k| a[k] + (b[k] - a[k]) * t));
             let window = |[x, y, _, w]: [f32; 4]| vec2(x, y) / w * 0.5 * vec2(width, height);
             let apart = (window(q) - window(p)).abs();
@@ -113,10 +108,10 @@ impl Gl {
 pub const VIEW_VOLUME: [fn([f32; 4]) -> f32; 6] =
     [|p| p[2], |p| p[3] - p[2], |p| p[3] + p[0], |p| p[3] - p[0], |p| p[3] + p[1], |p| p[3] - p[1]];
 
-/// The part of a line in clip space that lies inside these planes.
-pub fn visible(a: [f32; 4], b: [f32; 4], planes: &[fn([f32; 4]) -> f32]) -> Option<[f32; 2]> {
+/// The part of a line in clip space that lies inside the view volume.
+pub fn visible(a: [f32; 4], b: [f32; 4]) -> Option<[f32; 2]> {
     let (mut from, mut to) = (0.0_f32, 1.0_f32);
-    for distance in planes {
+    for distance in VIEW_VOLUME {
         let (da, db) = (distance(a), distance(b));
         match (da >= 0.0, db >= 0.0) {
             (true, true) => {}

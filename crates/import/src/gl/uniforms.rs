@@ -30,6 +30,8 @@ pub struct Source<'a> {
     pub height: u32,
     /// Whether the first row of the render target is the lowest.
     pub upward: bool,
+    /// How many times the program's viewport that of points and lines that become triangles is.
+    pub wider: [f32; 2],
     /// The uniforms of a drawn pixel rectangle ([`super::rectangles::Source`]).
     pub pixels: [[f32; 4]; 4],
     /// The vertex program.
@@ -194,7 +196,9 @@ fn visit(key: &ShaderKey, source: &Source, lit: Option<&[[f32; 4]]>, field: Visi
             super::key::Expand::Point if !key.attenuated_point && !state.is(e::POINT_SPRITE) => whole_point(size),
             _ => size,
         };
-        field("screen", None, &[[0.5 * width, 0.5 * height, size, 0.0]]);
+        field("screen", None, &[[0.5 * width, 0.5 * height, size, f32::from(u8::from(!source.upward))]]);
+        let [x, y] = source.wider;
+        field("part", None, &[[1.0 / x, 1.0 / y, 0.0, 0.0]]);
         if key.attenuated_point {
             field("point_attenuation", None, &[wide(state.point_attenuation, 0.0)]);
             field("point_limits", None, &[wide(state.point_limits, 0.0)]);
