@@ -305,7 +305,14 @@ fn each_sampler_of_an_array_has_a_unit_of_its_own() {
     for (k, (calls, _)) in cases.iter().enumerate() {
         frame(&mut recording, 4 * k + 1, PASS, &format!("{head} {body}"), calls);
     }
-    near(&recording, &cases);
+    // Parameters of functions: a sampler, an element of an array, an array.
+    let body = "vec4 of(sampler2D s, float k) { return k * texture2D(s, vec2(0.5)); }\n\
+        vec4 last(sampler2D s[3], sampler2D o) { return of(s[2], 1.0) + 0.0 * texture2D(o, vec2(0.5)); }\n\
+        void main() { gl_FragColor = of(t[0], 1.0) + of(t[1], 0.5) + last(t, other); }";
+    for (k, (calls, _)) in cases.iter().enumerate() {
+        frame(&mut recording, 4 * k + 21, PASS, &format!("{head} {body}"), calls);
+    }
+    near(&recording, &[cases, cases].concat());
     // A location in the declaration.
     let text = "#version 430\nlayout(location = 4) uniform sampler2D[2] t; out vec4 c;\n\
         void main() { c = texture(t[0], vec2(0.5)) + texture(t[1], vec2(0.5)); }";
@@ -356,8 +363,9 @@ fn what_is_not_supported_is_named_with_its_line() {
             "line 2: the array t of samplers, whose size is no number",
         ),
         (
-            "\nvec4 f(sampler2D s) { return vec4(0.0); }\nvoid main() {}",
-            "line 2: the parameter of type sampler2D of the function f",
+            "vec4 f(sampler2D s) { return texture2D(s, vec2(0.5)); }\nuniform sampler2D t[2]; uniform int i;\n\
+             void main() { gl_FragColor = f(t[i]); }",
+            "line 3: a call of the function f whose samplers are not those of its parameters is not supported",
         ),
         ("uniform usampler2D t;\nvoid main() {}", "line 1: the type usampler2D is not supported"),
         ("void f() {}", "fragment shader: "),

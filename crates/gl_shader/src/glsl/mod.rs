@@ -1,6 +1,6 @@
 //! Programs in GLSL.
 //!
-//! The passes of a shader: [`tokens`] (preprocessor), [`rewrite`] (version 4.50, built-in names become plain variables), naga's front
+//! The passes of a shader: [`tokens`] (preprocessor), [`specialise`] (copies of functions for their samplers), [`rewrite`] (version 4.50, built-in names become plain variables), naga's front
 //! end and WGSL writer ([`emit`]), replacement of variables by uniforms ([`access`]), and the stage in the machine's module ([`stage`]),
 //! where fixed-function code does the rest.
 
@@ -10,6 +10,7 @@ mod builtins;
 mod emit;
 mod rewrite;
 mod sampler;
+mod specialise;
 pub mod stage;
 mod tokens;
 mod words;

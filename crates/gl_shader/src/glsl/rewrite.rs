@@ -6,6 +6,7 @@ use std::collections::{BTreeMap, BTreeSet};
 use super::blocks::{Block, is_row_major, members, variables};
 use super::builtins::{self, Builtin};
 use super::sampler::{Read, Sampler, read_of, sampler, stubs};
+use super::specialise::specialise;
 use super::tokens::{self, Dialect, Token, closing, parts};
 use super::words::{LATER, RESERVED, component, number_in_brackets, signature};
 use super::{Outcome, Wrong};
@@ -115,10 +116,13 @@ pub fn rewrite(stage: Stage, shaders: Vec<(Dialect, Vec<Token>)>) -> Outcome<Sou
     let mut shaders = shaders;
     rewriter.invariant(&mut shaders);
     let mut first = 0;
-    for (dialect, mut tokens) in shaders {
+    for (_, tokens) in &mut shaders {
         // Lines of the second shader follow those of the first.
         tokens.iter_mut().for_each(|token| token.line += first);
         first = tokens.last().map_or(first, |token| token.line);
+    }
+    specialise(&mut shaders)?;
+    for (dialect, tokens) in shaders {
         rewriter.dialect = dialect;
         rewriter.globals(&tokens)?;
     }
@@ -332,12 +336,6 @@ impl Rewriter {
                     if token.is("(") && !function {
                         // Naga refuses a bracket without a name before it.
                         function = at > start && !tokens[start..at].iter().any(|token| token.is("="));
-                        let samplers = tokens[at..end].iter().find(|token| sampler(&token.text).is_some());
-                        if let Some(kind) = samplers.filter(|_| function) {
-                            let name = &tokens[at - 1].text;
-                            let what = format!("the parameter of type {} of the function {name} is not supported", kind.text);
-                            return Err(Wrong::at(kind.line, what));
-                        }
                         header = function.then(|| signature(&tokens[at - 1], &tokens[at + 1..end]));
                     }
                     at = end;
