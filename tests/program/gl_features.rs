@@ -456,6 +456,23 @@ fn pixels_come_from_a_buffer_object_where_one_is_bound() {
 }
 
 #[test]
+fn buffer_objects_into_which_pixels_were_read_are_not_drawn_from() {
+    let read = "glBindBuffer(GL_PIXEL_PACK_BUFFER,7)\nglBufferData(GL_PIXEL_PACK_BUFFER,4,*1,GL_STREAM_READ)\n\
+        glReadPixels(0,0,1,1,GL_RGBA,GL_UNSIGNED_BYTE,U0x0)\nglBindBuffer(GL_PIXEL_PACK_BUFFER,0)\n";
+    let drawn = "glBindBuffer(GL_PIXEL_UNPACK_BUFFER,7)\nglWindowPos2i(2,2)\nglDrawPixels(1,1,GL_RGBA,GL_UNSIGNED_BYTE,0)\n";
+    let refusal = |calls: &str| recorded(calls, &[&[0, 255, 0, 255]], 0..u64::MAX, &Reading::default()).1.refusal();
+    assert_eq!(refusal(read), None);
+    let what = refusal(&format!("{read}{drawn}"));
+    assert!(
+        what.as_ref().is_some_and(|what| what.starts_with("reading of a buffer object into which pixels were read back")),
+        "{what:?}"
+    );
+    // Unless its contents are given anew.
+    let again = "glBindBuffer(GL_PIXEL_UNPACK_BUFFER,7)\nglBufferSubData(GL_PIXEL_UNPACK_BUFFER,0,4,*1)\n";
+    assert_eq!(refusal(&format!("{read}{again}{drawn}")), None);
+}
+
+#[test]
 fn compressed_blocks_are_kept_and_parts_replace_them() {
     // Blocks of one colour: its code twice, then codes 0.
     let block = |code: u16| [code.to_le_bytes(), code.to_le_bytes()].concat().into_iter().chain([0; 4]).collect::<Vec<u8>>();

@@ -290,7 +290,7 @@ impl Gl {
                 Source::None => return Err(Fault::Damaged("an enabled array has no contents".into())),
                 Source::Memory(bytes) => (bytes.clone(), 0, None),
                 Source::Buffer(name, at) => {
-                    (self.buffers.get(*name).ok_or(INVALID_OPERATION)?.bytes().clone(), *at as usize, Some(*name))
+                    (self.buffers.get(*name).ok_or(INVALID_OPERATION)?.bytes()?.clone(), *at as usize, Some(*name))
                 }
             };
             let stride = if array.stride == 0 { element.bytes() } else { array.stride };

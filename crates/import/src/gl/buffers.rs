@@ -72,6 +72,8 @@ pub struct BufferObject {
     lacking: Vec<Range<u64>>,
     /// Conversions of the present contents.
     converted: RefCell<Vec<Converted>>,
+    /// Whether pixels were read back into it since its contents were given.
+    read_back: bool,
 }
 
 impl BufferObject {
@@ -83,8 +85,14 @@ impl BufferObject {
     }
 
     /// Its contents.
-    pub fn bytes(&self) -> &Rc<[u8]> {
-        &self.bytes
+    ///
+    /// # Errors
+    /// If these are pixels that were read back: a recording does not have them.
+    pub fn bytes(&self) -> Outcome<&Rc<[u8]>> {
+        if self.read_back {
+            return Err(Fault::Unsupported("reading of a buffer object into which pixels were read back".into()));
+        }
+        Ok(&self.bytes)
     }
 
     /// Its size in bytes.
@@ -96,6 +104,7 @@ impl BufferObject {
     fn write(&mut self, at: usize, bytes: &[u8], card: &mut Card) -> Outcome {
         let end = at.checked_add(bytes.len()).filter(|&end| end <= self.bytes.len()).ok_or(INVALID_VALUE)?;
         Rc::make_mut(&mut self.bytes)[at..end].copy_from_slice(bytes);
+        self.read_back &= bytes.len() < self.bytes.len();
         self.changed(at as u64..end as u64);
         card.free_converted(self);
         Ok(())
@@ -223,6 +232,14 @@ pub(super) fn data(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
         gl.card.free_copy(old);
     }
     gl.buffers.insert(bound, BufferObject { copy, ..object });
+    Ok(())
+}
+
+/// `glReadPixels` and its like. Pictures do not depend on what a program reads, unless it reads into a buffer object and draws from that.
+pub(super) fn read_back(gl: &mut Gl, _: &Call, _: Shape) -> Outcome {
+    if let Some(object) = gl.buffers.get_mut(gl.pack_buffer).filter(|_| gl.pack_buffer != 0) {
+        object.read_back = true;
+    }
     Ok(())
 }
 

@@ -20,7 +20,7 @@ pub(super) const SEVERAL: u8 = 2;
 pub(super) fn draw<const PARTS: u8>(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
     let (mode, at) = (call.u32(0)?, if PARTS & INDEXED != 0 { 2 } else { 1 });
     let bound = gl.other_buffers.get(BUFFER).copied().unwrap_or(0);
-    let in_buffer = || gl.buffers.get(bound).map(|object| object.bytes().clone()).ok_or(INVALID_OPERATION);
+    let in_buffer = || Outcome::Ok(gl.buffers.get(bound).ok_or(INVALID_OPERATION)?.bytes()?.clone());
     let (bytes, start) = match call.arg(at) {
         Arg::Blob(bytes) => (bytes.clone(), 0),
         Arg::Pointer(place) => (in_buffer()?, *place as usize),

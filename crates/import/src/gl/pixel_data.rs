@@ -143,7 +143,7 @@ impl Gl {
             _ => 0,
         };
         if self.unpack.buffer != 0 {
-            let bytes = self.buffers.get(self.unpack.buffer).ok_or(INVALID_OPERATION)?.bytes();
+            let bytes = self.buffers.get(self.unpack.buffer).ok_or(INVALID_OPERATION)?.bytes()?;
             let from = usize::try_from(at).ok().filter(|&at| at <= bytes.len()).ok_or(INVALID_OPERATION)?;
             return Ok(Some(if from == 0 { bytes.clone() } else { Rc::from(&bytes[from..]) }));
         }

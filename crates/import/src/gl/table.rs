@@ -311,6 +311,9 @@ fn exact(name: &str) -> Option<(Moment, Run)> {
         "EvalMesh2" => (Server, evaluator::mesh_2),
         "EvalPoint1" => (Vertex, evaluator::point_1),
         "EvalPoint2" => (Vertex, evaluator::point_2),
+        "ReadPixels" | "ReadnPixels" | "GetTexImage" | "GetnTexImage" | "GetCompressedTexImage" => {
+            (Ignored, buffers::read_back)
+        }
         // Calls without an effect on pictures.
         "Flush"
         | "Finish"
@@ -322,7 +325,6 @@ fn exact(name: &str) -> Option<(Moment, Run)> {
         | "PopName"
         | "LoadName"
         | "PassThrough"
-        | "ReadPixels"
         | "GenFramebuffers"
         | "GenRenderbuffers"
         | "DeleteQueries"
@@ -346,7 +348,16 @@ fn exact(name: &str) -> Option<(Moment, Run)> {
         | "SampleCoverage"
         | "DebugMessageCallback"
         | "DebugMessageControl"
+        | "DebugMessageInsert"
         | "ObjectLabel"
+        | "ObjectPtrLabel"
+        | "InsertEventMarker"
+        | "PushGroupMarker"
+        | "PopGroupMarker"
+        | "FenceSync"
+        | "ClientWaitSync"
+        | "WaitSync"
+        | "DeleteSync"
         | "PushDebugGroup"
         | "PopDebugGroup"
         | "StringMarkerGREMEDY"
