@@ -74,6 +74,27 @@ fn points_at_the_same_distance_of_two_columns_have_the_right_one() {
 }
 
 #[test]
+fn pixel_rectangles_have_a_fog_coordinate_of_zero() {
+    let drawn = |mode: &str, place: &str| {
+        let fog =
+            format!("glFogi(GL_FOG_MODE,{mode})\nglFogf(GL_FOG_DENSITY,3)\nglFogf(GL_FOG_START,-1)\nglFogf(GL_FOG_END,3)\n");
+        let calls = format!(
+            "glEnable(GL_FOG)\n{fog}glFogfv(GL_FOG_COLOR,{{0,0,1,1}})\nglFogi(GL_FOG_COORD_SRC,GL_FOG_COORD)\nglFogCoordf(2)\n{place}glDrawPixels(1,1,GL_RGBA,GL_UNSIGNED_BYTE,*1)"
+        );
+        shown(&calls, &[&[255, 0, 0, 255]]).at(8, 8)
+    };
+    for place in [
+        "glRasterPos3f(0,0,0.5)\n",
+        "glWindowPos3f(8,8,0.5)\n",
+        "glFogi(GL_FOG_COORD_SRC,GL_FRAGMENT_DEPTH)\nglRasterPos3f(0,0,0.5)\n",
+    ] {
+        assert_eq!([drawn("GL_EXP", place), drawn("GL_EXP2", place)], [RED; 2], "{place}");
+        // 3 of 4 is the distance from 0 to the end.
+        assert!(near(drawn("GL_LINEAR", place), [191, 0, 64]), "{place} {:?}", drawn("GL_LINEAR", place));
+    }
+}
+
+#[test]
 fn sizes_of_points_fall_with_the_distance_from_the_plane_of_the_eye() {
     // The size is divided by the distance, whatever lies beside the axis.
     let lit = |x: f32, z: f32| {

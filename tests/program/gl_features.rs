@@ -395,6 +395,20 @@ fn one_level_of_a_texture_can_be_drawn_from_the_level_before() {
 }
 
 #[test]
+fn depths_are_written_into_a_texture_without_contents() {
+    // The right half of an image that was defined without contents.
+    let image = shown(
+        &format!(
+            "glTexParameteri(GL_TEXTURE_2D,GL_TEXTURE_MIN_FILTER,GL_NEAREST)\nglTexParameteri(GL_TEXTURE_2D,GL_TEXTURE_MAG_FILTER,GL_NEAREST)\n\
+             glTexImage2D(GL_TEXTURE_2D,0,GL_DEPTH_COMPONENT16,2,1,0,GL_DEPTH_COMPONENT,GL_UNSIGNED_SHORT,U0x0)\n\
+             glTexSubImage2D(GL_TEXTURE_2D,0,1,0,1,1,GL_DEPTH_COMPONENT,GL_UNSIGNED_SHORT,*1)\n{TEXTURED}"
+        ),
+        &[&[0, 128, 0, 0]],
+    );
+    assert!(near(image.at(4, 8), BLACK) && near(image.at(12, 8), [128; 3]), "{:?} {:?}", image.at(4, 8), image.at(12, 8));
+}
+
+#[test]
 fn depths_of_a_texture_are_compared_with_the_third_coordinate() {
     // A surface at depth 0.5 in the left half, and none behind it; the third coordinate is 0.7.
     let calls = "glEnable(GL_DEPTH_TEST)\nglRectf(-1,-1,0,1)\nglBindTexture(GL_TEXTURE_2D,1)\n\

@@ -273,7 +273,7 @@ fn a_cube_map_is_read_in_all_directions_and_not_over_the_edges_of_faces() {
             format!("glTexImage2D(GL_TEXTURE_CUBE_MAP_{face},0,GL_RGB,1,1,0,GL_RGB,GL_UNSIGNED_BYTE,*{})\n", 1 + k % 2)
         })
         .collect();
-    for wrap in ["GL_CLAMP", "GL_CLAMP_TO_EDGE"] {
+    for wrap in ["GL_CLAMP", "GL_CLAMP_TO_EDGE", "GL_REPEAT"] {
         let at = |coordinates: &str| {
             let calls = format!(
                 "glPixelStorei(GL_UNPACK_ALIGNMENT,1)\nglBindTexture(GL_TEXTURE_CUBE_MAP,1)\n{faces}\
@@ -351,4 +351,53 @@ fn wide_lines_of_a_program_are_those_of_the_fixed_functions() {
     let calls = format!("{}{line}", program(10, global, plain));
     let (_, report) = recorded(&calls, &[], 0..u64::MAX, &Reading::default());
     assert!(report.refusal().is_some_and(|what| what.contains("wide lines")), "{:?}", report.refusal());
+}
+
+#[test]
+fn biases_of_textures_move_levels_that_shaders_give() {
+    // Levels of 2 and of 1 texels.
+    let levels = |internal: &str, format: &str| {
+        format!(
+            "glTexParameteri(GL_TEXTURE_2D,GL_TEXTURE_MIN_FILTER,GL_NEAREST_MIPMAP_NEAREST)\n\
+             glTexImage2D(GL_TEXTURE_2D,0,{internal},2,1,0,{format},GL_UNSIGNED_BYTE,*1)\n\
+             glTexImage2D(GL_TEXTURE_2D,1,{internal},1,1,0,{format},GL_UNSIGNED_BYTE,*2)\n"
+        )
+    };
+    let vertex = "void main() { gl_Position = gl_Vertex; }";
+    let by = |sampler: &str, read: &str| {
+        program(10, vertex, &format!("uniform {sampler} t; void main() {{ gl_FragColor = {read}; }}"))
+    };
+    let reads = [
+        "texture2DGradARB(t, vec2(0.5), vec2(0.001), vec2(0.001))",
+        "texture2DLod(t, vec2(0.5), 0.0)",
+        "texture2D(t, gl_FragCoord.xy / 64.0, 0.0)",
+        "texture2D(t, gl_FragCoord.xy / 64.0)",
+    ];
+    let texels: [&[u8]; 2] = [&[255, 0, 0, 255, 255, 0, 0, 255], &[0, 0, 255, 255]];
+    let of_texture = "glTexParameterf(GL_TEXTURE_2D,GL_TEXTURE_LOD_BIAS,20)\n";
+    let of_sampler = "glSamplerParameteri(3,GL_TEXTURE_MIN_FILTER,GL_NEAREST_MIPMAP_NEAREST)\nglSamplerParameterf(3,GL_TEXTURE_LOD_BIAS,20)\n\
+        glBindSampler(0,3)\n";
+    for (bias, wanted) in [("", RED), (of_texture, BLUE), (of_sampler, BLUE)] {
+        for read in reads {
+            let calls = format!("{}{bias}{}{QUAD}", levels("GL_RGBA", "GL_RGBA"), by("sampler2D", read));
+            assert_eq!(shown(&calls, &texels).at(8, 8), wanted, "{bias}{read}");
+        }
+    }
+    // Depths have no bias in WGSL.
+    let depths: [&[u8]; 2] = [&[255, 255, 0, 0], &[255]];
+    for (bias, read, refused) in [
+        ("", "shadow2D(t, vec3(0.5))", false),
+        ("", "shadow2D(t, vec3(0.5), 1.0)", true),
+        ("", "shadow2DLod(t, vec3(0.5), 1.0)", true),
+        (of_texture, "shadow2D(t, vec3(0.5))", true),
+    ] {
+        let compare = "glTexParameteri(GL_TEXTURE_2D,GL_TEXTURE_COMPARE_MODE,GL_COMPARE_R_TO_TEXTURE)\n";
+        let calls = format!(
+            "{}{compare}{bias}{}{QUAD}",
+            levels("GL_DEPTH_COMPONENT", "GL_DEPTH_COMPONENT"),
+            by("sampler2DShadow", read)
+        );
+        let refusal = recorded(&calls, &depths, 0..u64::MAX, &Reading::default()).1.refusal();
+        assert_eq!(refusal.is_some_and(|what| what.starts_with("depth textures with several levels")), refused, "{bias}{read}");
+    }
 }

@@ -66,6 +66,10 @@ pub fn read(unit: &UnitKey, detail: Detail, out: &mut String) {
         (DepthRead::Plain, Detail::Gradient) => format!("vec4f(textureSampleLevel(image{k}, {sampler}, {at}, 0))"),
         (DepthRead::Plain, _) => format!("vec4f(textureSample(image{k}, {sampler}, {at}))"),
         (_, Detail::Level) => format!("textureSampleLevel(image{k}, {sampler}, {at}, level{own})"),
+        // Derivatives that are larger by a factor move the level by its logarithm.
+        (_, Detail::Gradient) if unit.bias => {
+            format!("textureSampleGrad(image{k}, {sampler}, {at}, dx * exp2(u.bias{k}.x), dy * exp2(u.bias{k}.x))")
+        }
         (_, Detail::Gradient) => format!("textureSampleGrad(image{k}, {sampler}, {at}, dx, dy)"),
         (_, Detail::Biased) => format!("textureSampleBias(image{k}, {sampler}, {at}, bias{own})"),
         (_, Detail::Implicit) if unit.bias => format!("textureSampleBias(image{k}, {sampler}, {at}, u.bias{k}.x)"),

@@ -1,7 +1,7 @@
 //! A parsed program of ARB_vertex_program or ARB_fragment_program.
 
 use crate::UNITS;
-use crate::glsl::stage::Code;
+use crate::glsl::stage::{Code, way};
 
 /// Maximum number of environment parameters, and of local parameters, of a program.
 pub const PARAMETERS: u32 = 256;
@@ -231,6 +231,16 @@ pub struct Program {
 }
 
 impl Program {
+    /// The ways in which it reads the texture of a unit: bits of [`way`].
+    pub fn ways(&self, unit: usize) -> u8 {
+        match &self.code {
+            _ if self.targets[unit].is_none() => 0,
+            Some(code) => code.ways[unit],
+            None if self.biased & 1 << unit != 0 => way::BIAS,
+            None => way::PLAIN,
+        }
+    }
+
     /// An empty program.
     pub fn new(stage: Stage) -> Program {
         Program {

@@ -141,13 +141,7 @@ pub fn further_colors(key: &ShaderKey) -> impl Iterator<Item = u8> {
 
 /// The functions of programs that read textures.
 pub fn texels(key: &ShaderKey, programs: &[&Program], out: &mut String) {
-    let way = |program: &&Program, k: usize| match &program.code {
-        _ if program.targets[k].is_none() => 0,
-        Some(code) => code.ways[k],
-        None if program.biased & 1 << k != 0 => way::BIAS,
-        None => way::PLAIN,
-    };
-    let ways = |k: usize| programs.iter().fold(0, |all, program| all | way(program, k));
+    let ways = |k: usize| programs.iter().fold(0, |all, program| all | program.ways(k));
     // Assembly programs have one function for each unit, with one name.
     let biased = if programs.iter().all(|program| program.code.is_none()) { "" } else { "_bias" };
     for k in (0..UNITS).filter(|&k| ways(k) != 0) {

@@ -94,9 +94,6 @@ pub(super) fn raster_position(gl: &mut Gl, call: &Call, shape: Shape) -> Outcome
     let mut vertex = gl.state.current.clone();
     vertex.position = position;
     (vertex.color, vertex.secondary) = super::lit::colors(&gl.state, &gl.modelview.top, &vertex);
-    if !gl.state.fog_from_coordinate {
-        vertex.fog = eye[2].abs();
-    }
     for unit in 0..UNITS {
         let state = &gl.state.units[unit];
         let mut coordinates = vertex.texture(unit);
@@ -119,8 +116,7 @@ pub(super) fn window_position(gl: &mut Gl, call: &Call, shape: Shape) -> Outcome
     let [near, far] = gl.state.depth_range;
     gl.state.raster = Some([x, y, near + z.clamp(0.0, 1.0) * (far - near), 1.0]);
     let mut vertex = gl.state.current.clone();
-    let fog = if gl.state.fog_from_coordinate { vertex.fog } else { 0.0 };
-    (vertex.fog, vertex.color) = (fog, vertex.color.map(|value| value.clamp(0.0, 1.0)));
+    vertex.color = vertex.color.map(|value| value.clamp(0.0, 1.0));
     gl.state.raster_vertex = vertex;
     Ok(())
 }

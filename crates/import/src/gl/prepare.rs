@@ -3,6 +3,7 @@
 
 use gfx::state::{Rect, VertexBufferLayout, Viewport};
 use gl_shader::arb::program::Output;
+use gl_shader::glsl::stage::way;
 use gl_shader::wgsl;
 use glam::{Mat4, Vec4};
 use num::*;
@@ -353,6 +354,19 @@ impl Gl {
                     return Err(Fault::Unsupported("drawing into a texture that the draw reads".into()));
                 }
                 biases[unit] = texture.bias + self.state.units[unit].environment.bias;
+                let programs = [vertex, fragment].into_iter().flatten();
+                let ways = programs.fold(0, |all, active| all | active.program.ways(unit));
+                // WGSL reads depths at the level of the coordinates, or without comparison at one that is named.
+                let moved = match key.depth {
+                    DepthRead::No => 0,
+                    DepthRead::Plain => way::BIAS | way::GRADIENT,
+                    DepthRead::Compared => way::BIAS | way::LEVEL | way::GRADIENT,
+                };
+                if texture.levels[1] > 1 && (ways & moved != 0 || key.bias && key.depth != DepthRead::No) {
+                    return Err(Fault::Unsupported(
+                        "depth textures with several levels and a bias or a level that is given".into(),
+                    ));
+                }
                 if let Some((color, sampler)) = texture.border {
                     borders[unit] = color;
                     let (id, view, _) = texture.bound;

@@ -78,6 +78,8 @@ impl Gl {
         self.modelview.top = Mat4::IDENTITY;
         self.projection.top = matrix::ortho([0.0, width, 0.0, height, 1.0, -1.0]);
         vertex.position = [0.0, 0.0, 2.0 * depth - 1.0, 1.0];
+        // As in Mesa, whatever the raster position's distance is.
+        vertex.fog = 0.0;
         let outcome = run(self, vertex).and_then(|()| self.flush());
         self.state = state;
         (self.modelview.top, self.projection.top) = (modelview, projection);

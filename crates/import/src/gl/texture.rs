@@ -116,7 +116,7 @@ pub struct Bound {
     pub depth: DepthRead,
     /// See [`Texture::swizzle`].
     pub swizzle: [u8; 4],
-    /// Whether it is a cube whose filters clamp coordinates to the edges of its faces.
+    /// Whether it is a cube whose filters stop at the edges of its faces, unless these are joined.
     pub face_edges: bool,
 }
 
@@ -215,6 +215,11 @@ impl Texture {
     /// Writes a part of an image that is defined; `bytes` are texels in the stored format.
     pub fn write(&mut self, card: &mut Card, face: u32, level: u32, origin: [u32; 3], size: [u32; 3], bytes: &[u8]) {
         let Some(image) = self.levels.get_mut((face, level)) else { return };
+        if image.bytes.is_none() && self.native.as_ref().is_none_or(|native| native.place(level, image).is_none()) {
+            // It was defined without contents, and the card does not have it yet.
+            let texels = image.size.iter().map(|&edge| edge as usize).product::<usize>();
+            image.bytes = Some(vec![0; texels * image.format.block_bytes() as usize]);
+        }
         let (block, texel) = (image.format.block_dim(), image.format.block_bytes() as usize);
         if let Some(kept) = &mut image.bytes {
             // Sizes in blocks of texels; a block of most formats is one texel.
@@ -440,8 +445,8 @@ impl Texture {
         }
         // A direction is not clamped.
         let clamp = self.wrap.map(|wrap| wrap == e::CLAMP && linear && kind != Kind::Cube);
-        let edges = self.wrap[..2].iter().all(|wrap| matches!(*wrap, e::CLAMP | e::CLAMP_TO_EDGE));
-        let face_edges = kind == Kind::Cube && linear && edges;
+        // As in Mesa, whatever the wrap modes are.
+        let face_edges = kind == Kind::Cube && linear;
         let (bias, swizzle) = (self.bias, self.swizzle);
         Ok(Some(Bound { bound, border, bias, base, clamp, levels, depth, swizzle, face_edges }))
     }
