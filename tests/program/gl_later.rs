@@ -256,6 +256,9 @@ fn a_material_that_waits_stays_beside_colour_material_until_the_colour_changes()
     let (given, on) = ("glMaterialfv(GL_FRONT_AND_BACK,GL_AMBIENT,{1,0,0,1})\n", "glEnable(GL_COLOR_MATERIAL)\n");
     assert_eq!(of(&format!("{given}{on}")), RED);
     assert_eq!(of(&format!("{given}{on}glColor3f(0,1,0)")), GREEN);
+    // While colour material tracks it, it is not set.
+    let other = "glMaterialfv(GL_FRONT_AND_BACK,GL_AMBIENT,{0,0,1,1})\n";
+    assert_eq!([of(&format!("{given}{on}{other}")), of(&format!("{on}{other}"))], [RED, WHITE]);
     // A primitive between them has taken the material.
     let point = "glBegin(GL_POINTS)\nglVertex2f(0,0)\nglEnd()\n";
     assert_eq!(of(&format!("{given}{point}{on}")), WHITE);

@@ -138,6 +138,17 @@ fn outlines_of_flat_polygons_have_the_colour_of_the_provoking_vertex() {
     assert!(quad.lit().len() >= 36 && quad.lit().into_iter().all(|(x, y)| quad.at(x, y) == BLUE), "{:?}", quad.lit());
     let polygon = outline("GL_POLYGON", &colored(&corners));
     assert!(polygon.lit().len() >= 36 && polygon.lit().into_iter().all(|(x, y)| polygon.at(x, y) == RED));
+    // Also of those that are filled beside others that are not.
+    for (mode, color) in [("GL_QUADS", BLUE), ("GL_POLYGON", RED)] {
+        let filled = shown(
+            &format!(
+                "{ORTHO}glShadeModel(GL_FLAT)\nglPolygonMode(GL_BACK,GL_LINE)\nglBegin({mode})\n{}glEnd()",
+                colored(&corners)
+            ),
+            &[],
+        );
+        assert!(filled.lit().len() >= 100 && filled.lit().into_iter().all(|(x, y)| filled.at(x, y) == color), "{mode}");
+    }
     // Lit: the colour is that of the last vertex's normal. Straight on it is white of the light, and sideways only ambient light is left.
     let lit = |last: &str| {
         let calls = format!(

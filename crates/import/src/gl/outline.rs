@@ -68,7 +68,7 @@ impl Gl {
             let (class, indices) = match self.state.polygon_modes[usize::from(back)] {
                 e::POINT => (Class::Points, edges),
                 e::LINE => (Class::Lines, edges.into_iter().flat_map(|k| [k, (k + 1) % count]).collect()),
-                _ => (Class::Triangles, (2..count).flat_map(|k| [0, k - 1, k]).collect()),
+                _ => (Class::Triangles, corners_of(mode, count).into_flattened()),
             };
             if self.offsets(class) {
                 let offset = self.polygon_offset(&clip, &own);
@@ -204,20 +204,30 @@ impl Gl {
     }
 }
 
+/// The triangles of a polygon of `count` corners as Mesa draws them where some faces are not filled; the last corner of each gives its flat
+/// colour.
+fn corners_of(mode: u32, count: u32) -> Vec<[u32; 3]> {
+    match mode {
+        e::QUADS => vec![[0, 1, 3], [1, 2, 3]],
+        e::QUAD_STRIP => vec![[3, 0, 2], [0, 1, 2]],
+        e::POLYGON => (2..count).map(|k| [k - 1, k, 0]).collect(),
+        _ => (2..count).map(|k| [0, k - 1, k]).collect(),
+    }
+}
+
 /// A polygon as the triangles that Mesa cuts: their corners in its order. Inner edges are not drawn.
 fn triangles_of(mode: u32, corners: &[Vertex]) -> Vec<Piece> {
-    let own = |k: usize| (corners[k].clone(), corners[k].edge);
-    let inner = |k: usize| (corners[k].clone(), false);
-    let n = corners.len();
-    match mode {
-        e::QUADS => vec![vec![own(0), inner(1), own(3)], vec![own(1), own(2), inner(3)]],
-        e::QUAD_STRIP => vec![vec![own(3), inner(0), own(2)], vec![own(0), own(1), inner(2)]],
-        e::POLYGON => {
-            let last = |k: usize| if k == n - 1 { own(k) } else { inner(k) };
-            (2..n).map(|k| vec![own(k - 1), last(k), if k == 2 { own(0) } else { inner(0) }]).collect()
-        }
-        _ => vec![(0..n).map(own).collect()],
-    }
+    let n = corners.len() as u32;
+    let outer = |[from, to]: [u32; 2]| to == (from + 1) % n;
+    let piece = |triangle: [u32; 3]| {
+        let edge = |k: usize| {
+            let ends = [triangle[k], triangle[(k + 1) % 3]];
+            let corner = &corners[ends[0] as usize];
+            (corner.clone(), corner.edge && outer(ends))
+        };
+        vec![edge(0), edge(1), edge(2)]
+    };
+    corners_of(mode, n).into_iter().map(piece).collect()
 }
 
 /// The vertices and indices of the lines or points that are left of a polygon's triangles. A pattern begins anew in each of these lists.

@@ -154,7 +154,9 @@ fn faces(face: u32) -> Outcome<std::ops::Range<usize>> {
 pub(super) fn material(gl: &mut Gl, call: &Call, shape: Shape) -> Outcome {
     let (face, name, values) = (faces(call.u32(0)?)?, call.u32(1)?, call.numbers(2)?);
     let mut materials = gl.state.materials.clone();
-    for material in &mut materials[face.clone()] {
+    let tracked = tracked(&gl.state);
+    for (side, material) in materials.iter_mut().enumerate().filter(|(side, _)| face.contains(side)) {
+        let old = material.clone();
         match name {
             e::AMBIENT => material.ambient = color(&values, shape)?,
             e::DIFFUSE => material.diffuse = color(&values, shape)?,
@@ -173,6 +175,16 @@ pub(super) fn material(gl: &mut Gl, call: &Call, shape: Shape) -> Outcome {
             }
             e::COLOR_INDEXES => {}
             _ => return Err(INVALID_ENUM),
+        }
+        // What colour material tracks has the colour, or the value from before it was enabled ([`super::materials`]).
+        for bit in [tracks::AMBIENT, tracks::DIFFUSE, tracks::SPECULAR, tracks::EMISSION] {
+            match tracked[side] & bit {
+                tracks::AMBIENT => material.ambient = old.ambient,
+                tracks::DIFFUSE => material.diffuse = old.diffuse,
+                tracks::SPECULAR => material.specular = old.specular,
+                tracks::EMISSION => material.emission = old.emission,
+                _ => {}
+            }
         }
     }
     if gl.begun.is_none() {
