@@ -386,8 +386,9 @@ impl Gl {
                 indexed: selection.by != Selector::Sequence,
             });
         }
+        self.batch.quads = None;
         let outcome = self.vertices(mode, vertices, bits);
-        self.elements = None;
+        (self.elements, self.batch.quads) = (None, None);
         outcome
     }
 }

@@ -39,8 +39,8 @@ pub enum Conversion {
         mode: u32,
         /// Whether the primitives become a list.
         list: bool,
-        /// Whether upright rectangles are treated as such.
-        upright: bool,
+        /// Whether diagonals of quadrilaterals begin at first vertices.
+        begins: bool,
         /// Type of the indices; none: consecutive vertices.
         kind: Option<Scalar>,
         /// The first byte of the indices, or the first vertex.

@@ -93,8 +93,7 @@ impl Gl {
         let own = |offset: u64| VertexRange { buffer: None, offset };
         let (vertices, order, count) = match kept {
             Some(Kept::List(geometry)) => {
-                let upright = geometry.has_rectangles() && self.keeps_upright();
-                let ([vertices, indices], count) = self.card.kept(geometry, packing, upright);
+                let ([vertices, indices], count) = self.card.kept(geometry, packing);
                 let order = Order::Indices { buffer: Some(indices), format: IndexFormat::Uint32, first: 0, base: 0 };
                 (vec![VertexRange { buffer: Some(vertices), offset: 0 }], order, count)
             }

@@ -13,7 +13,7 @@ use super::card::Card;
 use super::consts as e;
 use super::machine::Gl;
 use super::pack::{Drawn, Packing};
-use super::primitive::{Batch, Class, Corners, class_of, is_upright, points_and_lines, triangles};
+use super::primitive::{Batch, Class, class_of, points_and_lines, triangles};
 use super::resident::Kept;
 use super::state::{UNITS, Vertex};
 use super::summary::Summary;
@@ -37,14 +37,13 @@ pub struct Geometry {
     drawn: Cell<bool>,
     /// Whether it was the whole of a draw when it was last joined with its neighbours.
     pub alone: Cell<bool>,
-    summary: OnceCell<(Summary, bool)>,
+    summary: OnceCell<Summary>,
     on_card: RefCell<Vec<OnCard>>,
 }
 
 /// Its buffers for draws of one kind.
 struct OnCard {
     packing: Rc<Packing>,
-    upright: bool,
     buffers: [BufferId; 2],
     bytes: u64,
     count: u32,
@@ -92,26 +91,15 @@ impl Geometry {
         })
     }
 
-    /// The summary of its vertices, and whether some are upright rectangles.
-    fn summary(&self) -> &(Summary, bool) {
-        self.summary.get_or_init(|| {
-            let rectangles = |(mode, range): (u32, Range<usize>)| {
-                let upright = |four: &[Vertex]| is_upright([0, 1, 2, 3].map(|k| four[k].position));
-                mode == e::QUADS && self.vertices[range].chunks_exact(4).any(upright)
-            };
-            (Summary::of(&self.vertices), self.primitives().any(rectangles))
-        })
-    }
-
-    /// Whether some of its primitives are upright rectangles.
-    pub fn has_rectangles(&self) -> bool {
-        self.summary().1
+    /// The summary of its vertices.
+    fn summary(&self) -> &Summary {
+        self.summary.get_or_init(|| Summary::of(&self.vertices))
     }
 
     /// The constant attributes and the summary, for these current attributes.
     pub fn over(&self, current: &Vertex) -> (Vertex, Summary) {
         let constant = self.vertices[0].over(current, self.own);
-        let mut summary = self.summary().0;
+        let mut summary = *self.summary();
         for unit in (0..UNITS).filter(|unit| self.own & 1 << (8 + unit) == 0) {
             summary.texture[unit] = if constant.texture(unit)[3] == 1.0 { 2 } else { 4 };
         }
@@ -119,14 +107,12 @@ impl Geometry {
     }
 
     /// Its triangles, lines or points.
-    fn indices(&self, upright: bool) -> Vec<u32> {
+    fn indices(&self) -> Vec<u32> {
         let mut all = Vec::new();
         for (mode, range) in self.primitives() {
             let (first, n) = (range.start as u32, range.len() as u32);
-            let of = &self.vertices[range];
-            let rectangle = |corners: Corners| upright && is_upright(corners.map(|corner| of[corner as usize].position));
             let own = match class_of(mode) {
-                Class::Triangles => triangles(mode, n, &rectangle).into_flattened(),
+                Class::Triangles => triangles(mode, n, &[]).into_flattened(),
                 Class::Points | Class::Lines => points_and_lines(mode, n),
             };
             all.extend(own.into_iter().map(|index| first + index));
@@ -161,7 +147,9 @@ impl Gl {
             let current = &self.state.current;
             filled.clear();
             filled.extend(geometry.vertices[few].iter().map(|vertex| vertex.over(current, geometry.own)));
+            self.listed = true;
             outcome = self.primitive(mode, &filled);
+            self.listed = false;
             if outcome.is_err() {
                 break;
             }
@@ -197,15 +185,14 @@ impl Gl {
 }
 
 impl Card {
-    /// The buffers of a primitive for draws of one kind, and the number of its indices; made once. `upright`: whether upright rectangles
-    /// are treated as such.
-    pub fn kept(&mut self, geometry: &Geometry, packing: &Rc<Packing>, upright: bool) -> ([BufferId; 2], u32) {
+    /// The buffers of a primitive for draws of one kind, and the number of its indices; made once.
+    pub fn kept(&mut self, geometry: &Geometry, packing: &Rc<Packing>) -> ([BufferId; 2], u32) {
         let mut on_card = geometry.on_card.borrow_mut();
-        if let Some(known) = on_card.iter().find(|known| known.upright == upright && known.packing.is_like(packing)) {
+        if let Some(known) = on_card.iter().find(|known| known.packing.is_like(packing)) {
             return (known.buffers, known.count);
         }
         let (mut vertices, mut indices) = (Vec::new(), Vec::new());
-        let drawn = Drawn { vertices: &geometry.vertices, indices: &geometry.indices(upright) };
+        let drawn = Drawn { vertices: &geometry.vertices, indices: &geometry.indices() };
         packing.write(drawn, &Mat4::IDENTITY, false, &mut vertices, &mut indices);
         let count = indices.len() as u32;
         let indices = word_bytes(&indices);
@@ -213,7 +200,7 @@ impl Card {
         let buffers = [("list", &vertices), ("list-indices", &indices)]
             .map(|(label, bytes)| self.recorder.create_buffer_init(label, bytes));
         self.kept_bytes += bytes;
-        on_card.push(OnCard { packing: packing.clone(), upright, buffers, bytes, count });
+        on_card.push(OnCard { packing: packing.clone(), buffers, bytes, count });
         (buffers, count)
     }
 }

@@ -139,5 +139,7 @@ pub(super) fn rectangle(gl: &mut Gl, call: &Call, shape: Shape) -> Outcome {
         (vertex.position, vertex.edge) = ([x as f32, y as f32, 0.0, 1.0], true);
         vertex
     });
-    gl.primitive(e::POLYGON, &corners)
+    let outcome = gl.primitive(e::QUADS, &corners);
+    gl.batch.quads = None;
+    outcome
 }

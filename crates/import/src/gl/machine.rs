@@ -112,6 +112,10 @@ pub struct Gl {
     pub clear_accum: [f32; 4],
     /// Whether indices select the vertices of the draw that runs.
     pub indexed: bool,
+    /// Whether the vertices that are drawn come from a display list.
+    pub listed: bool,
+    /// Whether what the standard leaves open is as in Mesa; else the recording is one of GLInterceptor, and its pictures are ATTILA's.
+    pub as_mesa: bool,
     /// The instance that is drawn.
     pub instance: u32,
     /// Whether the recorder gives arrays in the program's memory for whole draws only, not for `glArrayElement`.
@@ -224,6 +228,8 @@ impl Gl {
             renderbuffer: 0,
             clear_accum: [0.0; 4],
             indexed: false,
+            listed: false,
+            as_mesa: true,
             instance: 0,
             elements_omitted: false,
             accumulates: None,

@@ -56,6 +56,7 @@ mod pixel_data;
 mod pixels;
 mod prepare;
 mod primitive;
+mod quads;
 mod raster;
 mod reach;
 mod reader;
@@ -340,7 +341,7 @@ fn import(
     let mut gl = Gl::new(path, &reading.limits);
     gl.card.first_frame = frames.start;
     gl.keep_draws = reading.keep_draws;
-    gl.elements_omitted = apitrace;
+    (gl.elements_omitted, gl.as_mesa) = (apitrace, apitrace);
     gl.card.all_levels = reading.keep_draws;
     gl.card.upward = reading.upward;
     let mut kept = true;

@@ -1,13 +1,13 @@
 //! Primitives become lists of points, lines or triangles. They are batched into one draw until the state changes.
 
 use gfx::state::Topology;
-use glam::{Mat4, Vec4};
 
 use super::arb::Stage;
 use super::call::Outcome;
 use super::consts as e;
 use super::machine::Gl;
 use super::matrix;
+use super::quads::{Run, halves};
 use super::state::Vertex;
 use super::stipple::VIEW_VOLUME;
 use super::uniforms::to_clip;
@@ -91,6 +91,8 @@ pub struct Batch {
     pub turned: bool,
     /// Attributes that are sent; none: those that differ between vertices.
     pub sent: Option<Sent>,
+    /// The quadrilaterals at its end.
+    pub quads: Option<Run>,
 }
 
 impl Gl {
@@ -244,22 +246,14 @@ impl Gl {
             self.batch.turned = turned;
             return Ok(());
         }
-        let upright = self.keeps_upright();
-        let rectangle = |corners: Corners| upright && is_upright(corners.map(|corner| vertices[corner as usize].position));
-        let triangles = triangles(mode, n, &rectangle);
+        if mode == e::QUADS && self.fills() {
+            return self.quads(vertices);
+        }
+        let triangles = triangles(mode, n, &[]);
         if self.fills() {
             return self.add(Class::Triangles, None, vertices, triangles.as_flattened());
         }
         self.outlines(mode, vertices, &triangles)
-    }
-
-    /// Whether shading is smooth and the matrices keep rectangles that face the screen upright. Such a rectangle may have any depth: all of its
-    /// corners have the same one. Mesa cuts rectangles that have a pattern, or whose corners indices select, as it cuts other
-    /// quadrilaterals.
-    pub fn keeps_upright(&self) -> bool {
-        let m = to_clip(&self.projection.top, &self.modelview.top);
-        let moves = Mat4::from_cols(Vec4::X * m.x_axis, Vec4::Y * m.y_axis, m.z_axis, m.w_axis);
-        !self.state.flat && !self.indexed && !self.state.is(e::POLYGON_STIPPLE) && m == moves
     }
 
     /// Whether the faces that are not culled are filled.
@@ -300,17 +294,9 @@ pub fn points_and_lines(mode: u32, n: u32) -> Vec<u32> {
     }
 }
 
-/// The corners of a quadrilateral, by the numbers of their vertices.
-pub type Corners = [u32; 4];
-
-/// Triangles of `n` vertices; the last corner of each gives its flat colour. The standard does not fix the diagonal of a quadrilateral.
-/// As in llvmpipe, its last vertex gives its flat colour and is in both triangles. If `rectangle` says that it is an upright rectangle that
-/// faces the screen, it is drawn from its first three vertices.
-pub fn triangles(mode: u32, n: u32, rectangle: &dyn Fn(Corners) -> bool) -> Vec<[u32; 3]> {
-    let quad = |corners: Corners| {
-        let [a, b, c, d] = corners;
-        if rectangle(corners) { [[a, b, c], [a, c, d]] } else { [[a, b, d], [b, c, d]] }
-    };
+/// Triangles of `n` vertices; the last corner of each gives its flat colour. `diagonals` says for each of separate quadrilaterals whether its
+/// diagonal begins at the first vertex.
+pub fn triangles(mode: u32, n: u32, diagonals: &[bool]) -> Vec<[u32; 3]> {
     match mode {
         e::TRIANGLES => (0..n / 3).map(|k| [3 * k, 3 * k + 1, 3 * k + 2]).collect(),
         e::TRIANGLE_STRIP => (2..n).map(|i| if i % 2 == 0 { [i - 2, i - 1, i] } else { [i - 1, i - 2, i] }).collect(),
@@ -318,7 +304,8 @@ pub fn triangles(mode: u32, n: u32, rectangle: &dyn Fn(Corners) -> bool) -> Vec<
         // The first vertex of a polygon gives its flat colour.
         e::POLYGON => (2..n).map(|i| [i - 1, i, 0]).collect(),
         e::QUADS => {
-            let pairs: Vec<_> = (0..n / 4).map(|k| quad([4 * k, 4 * k + 1, 4 * k + 2, 4 * k + 3])).collect();
+            let first = |k: u32| diagonals.get(k as usize).is_some_and(|&first| first);
+            let pairs: Vec<_> = (0..n / 4).map(|k| halves([4 * k, 4 * k + 1, 4 * k + 2, 4 * k + 3], first(k))).collect();
             pairs.into_flattened()
         }
         e::QUAD_STRIP => {
@@ -327,33 +314,5 @@ pub fn triangles(mode: u32, n: u32, rectangle: &dyn Fn(Corners) -> bool) -> Vec<
             pairs.into_flattened()
         }
         _ => Vec::new(),
-    }
-}
-
-/// Whether four corners in order form an axis-aligned rectangle.
-pub fn is_upright(corners: [[f32; 4]; 4]) -> bool {
-    let same = |axis: usize, p: usize, q: usize| corners[p][axis] == corners[q][axis];
-    let along = |first: usize| {
-        let second = 1 - first;
-        same(first, 0, 1) && same(second, 1, 2) && same(first, 2, 3) && same(second, 3, 0)
-    };
-    (1..4).all(|q| same(3, 0, q)) && (along(0) || along(1))
-}
-
-#[cfg(test)]
-mod tests {
-    use super::is_upright;
-
-    #[test]
-    fn rectangles_along_the_axes_are_told_from_other_quadrilaterals() {
-        let of = |corners: [[f32; 2]; 4]| is_upright(corners.map(|[x, y]| [x, y, 0.0, 1.0]));
-        assert!(of([[0.0, 0.0], [0.0, 2.0], [3.0, 2.0], [3.0, 0.0]]));
-        assert!(of([[3.0, 0.0], [0.0, 0.0], [0.0, 2.0], [3.0, 2.0]]));
-        assert!(!of([[0.0, 0.0], [0.0, 2.0], [3.0, 2.5], [3.0, 0.0]]));
-        assert!(!of([[1.0, 0.0], [0.0, 1.0], [1.0, 2.0], [2.0, 1.0]]));
-        // Perspective from the w of the corners.
-        assert!(!is_upright([[0.0, 0.0, 0.0, 1.0], [0.0, 2.0, 0.0, 1.0], [3.0, 2.0, 0.0, 2.0], [3.0, 0.0, 0.0, 2.0]]));
-        // Edges that cross.
-        assert!(!of([[0.0, 0.0], [3.0, 2.0], [0.0, 2.0], [3.0, 0.0]]));
     }
 }

@@ -18,7 +18,7 @@ use super::geometry::Geometry;
 use super::machine::Gl;
 use super::materials::tracked;
 use super::pack::{STREAMS_MAX, float_format};
-use super::primitive::{Batch, Class, Corners, Sent, class_of, is_upright, points_and_lines, triangles};
+use super::primitive::{Batch, Class, Sent, class_of, points_and_lines, triangles};
 use super::state::Vertex;
 use super::summary::Summary;
 
@@ -302,17 +302,19 @@ impl Gl {
         let (indices, count) = match native {
             Some(native) => (native, count),
             None => {
-                let upright = mode == e::QUADS && topology.is_none() && self.keeps_upright();
-                let position = |corner: u32| self.fetch(ready, numbers[corner as usize]).map(|vertex| vertex.position);
-                let rectangle = |corners: Corners| {
-                    let [a, b, c, d] = corners.map(position);
-                    upright && matches!((a, b, c, d), (Ok(a), Ok(b), Ok(c), Ok(d)) if is_upright([a, b, c, d]))
+                let diagonals = if mode == e::QUADS && topology.is_none() && self.begins_diagonals() {
+                    let position = |&number: &u32| Ok(self.fetch(ready, number)?.position);
+                    self.diagonals(&numbers.iter().map(position).collect::<Outcome<Vec<_>>>()?, summary.varying.color)
+                } else {
+                    Vec::new()
                 };
+                let begins = diagonals.first() == Some(&true);
+                let alike = diagonals.iter().all(|&other| other == begins);
                 let made: Vec<u32> = match (class, topology) {
                     (_, Some(_)) if turned => (0..count).map(|i| numbers[i as usize ^ 1]).collect(),
                     (_, Some(_)) => numbers.to_vec(),
                     (Class::Triangles, None) => {
-                        let corners = triangles(mode, count, &rectangle);
+                        let corners = triangles(mode, count, &diagonals);
                         corners.as_flattened().iter().map(|&corner| numbers[corner as usize]).collect()
                     }
                     (_, None) => points_and_lines(mode, count).into_iter().map(|k| numbers[k as usize]).collect(),
@@ -322,10 +324,9 @@ impl Gl {
                     _ => (positions.buffer, None, first as usize, 0),
                 };
                 let list = topology.is_none();
-                let conversion = Conversion::Indices { mode, list, upright, kind, at, base, count: numbers.len() };
+                let conversion = Conversion::Indices { mode, list, begins, kind, at, base, count: numbers.len() };
                 let n = made.len() as u64;
-                // Rectangles depend on the positions, too, which may change while the indices do not.
-                let own = selection.by == Selector::Sequence || kind.is_some() && !upright;
+                let own = alike && (selection.by == Selector::Sequence || kind.is_some());
                 let kept = own && keeps(name, conversion, [n, 2 * n, 4 * n]);
                 (Indices::Made(made, kept.then_some((name, conversion))), n as u32)
             }

@@ -8,7 +8,7 @@ use super::machine::Gl;
 use super::transform::Factor;
 use super::{
     accumulate, arb, arrays, buffers, elements, environment, evaluator, fragments, framebuffer, glsl, immediate, indirect,
-    lists, pixels, raster, rectangles, samplers, saved, texturing, transform,
+    lists, pixels, quads, raster, rectangles, samplers, saved, texturing, transform,
 };
 
 /// When a function may be called, and its effect on the batch.
@@ -315,9 +315,8 @@ fn exact(name: &str) -> Option<(Moment, Run)> {
             (Ignored, buffers::read_back)
         }
         // Calls without an effect on pictures.
-        "Flush"
-        | "Finish"
-        | "Hint"
+        "Flush" | "Finish" => (Ignored, quads::separate),
+        "Hint"
         | "FeedbackBuffer"
         | "SelectBuffer"
         | "InitNames"
