@@ -3,6 +3,7 @@
 use fillrate::trace::Reading;
 
 use super::gl_features::{BLACK, BLUE, GREEN, RED, last_of, near, recorded, shown};
+use super::gl_later::program;
 
 const DRAW: &str = "glDrawArrays(GL_TRIANGLE_STRIP,0,4)\n";
 /// `GL_INT_2_10_10_10_REV`.
@@ -106,4 +107,37 @@ fn counts_of_draws_come_from_buffer_objects() {
     assert_eq!(halves(&two, "glMultiDrawElementsIndirect(GL_TRIANGLES,GL_UNSIGNED_BYTE,20,1,0)"), [false, true]);
     let based = "glMultiDrawElementsBaseVertex(GL_TRIANGLES,{3,3},GL_UNSIGNED_BYTE,{0,0},2,{3,3})";
     assert_eq!(halves(&[0], based), [false, true]);
+}
+
+#[test]
+fn programs_draw_without_an_array_of_positions() {
+    // Two triangles that cover the window, from an attribute that is not the first one.
+    let corners = [-1.0_f32, -1.0, 1.0, -1.0, 1.0, 1.0, -1.0, -1.0, 1.0, 1.0, -1.0, 1.0];
+    let corners: Vec<u8> = corners.iter().flat_map(|value| value.to_le_bytes()).collect();
+    let array = "glVertexAttribPointer(3,2,GL_FLOAT,0,0,*1)\nglEnableVertexAttribArray(3)\n";
+    let draw = "glDrawArrays(GL_TRIANGLES,0,6)\n";
+    // The first attribute is the same for all vertices.
+    let vertex = "attribute vec4 tint; attribute vec2 place; varying vec4 c; void main() { gl_Position = vec4(place, 0.0, 1.0); c = tint; }";
+    let fragment = "varying vec4 c; void main() { gl_FragColor = c; }";
+    let linked = program(10, vertex, fragment).replace(
+        "glLinkProgram(12)",
+        "glBindAttribLocation(12,0,\"tint\")\nglBindAttribLocation(12,3,\"place\")\nglLinkProgram(12)",
+    );
+    assert_eq!(shown(&format!("{linked}glVertexAttrib4f(0,0,1,0,1)\n{array}{draw}"), &[&corners]).lit().len(), 256);
+    assert_eq!(shown(&format!("{linked}glVertexAttrib4f(0,0,1,0,1)\n{array}{draw}"), &[&corners]).at(8, 8), GREEN);
+    let text = "!!ARBvp1.0\nMOV result.position, vertex.attrib[3];\nMOV result.color, {1,0,0,1};\nEND";
+    let assembly = format!(
+        "glEnable(GL_VERTEX_PROGRAM_ARB)\nglProgramStringARB(GL_VERTEX_PROGRAM_ARB,GL_PROGRAM_FORMAT_ASCII_ARB,{},\"{text}\")\n",
+        text.len()
+    );
+    assert_eq!(shown(&format!("{assembly}{array}{draw}"), &[&corners]).at(8, 8), RED);
+    // From no array at all.
+    let alone = "void main() { gl_Position = vec4(0.0, 0.0, 0.0, 1.0); gl_FrontColor = vec4(0.0, 0.0, 1.0, 1.0); }";
+    let point = format!(
+        "{}glPointSize(4)\nglDrawArrays(GL_POINTS,0,1)\n",
+        program(10, alone, "void main() { gl_FragColor = gl_Color; }")
+    );
+    assert_eq!(shown(&point, &[]).lit().len(), 16);
+    // Fixed functions draw nothing.
+    assert_eq!(shown(&format!("{array}{draw}"), &[&corners]).lit(), []);
 }

@@ -349,8 +349,9 @@ impl Gl {
         }
         self.materials_meet()?;
         let (ready, bits) = self.ready()?;
-        // A vertex shader may take its position from any attribute.
-        if bits & (1 | 1 << GENERIC) == 0 && !(self.glsl.has(Stage::Vertex) && bits != 0) {
+        // A vertex program may take its position from any attribute, or from none.
+        let program = self.glsl.has(Stage::Vertex) || self.state.programs & Stage::Vertex as u8 != 0;
+        if bits & (1 | 1 << GENERIC) == 0 && !program {
             return Ok(());
         }
         if self.draw_resident(mode, &ready, selection)? {

@@ -242,7 +242,12 @@ pub(super) fn locals(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
 
 fn attribute_at(gl: &mut Gl, index: u32, value: [f32; 4]) -> Outcome {
     match index as usize {
-        0 => gl.vertex_at(value),
+        0 if gl.begun.is_some() => gl.vertex_at(value),
+        // It stays for draws without an array of positions.
+        0 => {
+            gl.state.current.position = value;
+            Ok(())
+        }
         k if k < GENERICS => {
             gl.state.current.set_generic(k, value);
             Ok(())
