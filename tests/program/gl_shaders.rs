@@ -4,7 +4,7 @@ use fillrate::accuracy::gl::recording::Recording;
 
 /// Draws the whole window with a program of these shaders; a text that is empty leaves the stage to fixed functions. Objects have the
 /// numbers 10 n, 10 n + 1 and 10 n + 2.
-fn frame(recording: &mut Recording, n: usize, vertex: &str, fragment: &str, calls: &str) {
+pub fn frame(recording: &mut Recording, n: usize, vertex: &str, fragment: &str, calls: &str) {
     let program = 10 * n + 2;
     recording.add(&format!("glCreateProgram()={program}"));
     for (k, (stage, text)) in
@@ -23,9 +23,11 @@ fn frame(recording: &mut Recording, n: usize, vertex: &str, fragment: &str, call
     recording.end_frame();
 }
 
-const PASS: &str = "void main() { gl_Position = gl_Vertex; }";
+/// A vertex shader that passes the position on.
+pub const PASS: &str = "void main() { gl_Position = gl_Vertex; }";
 
-fn near(recording: &Recording, wanted: &[(&str, [f64; 3])]) {
+/// Compares the middle of each frame.
+pub fn near(recording: &Recording, wanted: &[(&str, [f64; 3])]) {
     let seen = recording.centers().unwrap_or_else(|error| panic!("{error:#}"));
     assert_eq!(seen.len(), wanted.len());
     for ((name, wanted), seen) in wanted.iter().zip(seen) {

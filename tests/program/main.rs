@@ -12,6 +12,7 @@ mod gl_arrays;
 mod gl_as_mesa;
 mod gl_buffers;
 mod gl_features;
+mod gl_language;
 mod gl_later;
 mod gl_lists;
 mod gl_prepared;

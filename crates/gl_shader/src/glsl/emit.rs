@@ -117,7 +117,7 @@ impl Translated {
 
 /// Translates a stage. `array` is the expression of the array of its uniforms.
 pub fn translate(stage: Stage, source: &Source, array: &str) -> Outcome<Translated> {
-    let mut module = parse(stage, &source.text)?;
+    let mut module = parse(stage, source)?;
     module.entry_points.clear();
     let prefix = match stage {
         Stage::Vertex => "vs_",
@@ -156,7 +156,7 @@ pub fn translate(stage: Stage, source: &Source, array: &str) -> Outcome<Translat
     let flags = ValidationFlags::all() & !ValidationFlags::CONTROL_FLOW_UNIFORMITY;
     let info = guarded(|| {
         Validator::new(flags, Capabilities::all()).validate(&module).map_err(|error| {
-            let line = error.location(&source.text).map_or(0, |place| place.line_number.saturating_sub(LINES_BEFORE));
+            let line = error.location(&source.text).map_or(0, |place| line_of(source, place.line_number));
             Wrong::at(line, chain(error.as_inner()))
         })
     });
@@ -195,6 +195,9 @@ pub fn translate(stage: Stage, source: &Source, array: &str) -> Outcome<Translat
     for (((_, global), name), &(wgsl, line)) in module.global_variables.iter().zip(&names).zip(&parts.globals) {
         if global.space != AddressSpace::Private {
             return Err(wrong(format!("{name} is a resource that is not supported")));
+        }
+        if global.init.is_none() && source.initialised.contains(name) {
+            return Err(wrong(format!("{name} has an initialiser that is no constant, which is not supported")));
         }
         let layout = || {
             let bytes = module.types[global.ty].inner.size(module.to_ctx());
@@ -294,7 +297,14 @@ fn chain(error: &dyn std::error::Error) -> String {
     text.replace("glx_", "gl_")
 }
 
-fn parse(stage: Stage, text: &str) -> Outcome<Module> {
+/// The line of the source of a line of the text for naga.
+fn line_of(source: &Source, line: u32) -> u32 {
+    let line = line.checked_sub(LINES_BEFORE + 1).and_then(|line| source.lines.get(line as usize).or(source.lines.last()));
+    line.copied().unwrap_or(0)
+}
+
+fn parse(stage: Stage, source: &Source) -> Outcome<Module> {
+    let text = &source.text;
     let stage = match stage {
         Stage::Vertex => ShaderStage::Vertex,
         Stage::Fragment => ShaderStage::Fragment,
@@ -304,7 +314,7 @@ fn parse(stage: Stage, text: &str) -> Outcome<Module> {
         Ok(module) => Ok(module),
         Err(errors) => {
             let Some(error) = errors.errors.first() else { return Err(Wrong::at(0, "an error without a name")) };
-            let line = error.location(text).map_or(0, |place| place.line_number.saturating_sub(LINES_BEFORE));
+            let line = error.location(text).map_or(0, |place| line_of(source, place.line_number));
             Err(Wrong::at(line, chain(&error.kind)))
         }
     }

@@ -1,17 +1,26 @@
 //! Programs in GLSL.
 //!
-//! The passes of a shader: [`tokens`] (preprocessor), [`specialise`] (copies of functions for their samplers), [`rewrite`] (version 4.50, built-in names become plain variables), naga's front
-//! end and WGSL writer ([`emit`]), replacement of variables by uniforms ([`access`]), and the stage in the machine's module ([`stage`]),
-//! where fixed-function code does the rest.
+//! The passes of a shader: [`tokens`] (preprocessor); what naga does not do as the language says: [`declarators`] (arrays in declarations),
+//! [`loops`] (`continue` in `do`), [`lazy`] (`&&` and `||`), [`initial`] (global initialisers), [`specialise`] (copies of functions for their
+//! samplers), [`order`] (several shader objects, order of functions); [`rewrite`] (version 4.50, built-in names become plain variables),
+//! naga's front end and WGSL writer ([`emit`]), replacement of variables by uniforms ([`access`]), and the stage in the machine's module
+//! ([`stage`]), where fixed-function code does the rest.
 
 mod access;
 pub mod blocks;
 mod builtins;
+mod declarators;
 mod emit;
+mod initial;
+mod lazy;
+mod loops;
+mod order;
+mod outline;
 mod rewrite;
 mod sampler;
 mod specialise;
 pub mod stage;
+mod statements;
 mod tokens;
 mod words;
 
@@ -82,7 +91,12 @@ pub fn link(number: u32, sources: &Sources, limits: &Limits) -> Result<Rc<Linked
                 limits.shader_nesting.check(levels).map_err(|error| Wrong::at(0, error.to_string()))?;
                 limits.shader_constants.check(tokens::reach(tokens)).map_err(|error| Wrong::at(0, error.to_string()))?;
             }
-            let run = || translate(stage, &rewrite::rewrite(stage, tokens)?, array);
+            let run = || {
+                let source = rewrite::rewrite(stage, tokens)?;
+                // The passes add brackets.
+                limits.shader_nesting.check(source.nesting).map_err(|error| Wrong::at(0, error.to_string()))?;
+                translate(stage, &source, array)
+            };
             with_room_for(limits.shader_nesting.get(), run).unwrap_or_else(|reason| Err(Wrong::at(0, reason)))
         })();
         let name = ["vertex", "fragment"][k];

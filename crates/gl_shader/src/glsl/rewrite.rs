@@ -5,6 +5,12 @@ use std::collections::{BTreeMap, BTreeSet};
 
 use super::blocks::{Block, is_row_major, members, variables};
 use super::builtins::{self, Builtin};
+use super::declarators::declarators;
+use super::initial::initial;
+use super::lazy;
+use super::loops::loops;
+use super::order::order;
+use super::outline::initialiser;
 use super::sampler::{Read, Sampler, read_of, sampler, stubs};
 use super::specialise::specialise;
 use super::tokens::{self, Dialect, Token, closing, parts};
@@ -57,6 +63,12 @@ pub struct Source {
     pub invariant: bool,
     /// Whether derivatives along y occur.
     pub flips: bool,
+    /// Maximum nesting of the tokens in that text.
+    pub nesting: u64,
+    /// The line of the source of each line of that text, after the first two.
+    pub lines: Vec<u32>,
+    /// Variables in that text that have an initialiser.
+    pub initialised: BTreeSet<String>,
     /// Functions in the text for naga that stand for texture reads: their names, samplers, kinds of read.
     pub reads: BTreeMap<String, (usize, Read)>,
 }
@@ -92,6 +104,9 @@ pub fn rewrite(stage: Stage, shaders: Vec<(Dialect, Vec<Token>)>) -> Outcome<Sou
         builtins: BTreeMap::new(),
         invariant: false,
         flips: false,
+        nesting: 0,
+        lines: Vec::new(),
+        initialised: BTreeSet::new(),
         reads: BTreeMap::new(),
     };
     let dialect = shaders.first().map_or(Dialect { version: 110, embedded: false }, |&(dialect, _)| dialect);
@@ -121,11 +136,21 @@ pub fn rewrite(stage: Stage, shaders: Vec<(Dialect, Vec<Token>)>) -> Outcome<Sou
         tokens.iter_mut().for_each(|token| token.line += first);
         first = tokens.last().map_or(first, |token| token.line);
     }
+    declarators(&mut shaders);
+    let functions = lazy::functions(&shaders);
+    for (_, tokens) in &mut shaders {
+        *tokens = loops(tokens).unwrap_or_else(|| std::mem::take(tokens));
+        *tokens = lazy::lazy(tokens, &functions).unwrap_or_else(|| std::mem::take(tokens));
+    }
+    let (kept, moved) = initial(&mut shaders);
     specialise(&mut shaders)?;
+    let shaders = order(shaders, moved)?;
     for (dialect, tokens) in shaders {
         rewriter.dialect = dialect;
         rewriter.globals(&tokens)?;
     }
+    let kept: Vec<String> = kept.iter().map(|name| rewriter.rename(name)).collect();
+    rewriter.source.initialised.extend(kept);
     Ok(rewriter.finish())
 }
 
@@ -289,6 +314,9 @@ impl Rewriter {
                 let body = self.body(&declaration)?;
                 self.out.extend(body);
                 let renamed = self.rename(&name.text);
+                if initialiser(declarator).is_some() {
+                    self.source.initialised.insert(renamed.clone());
+                }
                 let name = name.text.clone();
                 self.source.globals.push(Global { name, renamed, storage, interpolation, location, block: None });
             }
@@ -509,8 +537,10 @@ impl Rewriter {
             stubs(name, &source.samplers[sampler], read, &mut text);
         }
         text.push('\n');
-        text += &tokens::print(&out);
-        source.text = text;
+        let (printed, lines) = tokens::lines(&out);
+        source.text = text + &printed;
+        source.lines = lines;
+        source.nesting = tokens::nesting(&out);
         source
     }
 }

@@ -4,6 +4,7 @@
 use std::collections::BTreeMap;
 use std::ops::Range;
 
+use super::outline;
 use super::sampler::sampler;
 use super::tokens::{Dialect, Token, closing, parts};
 use super::words::number_in_brackets;
@@ -106,36 +107,17 @@ pub fn specialise(shaders: &mut [(Dialect, Vec<Token>)]) -> Outcome {
     Ok(())
 }
 
-/// The declarations at global scope. What has no end is left to the passes that follow.
+/// The declarations at global scope.
 fn items(tokens: &[Token]) -> Vec<Item> {
-    let (mut list, mut start) = (Vec::new(), 0);
-    while start < tokens.len() {
-        let (mut at, mut parameters) = (start, None);
-        let end = loop {
-            let Some(token) = tokens.get(at) else { break tokens.len() };
-            if matches!(token.text.as_str(), "(" | "[" | "{") {
-                let close = closing(tokens, at).unwrap_or(tokens.len() - 1);
-                let values = || tokens[start..at].iter().any(|token| token.is("="));
-                if token.is("(") && parameters.is_none() && at > start && !tokens[at - 1].is("layout") && !values() {
-                    parameters = Some((at, close));
-                } else if token.is("{") && parameters.is_some() {
-                    break close + 1;
-                }
-                at = close;
-            } else if token.is(";") {
-                break at + 1;
-            }
-            at += 1;
-        };
-        let declared = &tokens[start..end];
-        let samplers = parameters.is_none()
+    let of = |item: outline::Item| {
+        let declared = &tokens[item.whole.clone()];
+        let samplers = item.function.is_none()
             && declared.iter().any(|token| token.is("uniform"))
             && declared.iter().any(|token| sampler(&token.text).is_some());
-        let function = parameters.and_then(|(open, close)| function(tokens, open, close, end));
-        list.push(Item { whole: start..end, function, samplers });
-        start = end;
-    }
-    list
+        let function = item.function.and_then(|of| function(tokens, of.open, of.close, item.whole.end));
+        Item { whole: item.whole, function, samplers }
+    };
+    outline::items(tokens).into_iter().map(of).collect()
 }
 
 /// The type of a sampler, or that of an array of samplers.

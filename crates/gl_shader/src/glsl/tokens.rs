@@ -215,17 +215,26 @@ pub fn reach(tokens: &[Token]) -> u64 {
 }
 
 /// Prints tokens, each on its line.
+#[cfg(test)]
 pub fn print(tokens: &[Token]) -> String {
-    let (mut text, mut line) = (String::new(), 1);
+    lines(tokens).0
+}
+
+/// Prints tokens, those of one source line on one line; and the source line of each.
+pub fn lines(tokens: &[Token]) -> (String, Vec<u32>) {
+    let (mut text, mut lines) = (String::new(), Vec::new());
     for token in tokens {
-        while line < token.line {
-            text.push('\n');
-            line += 1;
+        if lines.last() != Some(&token.line) {
+            // Naga counts lines from the first.
+            if !lines.is_empty() {
+                text.push('\n');
+            }
+            lines.push(token.line);
         }
         text.push_str(&token.text);
         text.push(' ');
     }
-    text
+    (text, lines)
 }
 
 /// The position of the bracket that closes the one at `open`.
@@ -286,7 +295,7 @@ mod tests {
     fn tokens_keep_their_lines_and_macros_are_replaced() {
         let (_, tokens) =
             preprocess("#version 120\n#define TWO 2.0\n#if __VERSION__ < 130\nfloat a\n= TWO;\n#endif\n").expect("a text");
-        assert_eq!(print(&tokens), "\n\n\nfloat a \n= 2.0 ; ");
+        assert_eq!(lines(&tokens), ("float a \n= 2.0 ; ".to_owned(), vec![4, 5]));
         assert_eq!(closing(&[Token::new("(", 1), Token::new("a", 1), Token::new(")", 1)], 0), Some(2));
     }
 

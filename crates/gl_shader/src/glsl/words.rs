@@ -1,5 +1,6 @@
 //! Names, and small patterns of tokens.
 
+use super::sampler::sampler;
 use super::tokens::{Token, parts};
 
 /// Words that are plain names in an old dialect and reserved in version 4.50.
@@ -64,4 +65,16 @@ pub fn signature(name: &Token, parameters: &[Token]) -> String {
         out.pop();
     }
     out
+}
+
+/// Whether this is the name of a type that the language has.
+pub fn is_type(name: &str) -> bool {
+    let stem = name.trim_end_matches(|c: char| c.is_ascii_digit());
+    let end = &name[stem.len()..];
+    match stem {
+        "void" | "bool" | "int" | "uint" | "float" => end.is_empty(),
+        "vec" | "ivec" | "uvec" | "bvec" | "mat" => matches!(end, "2" | "3" | "4"),
+        // `mat2x3`
+        _ => matches!(stem, "mat2x" | "mat3x" | "mat4x") && matches!(end, "2" | "3" | "4") || sampler(name).is_some(),
+    }
 }
