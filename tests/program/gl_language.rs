@@ -140,3 +140,124 @@ fn shader_objects_of_one_stage_share_variables_and_functions() {
         assert!(refused.contains(reason), "{refused}");
     }
 }
+
+#[test]
+fn a_component_of_a_vector_takes_what_a_function_gives() {
+    fragments(&[
+        (
+            "void f(out float x) { x = 0.25; } void main() { vec4 v = vec4(0.5); f(v[int(gl_FragCoord.x) / 8]); f(v.z); gl_FragColor = v; }",
+            [0.25, 0.5, 0.25],
+        ),
+        (
+            "void f(inout float x, inout float y) { x += 0.25; y += x; } void main() { mat3 m = mat3(0.25); int i = 1; f(m[0][i], m[0][2]);\n\
+             gl_FragColor = vec4(m[0], 1.0); }",
+            [0.25, 0.25, 0.25],
+        ),
+        // In branches and loops; a component of a global variable, and of an array.
+        (
+            "vec3 g; bool f(inout float x) { x += 0.25; return x < 0.7; } void main() { vec3 v[2]; v[0] = vec3(0.0);\n\
+             for (int i = 0; f(v[0][1]); i++) { if (i == 0) f(v[i].x); } f(g[2]); gl_FragColor = vec4(v[0] + g, 1.0); }",
+            [0.25, 0.75, 0.25],
+        ),
+    ]);
+}
+
+#[test]
+fn a_uniform_has_the_initial_value_of_either_stage() {
+    let mut recording = Recording::new();
+    let (with, without) = ("#version 120\nuniform vec3 c = vec3(0.5, 0.25, 0.75);", "#version 120\nuniform vec3 c;");
+    let vertex = "varying vec3 v; void main() { v = c; gl_Position = gl_Vertex; }";
+    let fragment = "varying vec3 v; void main() { gl_FragColor = vec4(v.x, c.y, v.z * c.z, 1.0); }";
+    frame(&mut recording, 1, &format!("{with} {vertex}"), &format!("{without} {fragment}"), "");
+    frame(&mut recording, 3, &format!("{without} {vertex}"), &format!("{with} {fragment}"), "");
+    let set = "glGetUniformLocation(@,\"c\")=1\nglUniform3f(1,0.25,0.5,1)";
+    frame(&mut recording, 5, &format!("{without} {vertex}"), &format!("{with} {fragment}"), set);
+    let wanted = [0.5, 0.25, 0.5625];
+    near(&recording, &[("vertex", wanted), ("fragment", wanted), ("set", [0.25, 0.5, 1.0])]);
+}
+
+#[test]
+fn a_link_that_fails_leaves_the_current_program_as_it_was() {
+    let fragment = "uniform float u; void main() { gl_FragColor = vec4(u); }";
+    let mut recording = Recording::new();
+    let set = "glGetProgramiv(@,GL_LINK_STATUS,{1})\nglGetUniformLocation(@,\"u\")=1\nglUniform1f(1,0.25)";
+    frame(&mut recording, 1, PASS, fragment, set);
+    // A second main, which Mesa and this program refuse; then one that only Mesa refuses, of a shader that was not compiled.
+    recording.add(
+        "glCreateShader(GL_FRAGMENT_SHADER)=90\nglShaderSource(90,1,\"void main() {}\",0)\nglCompileShader(90)\nglAttachShader(12,90)\n\
+         glLinkProgram(12)\nglGetProgramiv(12,GL_LINK_STATUS,{0})\nglRectf(-1,-1,1,1)",
+    );
+    recording.end_frame();
+    recording
+        .add("glUniform1f(1,0.5)\nglDetachShader(12,90)\nglLinkProgram(12)\nglGetObjectParameterivARB(12,GL_LINK_STATUS,{0})");
+    recording.add("glRectf(-1,-1,1,1)").end_frame();
+    near(&recording, &[("linked", [0.25; 3]), ("failed", [0.25; 3]), ("failed again", [0.5; 3])]);
+    // It cannot be bound any more.
+    recording.add("glUseProgram(12)");
+    recording.end_frame();
+    let (_, report) = recording.import().expect("a recording");
+    assert!(report.errors.get("glUseProgram: GL_INVALID_OPERATION").is_some(), "{:?}", report.errors);
+}
+
+#[test]
+fn built_in_functions_that_naga_lacks() {
+    fragments(&[
+        (
+            "#version 120\nvoid main() { mat2x3 m = outerProduct(vec3(1.0, 0.5, 0.25), vec2(0.5, 1.0)); gl_FragColor = vec4(m[0].xy, m[1].z, 1.0); }",
+            [0.5, 0.25, 0.25],
+        ),
+        (
+            "void main() { mat2 m = matrixCompMult(mat2(0.5, 0.25, 1.0, 0.5), mat2(0.5, 1.0, 1.0, 0.5)); gl_FragColor = vec4(m[0], m[1].y, 1.0); }",
+            [0.25; 3],
+        ),
+        ("void main() { gl_FragColor = vec4(noise1(0.3) + 0.5, noise2(vec3(0.7)) + 0.25, 1.0); }", [0.5, 0.25, 0.25]),
+        (
+            "#version 130\nuniform float u; void main() { float zero = u - 0.25; bvec2 i = isinf(vec2(1.0 / zero, u));\n\
+             gl_FragColor = vec4(isnan(zero / zero) ? 0.5 : 0.0, i.x ? 0.25 : 0.0, i.y || isnan(u) ? 0.5 : 0.0, 1.0); }",
+            [0.5, 0.25, 0.0],
+        ),
+        // A constant, and a function of the program's own.
+        (
+            "#version 120\nconst mat2 m = outerProduct(vec2(0.5), vec2(1.0, 0.5)); const vec2 v = m[1]; float noise1(float x) { return x; }\n\
+             void main() { gl_FragColor = vec4(v, noise1(0.75), 1.0); }",
+            [0.25, 0.25, 0.75],
+        ),
+        ("float square(const in highp float x) { return x * x; } void main() { gl_FragColor = vec4(square(0.5)); }", [0.25; 3]),
+    ]);
+}
+
+#[test]
+fn arrays_take_the_size_of_their_values() {
+    fragments(&[
+        (
+            "#version 120\nconst vec3 c[] = vec3[](vec3(0.25), vec3(0.5)); void main() { float d[] = float[](1.0, 0.5, 0.25), e = 0.5;\n\
+             gl_FragColor = vec4(c[1].x, d[2], e * d[1], 1.0); }",
+            [0.5, 0.25, 0.25],
+        ),
+        (
+            "float a[]; void main() { vec2 b[]; b[1] = vec2(0.5); a[2] = 0.25; vec2 b[3]; b[2].x = a[2]; gl_FragColor = vec4(b[1], b[2].x, 1.0); }",
+            [0.5, 0.5, 0.25],
+        ),
+        (
+            "#version 120\nvoid main() { float a[]; float a[] = float[](0.25, 0.5); gl_FragColor = vec4(a[0], a[1], 0.0, 1.0); }",
+            [0.25, 0.5, 0.0],
+        ),
+    ]);
+}
+
+#[test]
+fn a_function_replaces_a_built_in_one_only_where_it_is_declared() {
+    let mut recording = Recording::new();
+    let main = "float own(float x); float abs(float x) { return x - 0.5; } void main() { gl_FragColor = vec4(abs(1.0), own(-0.25), 0.0, 1.0); }";
+    objects(&mut recording, 1, &[main, "float own(float x) { return abs(x); }"]);
+    near(&recording, &[("abs", [0.5, 0.25, 0.0])]);
+}
+
+#[test]
+fn the_scale_of_normals_is_that_of_the_matrix() {
+    let mut recording = Recording::new();
+    recording.add("glMatrixMode(GL_MODELVIEW)\nglScalef(1,1,4)");
+    let fragment = "varying float s; void main() { gl_FragColor = vec4(s / 8.0); }";
+    frame(&mut recording, 1, "varying float s; void main() { s = gl_NormalScale; gl_Position = gl_Vertex; }", fragment, "");
+    near(&recording, &[("scale", [0.5; 3])]);
+}

@@ -119,6 +119,8 @@ pub enum Param {
     Environ(u8),
     /// The instance number, as the bits of an integer.
     Instance,
+    /// The factor of `GL_RESCALE_NORMAL`.
+    NormalScale,
     /// Fog colour.
     FogColor,
     /// Density, start, end, 1 / (end - start).

@@ -198,6 +198,7 @@ fn state(name: &str) -> Option<Builtin> {
         }
         // In vertex shaders only.
         "InstanceID" | "InstanceIDARB" => Some(Builtin::new("int", Role::State(vec![(Param::Instance, 0)]))),
+        "NormalScale" => Some(Builtin::new("float", Role::State(vec![(Param::NormalScale, 0)]))),
         "LightModel" => structure("glx_Model", None, MODEL, vec![(Param::ModelAmbient, 0)]),
         "FrontLightModelProduct" | "BackLightModelProduct" => {
             structure("glx_ModelProduct", None, MODEL_PRODUCT, vec![(Param::SceneColor(face), 0)])

@@ -14,7 +14,8 @@ pub fn declarators(shaders: &mut [(Dialect, Vec<Token>)]) {
     if !shaders.iter().any(|(_, tokens)| tokens.iter().any(|token| token.is("["))) {
         return;
     }
-    let (mut sizes, mut open) = (BTreeMap::new(), BTreeSet::new());
+    // The sizes that are known, arrays with empty brackets, variables with values.
+    let (mut sizes, mut open, mut given) = (BTreeMap::new(), BTreeSet::new(), BTreeSet::new());
     let mut reach: BTreeMap<String, u64> = BTreeMap::new();
     for (k, (_, tokens)) in shaders.iter_mut().enumerate() {
         *tokens = counted(tokens);
@@ -28,6 +29,9 @@ pub fn declarators(shaders: &mut [(Dialect, Vec<Token>)]) {
             let (is_open, size) = size(of, name);
             if is_open {
                 open.insert(place.clone());
+            }
+            if initialiser(name).is_some() {
+                given.insert(place.clone());
             }
             if let Some(size) = size {
                 sizes.entry(place).or_insert(size);
@@ -48,9 +52,19 @@ pub fn declarators(shaders: &mut [(Dialect, Vec<Token>)]) {
             from = end + 1;
             for name in &of.names {
                 let line = name[0].line;
-                if is_open(name) && !written.insert(place(name)) {
+                let valued = initialiser(name).is_some();
+                if is_open(name)
+                    && (written.contains(&place(name)) || !valued && block.is_none() && given.contains(&place(name)))
+                {
+                    // What is left of a second declaration in a block is its value.
+                    if let Some(at) = initialiser(name) {
+                        out.push(name[0].clone());
+                        out.extend_from_slice(&name[at - 1..]);
+                        out.push(tokens[end].clone());
+                    }
                     continue;
                 }
+                written.insert(place(name));
                 out.extend_from_slice(of.qualifiers);
                 out.extend_from_slice(of.kind);
                 let known = || {
@@ -210,6 +224,11 @@ mod tests {
             ("float[] a = float[3](1, 2, 3);", "float a [ 3 ] = float [ 3 ] ( 1 , 2 , 3 ) ;"),
             ("uniform float a[]; void f() { a[3]; a[1]; }", "uniform float a [ 4 ] ; void f ( ) { a [ 3 ] ; a [ 1 ] ; }"),
             ("void f() { float a[]; a[0]; float a[5]; }", "void f ( ) { float a [ 5 ] ; a [ 0 ] ; }"),
+            (
+                "void f() { float a[]; float a[] = float[](1, 2); }",
+                "void f ( ) { float a [ 2 ] ; a = float [ 2 ] ( 1 , 2 ) ; }",
+            ),
+            ("float a[]; float a[] = float[](1, 2);", "float a [ 2 ] = float [ 2 ] ( 1 , 2 ) ;"),
             ("void f() { float a[]; a[0]; { float a[5]; } }", "void f ( ) { float a [ 6 ] ; a [ 0 ] ; { float a [ 5 ] ; } }"),
         ] {
             assert_eq!(of(&[text]), wanted);

@@ -10,6 +10,7 @@ use naga::{AddressSpace, Expression, Handle, Literal, Module, ShaderStage, TypeI
 use super::access::{Layout, Roots, Substitution};
 use super::blocks::{self, Block, Filled};
 use super::builtins::Role;
+use super::outs::outs;
 use super::rewrite::{FLIP, Global, Source, Storage};
 use super::sampler::{Read, Sampler};
 use super::{Outcome, Wrong};
@@ -33,6 +34,8 @@ pub struct Uniform {
     pub layout: Layout,
     /// Its first vector.
     pub first: usize,
+    /// Whether its declaration has an initialiser.
+    pub initialised: bool,
     /// The location that its declaration states.
     pub location: Option<u32>,
 }
@@ -119,6 +122,7 @@ impl Translated {
 pub fn translate(stage: Stage, source: &Source, array: &str) -> Outcome<Translated> {
     let mut module = parse(stage, source)?;
     module.entry_points.clear();
+    guarded(|| outs(&mut module)).map_err(|reason| Wrong::at(0, reason))?;
     let prefix = match stage {
         Stage::Vertex => "vs_",
         Stage::Fragment => "fs_",
@@ -226,7 +230,7 @@ pub fn translate(stage: Stage, source: &Source, array: &str) -> Outcome<Translat
                 blocks::fill(&layout, block, start, &mut first.clone(), &mut out.filled);
                 continue;
             }
-            out.uniforms.push(Uniform { name: name.clone(), layout, first, location });
+            out.uniforms.push(Uniform { name: name.clone(), layout, first, initialised: global.init.is_some(), location });
             continue;
         }
         if let Some(Role::State(slots)) = builtin.map(|builtin| &builtin.role) {

@@ -4,13 +4,16 @@
 use std::collections::BTreeSet;
 
 use super::outline::{Variables, initialiser, items};
+use super::prelude;
 use super::tokens::{Dialect, Token};
 use super::words::is_type;
 
 /// Moves the initialisers that are no constants into `main`. Returns the names of the variables whose initialisers stay, and whether some
 /// have moved.
-pub fn initial(shaders: &mut [(Dialect, Vec<Token>)]) -> (BTreeSet<String>, bool) {
+pub fn initial(shaders: &mut [(Dialect, Vec<Token>)], functions: &BTreeSet<String>) -> (BTreeSet<String>, bool) {
     let (mut constants, mut kept, mut moved) = (BTreeSet::new(), BTreeSet::new(), Vec::new());
+    // Constants that become variables, since naga cannot evaluate calls of functions.
+    let mut variable = BTreeSet::new();
     for (_, tokens) in shaders.iter_mut() {
         let mut out = Vec::with_capacity(tokens.len());
         for item in items(tokens) {
@@ -20,13 +23,17 @@ pub fn initial(shaders: &mut [(Dialect, Vec<Token>)]) -> (BTreeSet<String>, bool
                 out.extend_from_slice(whole);
                 continue;
             };
-            out.extend([of.qualifiers, of.kind, of.count].concat());
+            let calls = |token: &Token| prelude::renamed(&token.text).is_some() && !functions.contains(&token.text);
+            let is_const = of.has("const")
+                && !of.names.concat().iter().any(|token| token.word && (calls(token) || variable.contains(&token.text)));
+            out.extend(of.qualifiers.iter().filter(|token| is_const || !token.is("const")).cloned());
+            out.extend([of.kind, of.count].concat());
             for (k, name) in of.names.iter().enumerate() {
                 let line = name[0].line;
                 if k > 0 {
                     out.push(Token::new(",", line));
                 }
-                let stays = |at: usize| of.has("const") || name[at..].first().is_some_and(|token| token.is("{"));
+                let stays = |at: usize| is_const || name[at..].first().is_some_and(|token| token.is("{"));
                 match initialiser(name) {
                     Some(at) if !stays(at) && !is_constant(&name[at..], &constants) => {
                         out.extend_from_slice(&name[..at - 1]);
@@ -41,8 +48,10 @@ pub fn initial(shaders: &mut [(Dialect, Vec<Token>)]) -> (BTreeSet<String>, bool
                         }
                     }
                 }
-                if of.has("const") {
+                if is_const {
                     constants.insert(name[0].text.clone());
+                } else if of.has("const") {
+                    variable.insert(name[0].text.clone());
                 }
             }
             out.extend(whole.last().cloned());
@@ -94,7 +103,7 @@ mod tests {
 
     fn of(texts: &[&str]) -> (String, BTreeSet<String>) {
         let mut shaders: Vec<_> = texts.iter().map(|text| preprocess(text).expect("tokens")).collect();
-        let (kept, _) = initial(&mut shaders);
+        let (kept, _) = initial(&mut shaders, &BTreeSet::new());
         let text: String = shaders.iter().map(|(_, tokens)| print(tokens)).collect();
         (text.split_whitespace().collect::<Vec<_>>().join(" "), kept)
     }

@@ -1,7 +1,7 @@
 //! Programs in GLSL.
 //!
 //! The passes of a shader: [`tokens`] (preprocessor); what naga does not do as the language says: [`declarators`] (arrays in declarations),
-//! [`loops`] (`continue` in `do`), [`lazy`] (`&&` and `||`), [`initial`] (global initialisers), [`specialise`] (copies of functions for their
+//! [`loops`] (`continue` in `do`), [`lazy`] (`&&` and `||`), [`overrides`] (names of built-in functions), [`initial`] (global initialisers), [`prelude`] (built-in functions), [`specialise`] (copies of functions for their
 //! samplers), [`order`] (several shader objects, order of functions); [`rewrite`] (version 4.50, built-in names become plain variables),
 //! naga's front end and WGSL writer ([`emit`]), replacement of variables by uniforms ([`access`]), and the stage in the machine's module
 //! ([`stage`]), where fixed-function code does the rest.
@@ -16,6 +16,9 @@ mod lazy;
 mod loops;
 mod order;
 mod outline;
+mod outs;
+mod overrides;
+mod prelude;
 mod rewrite;
 mod sampler;
 mod specialise;
@@ -105,5 +108,23 @@ pub fn link(number: u32, sources: &Sources, limits: &Limits) -> Result<Rc<Linked
             line => format!("{name} shader, line {line}: {}", wrong.reason),
         })?);
     }
+    share(&mut stages);
     Ok(Rc::new(Linked { number, stages }))
+}
+
+/// Gives uniforms that only one of the stages initialises that value in both.
+fn share(stages: &mut [Option<Translated>; 2]) {
+    let [Some(vertex), Some(fragment)] = stages else { return };
+    for a in &vertex.uniforms {
+        let Some(b) = fragment.uniforms.iter().find(|b| b.name == a.name && b.initialised != a.initialised) else { continue };
+        let count = a.layout.slots();
+        if b.layout.slots() == count {
+            let (from, to) = (a.first..a.first + count, b.first..b.first + count);
+            if a.initialised {
+                fragment.defaults[to].copy_from_slice(&vertex.defaults[from]);
+            } else {
+                vertex.defaults[from].copy_from_slice(&fragment.defaults[to]);
+            }
+        }
+    }
 }

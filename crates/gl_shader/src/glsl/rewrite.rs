@@ -11,6 +11,8 @@ use super::lazy;
 use super::loops::loops;
 use super::order::order;
 use super::outline::initialiser;
+use super::overrides::overrides;
+use super::prelude;
 use super::sampler::{Read, Sampler, read_of, sampler, stubs};
 use super::specialise::specialise;
 use super::tokens::{self, Dialect, Token, closing, parts};
@@ -89,6 +91,10 @@ struct Rewriter {
     arrays: BTreeMap<String, (usize, usize)>,
     /// Functions that have been declared: their names and the types of their parameters.
     functions: BTreeSet<String>,
+    /// Names of all functions of the shaders.
+    names: BTreeSet<String>,
+    /// Functions of the prelude that are called.
+    helpers: BTreeSet<String>,
 }
 
 /// Maximum number of samplers in an array.
@@ -127,6 +133,8 @@ pub fn rewrite(stage: Stage, shaders: Vec<(Dialect, Vec<Token>)>) -> Outcome<Sou
         members,
         arrays: BTreeMap::new(),
         functions: BTreeSet::new(),
+        names: BTreeSet::new(),
+        helpers: BTreeSet::new(),
     };
     let mut shaders = shaders;
     rewriter.invariant(&mut shaders);
@@ -138,11 +146,14 @@ pub fn rewrite(stage: Stage, shaders: Vec<(Dialect, Vec<Token>)>) -> Outcome<Sou
     }
     declarators(&mut shaders);
     let functions = lazy::functions(&shaders);
+    overrides(&mut shaders, &functions);
+    let functions = lazy::functions(&shaders);
     for (_, tokens) in &mut shaders {
         *tokens = loops(tokens).unwrap_or_else(|| std::mem::take(tokens));
         *tokens = lazy::lazy(tokens, &functions).unwrap_or_else(|| std::mem::take(tokens));
     }
-    let (kept, moved) = initial(&mut shaders);
+    let (kept, moved) = initial(&mut shaders, &functions);
+    rewriter.names = functions;
     specialise(&mut shaders)?;
     let shaders = order(shaders, moved)?;
     for (dialect, tokens) in shaders {
@@ -446,6 +457,13 @@ impl Rewriter {
                     out.push(Token::new(")", line));
                     at = end + 1;
                 }
+                // Naga does not have both in one parameter.
+                "in" if out.last().is_some_and(|before| before.is("const")) => {}
+                name if called && !self.names.contains(name) && prelude::renamed(name).is_some() => {
+                    let name = prelude::renamed(name).unwrap_or_default();
+                    out.push(Token::new(name.clone(), line));
+                    self.helpers.insert(name);
+                }
                 name if name.starts_with("gl_") => {
                     let mut name = name["gl_".len()..].to_owned();
                     if matches!(name.as_str(), "TexCoord" | "FragData") {
@@ -516,7 +534,7 @@ impl Rewriter {
     }
 
     fn finish(self) -> Source {
-        let Rewriter { mut source, out, .. } = self;
+        let Rewriter { mut source, out, helpers: self_helpers, .. } = self;
         // All on the second line, so that lines of the source stay countable.
         let mut text = String::from("#version 450\n");
         let mut structures = BTreeSet::new();
@@ -536,6 +554,9 @@ impl Rewriter {
         for (name, &(sampler, read)) in &source.reads {
             stubs(name, &source.samplers[sampler], read, &mut text);
         }
+        let mut helpers = String::new();
+        self_helpers.iter().for_each(|name| prelude::text(name, &mut helpers));
+        text += &helpers.replace('\n', " ");
         text.push('\n');
         let (printed, lines) = tokens::lines(&out);
         source.text = text + &printed;

@@ -69,6 +69,12 @@ pub fn normal_matrix(modelview: &Mat4) -> Mat3 {
     linear.try_inverse().map_or(Mat3::IDENTITY, |inverse| inverse.transpose().as_mat3())
 }
 
+/// The factor of `GL_RESCALE_NORMAL`: 1 over the length of the third row of the inverse (OpenGL 1.5, section 2.11.3).
+pub fn normal_scale(modelview: &Mat4) -> f32 {
+    let length = normal_matrix(modelview).transpose().row(2).length();
+    if length > 0.0 { 1.0 / length } else { 1.0 }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

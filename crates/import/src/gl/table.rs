@@ -195,6 +195,7 @@ fn exact(name: &str) -> Option<(Moment, Run)> {
         "DetachShader" | "DetachObject" => (Client, glsl::detach),
         "LinkProgram" => (Client, glsl::link_program),
         "UseProgram" | "UseProgramObject" => (Server, glsl::use_program),
+        "GetProgramiv" | "GetObjectParameteriv" => (Client, glsl::link_status),
         "DeleteShader" => (Client, glsl::delete_shader),
         "DeleteProgram" => (Client, glsl::delete_program),
         "DeleteObject" => (Client, glsl::delete_object),

@@ -91,9 +91,7 @@ fn visit(key: &ShaderKey, source: &Source, lit: Option<&[[f32; 4]]>, field: Visi
         let normals = matrix::normal_matrix(source.modelview);
         field("normal_matrix", None, &normals.to_cols_array_2d().map(|column| wide(column, 0.0)));
         if key.normalize == 2 {
-            // The length of the third row of the inverse (OpenGL 1.5, section 2.11.3).
-            let length = normals.row(2).length();
-            field("rescale", None, &[[if length > 0.0 { 1.0 / length } else { 1.0 }; 4]]);
+            field("rescale", None, &[[matrix::normal_scale(source.modelview); 4]]);
         }
     }
     if key.normal() && !key.varying.normal {

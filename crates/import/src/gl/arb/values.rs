@@ -56,6 +56,7 @@ pub fn state(gl: &Gl, param: Param) -> [f32; 4] {
         }
         Param::Environ(unit) => state.units[usize::from(unit)].environment.color,
         Param::Instance => [f32::from_bits(gl.instance); 4],
+        Param::NormalScale => [matrix::normal_scale(&gl.modelview.top); 4],
         Param::FogColor => state.fog_color,
         Param::FogTerms => {
             let [density, start, end] = state.fog;

@@ -19,6 +19,7 @@ const SOURCE_MAX: usize = 1 << 22;
 
 const FRAGMENT_SHADER: u32 = 0x8b30;
 const VERTEX_SHADER: u32 = 0x8b31;
+const LINK_STATUS: u32 = 0x8b82;
 
 /// A shader object.
 #[derive(Clone)]
@@ -36,6 +37,16 @@ struct Object {
     /// Locations that the program has chosen.
     attributes: NameMap<u32>,
     outputs: NameMap<u32>,
+    executable: Executable,
+    /// What it was before the last link, until the recording says how that went.
+    before: Option<Executable>,
+    /// Whether the last link has failed, as the recording says.
+    failed: bool,
+}
+
+/// What linking makes of a program object.
+#[derive(Clone, Default)]
+struct Executable {
     linked: Option<Result<Rc<Linked>, String>>,
     /// Names of uniforms by location.
     locations: NumberMap<u64, String>,
@@ -71,7 +82,7 @@ impl Glsl {
 
     /// Whether the current program has a stage.
     pub fn has(&self, stage: Stage) -> bool {
-        match self.objects.get(self.current).and_then(|object| object.linked.as_ref()) {
+        match self.objects.get(self.current).and_then(|object| object.executable.linked.as_ref()) {
             Some(Ok(linked)) => linked.stages[stage as usize - 1].is_some(),
             _ => false,
         }
@@ -79,7 +90,7 @@ impl Glsl {
 
     /// Whether the current program reads uniform blocks.
     pub fn reads_blocks(&self) -> bool {
-        match self.objects.get(self.current).and_then(|object| object.linked.as_ref()) {
+        match self.objects.get(self.current).and_then(|object| object.executable.linked.as_ref()) {
             Some(Ok(linked)) => linked.stages.iter().flatten().any(|stage| !stage.blocks.is_empty()),
             _ => false,
         }
@@ -97,13 +108,13 @@ impl Gl {
         let index = stage as usize - 1;
         let object = self.glsl.objects.get(self.glsl.current).ok_or(INVALID_OPERATION)?;
         let refused = |reason: &str| Fault::Unsupported(format!("drawing with GLSL program {}: {reason}", self.glsl.current));
-        let linked = match &object.linked {
+        let linked = match &object.executable.linked {
             None => return Err(INVALID_OPERATION),
             Some(Err(reason)) => return Err(refused(reason)),
             Some(Ok(linked)) => linked,
         };
         let Some(translated) = &linked.stages[index] else { return Ok(None) };
-        let unit = |name: &str| object.units.get(name).copied().unwrap_or(0);
+        let unit = |name: &str| object.executable.units.get(name).copied().unwrap_or(0);
         let units = translated.samplers.iter().map(|sampler| unit(&sampler.name)).collect();
         let locations = [&object.attributes, &object.outputs][index];
         let location = |name: &str| locations.get(name).copied();
@@ -122,7 +133,7 @@ impl Gl {
         };
         let object = self.glsl.objects.get(self.glsl.current).ok_or(INVALID_OPERATION)?;
         let Loaded { number, program } = loaded.map_err(|reason| refused(&reason))?;
-        let given = object.values[index].iter().zip(&translated.slots);
+        let given = object.executable.values[index].iter().zip(&translated.slots);
         let values = given.map(|(value, slot)| match slot {
             None => *value,
             Some((param, component)) => {
@@ -134,7 +145,7 @@ impl Gl {
         let mut values: Vec<[f32; 4]> = values.collect();
         for of in &translated.filled {
             let block = &translated.blocks[of.block];
-            let binding = object.bindings.get(&block.name).copied().or(block.binding).unwrap_or(0);
+            let binding = object.executable.bindings.get(&block.name).copied().or(block.binding).unwrap_or(0);
             let bytes = self.uniform_bytes(binding);
             for k in 0..of.components {
                 // What is behind the end of a buffer is zero, as in Mesa.
@@ -239,22 +250,41 @@ pub(super) fn link_program(gl: &mut Gl, call: &Call, _: Shape) -> CallOutcome {
     let number = gl.glsl.linked.len() as u32;
     let linked = gl.glsl.linked.entry(sources).or_insert_with_key(|sources| link(number, sources, &gl.limits)).clone();
     let object = gl.glsl_object(name)?;
-    (object.locations, object.units) = Default::default();
-    (object.block_names, object.bindings) = Default::default();
+    let mut executable = Executable::default();
     if let Ok(linked) = &linked {
-        for (values, stage) in object.values.iter_mut().zip(linked.stages()) {
+        for (values, stage) in executable.values.iter_mut().zip(linked.stages()) {
             *values = stage.map(|stage| stage.defaults.clone()).unwrap_or_default();
         }
     }
-    object.linked = Some(linked);
+    executable.linked = Some(linked);
+    object.before = Some(std::mem::replace(&mut object.executable, executable));
+    object.failed = false;
+    Ok(())
+}
+
+/// `glGetProgramiv(program, GL_LINK_STATUS, status)`: a link that has failed leaves the current program's executable as it was
+/// (OpenGL 4.5, section 7.3).
+pub(super) fn link_status(gl: &mut Gl, call: &Call, _: Shape) -> CallOutcome {
+    if call.u32(1)? != LINK_STATUS || call.numbers(2).ok().and_then(|status| status.first().copied()) != Some(0.0) {
+        return Ok(());
+    }
+    gl.flush()?;
+    let object = gl.glsl_object(call.u32(0)?)?;
+    if let Some(before) = object.before.take() {
+        object.executable = before;
+        object.failed = true;
+    }
     Ok(())
 }
 
 pub(super) fn use_program(gl: &mut Gl, call: &Call, _: Shape) -> CallOutcome {
     let name = call.u32(0)?;
     // A program that cannot be translated may be bound; drawing with it is refused. A program that was never linked cannot be bound.
-    if name != 0 && gl.glsl_object(name)?.linked.is_none() {
-        return Err(INVALID_OPERATION);
+    if name != 0 {
+        let object = gl.glsl_object(name)?;
+        if object.failed || object.executable.linked.is_none() {
+            return Err(INVALID_OPERATION);
+        }
     }
     gl.glsl.current = name;
     Ok(())
@@ -333,7 +363,7 @@ pub(super) fn block_index(gl: &mut Gl, call: &Call, _: Shape) -> CallOutcome {
     let name = text(call, 1)?;
     // There is no such block if the index is GL_INVALID_INDEX.
     if let Some(index) = answer(call).and_then(|index| u32::try_from(index).ok()).filter(|&index| index != u32::MAX) {
-        gl.glsl_object(call.u32(0)?)?.block_names.insert(u64::from(index), name);
+        gl.glsl_object(call.u32(0)?)?.executable.block_names.insert(u64::from(index), name);
     }
     Ok(())
 }
@@ -342,7 +372,7 @@ pub(super) fn block_index(gl: &mut Gl, call: &Call, _: Shape) -> CallOutcome {
 pub(super) fn block_name(gl: &mut Gl, call: &Call, _: Shape) -> CallOutcome {
     if let Ok(name) = text(call, 4) {
         let index = u64::from(call.u32(1)?);
-        gl.glsl_object(call.u32(0)?)?.block_names.insert(index, name);
+        gl.glsl_object(call.u32(0)?)?.executable.block_names.insert(index, name);
     }
     Ok(())
 }
@@ -352,8 +382,8 @@ pub(super) fn block_binding(gl: &mut Gl, call: &Call, _: Shape) -> CallOutcome {
     let (index, binding) = (u64::from(call.u32(1)?), call.u32(2)?);
     let object = gl.glsl_object(call.u32(0)?)?;
     let unnamed = || Fault::Unsupported("uniform blocks at indices that the recording does not name".into());
-    let name = object.block_names.get(index).ok_or_else(unnamed)?;
-    object.bindings.insert(name, binding);
+    let name = object.executable.block_names.get(index).ok_or_else(unnamed)?;
+    object.executable.bindings.insert(name, binding);
     Ok(())
 }
 
@@ -361,7 +391,7 @@ pub(super) fn uniform_location(gl: &mut Gl, call: &Call, _: Shape) -> CallOutcom
     let name = text(call, 1)?;
     // Negative: there is no such uniform.
     if let Some(location) = answer(call).and_then(|location| u64::try_from(location).ok()) {
-        gl.glsl_object(call.u32(0)?)?.locations.insert(location, name);
+        gl.glsl_object(call.u32(0)?)?.executable.locations.insert(location, name);
     }
     Ok(())
 }

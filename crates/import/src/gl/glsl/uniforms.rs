@@ -50,14 +50,14 @@ fn set(gl: &mut Gl, name: u32, location: i64, shape: [usize; 2], numbers: &[f64]
     let Ok(location) = u64::try_from(location) else { return Ok(()) };
     let unnamed = || Fault::Unsupported("uniforms at locations that the recording does not name".into());
     let object = gl.glsl_object(name)?;
-    let Some(Ok(linked)) = object.linked.clone() else { return Err(INVALID_OPERATION) };
+    let Some(Ok(linked)) = object.executable.linked.clone() else { return Err(INVALID_OPERATION) };
     // The location of a uniform was queried by the program, is stated in its declaration, or follows one of these in an array.
     let declared = |location: u64| {
         let mut all = linked.stages.iter().flatten().flat_map(Translated::located);
         all.find(|&(_, at)| u64::from(at) == location).map(|(name, _)| name.to_owned())
     };
-    let asked = |at: u64| Some((at, object.locations.get(at)?.clone()));
-    let before = || object.locations.keys_in(0..location).next_back().and_then(asked);
+    let asked = |at: u64| Some((at, object.executable.locations.get(at)?.clone()));
+    let before = || object.executable.locations.keys_in(0..location).next_back().and_then(asked);
     let exact = asked(location).or_else(|| Some((location, declared(location)?)));
     let Some((at, path)) = exact.or_else(before) else {
         return Err(unnamed());
@@ -72,7 +72,7 @@ fn set(gl: &mut Gl, name: u32, location: i64, shape: [usize; 2], numbers: &[f64]
         for (k, &unit) in numbers.iter().enumerate() {
             let name = format!("{root}[{}]", first.saturating_add(k));
             if samplers().any(|sampler| sampler.name == name) {
-                object.units.insert(&name, unit as u32);
+                object.executable.units.insert(&name, unit as u32);
             }
         }
         return Ok(());
@@ -82,11 +82,11 @@ fn set(gl: &mut Gl, name: u32, location: i64, shape: [usize; 2], numbers: &[f64]
             return Err(unnamed());
         }
         let unit = numbers.first().ok_or(INVALID_VALUE)?;
-        object.units.insert(root, *unit as u32);
+        object.executable.units.insert(root, *unit as u32);
         return Ok(());
     }
     let [columns, rows] = shape;
-    for (values, stage) in object.values.iter_mut().zip(linked.stages()) {
+    for (values, stage) in object.executable.values.iter_mut().zip(linked.stages()) {
         let Some(uniform) = stage.and_then(|stage| stage.uniforms.iter().find(|uniform| uniform.name == root)) else {
             continue;
         };
