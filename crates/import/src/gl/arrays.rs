@@ -63,7 +63,7 @@ pub struct Arrays {
 }
 
 /// The slot of a client state.
-fn slot(gl: &Gl, array: u32) -> Outcome<usize> {
+pub(super) fn slot(gl: &Gl, array: u32) -> Outcome<usize> {
     Ok(match array {
         e::VERTEX_ARRAY => 0,
         e::NORMAL_ARRAY => 1,
@@ -77,9 +77,16 @@ fn slot(gl: &Gl, array: u32) -> Outcome<usize> {
     })
 }
 
+impl Arrays {
+    /// Enables or disables an array.
+    pub(super) fn switch(&mut self, slot: usize, enabled: bool) {
+        self.slots[slot].enabled = enabled;
+    }
+}
+
 fn set_enabled(gl: &mut Gl, array: u32, enabled: bool) -> Outcome {
     let slot = slot(gl, array)?;
-    gl.arrays.slots[slot].enabled = enabled;
+    gl.arrays.switch(slot, enabled);
     Ok(())
 }
 
@@ -312,6 +319,11 @@ impl Gl {
                 Some(element) => element,
                 // Some programs read beyond the end of their buffer objects; Mesa returns zeros.
                 None if array.buffer.is_some() => &ZEROS[..array.element.bytes()],
+                None if array.instance.is_some() => {
+                    return Err(Fault::Unsupported(
+                        "elements of instances in memory, of which the recorder gives too few".into(),
+                    ));
+                }
                 None => {
                     return Err(Fault::Damaged(format!("vertex {index} is outside of an array's {} bytes", array.data.len())));
                 }

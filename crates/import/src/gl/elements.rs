@@ -70,8 +70,14 @@ pub(super) fn draw_arrays(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
 pub(super) fn draw_arrays_instanced(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
     let (mode, first, count) = (call.u32(0)?, call.size(1)?, call.size(2)?);
     bounded(count)?;
+    not_in_list(gl)?;
     let vertices = Selection::sequence(first, count);
     instances(gl, call.size(3)?, count, |gl| gl.elements(mode, &vertices))
+}
+
+/// Display lists cannot have draws of instances.
+fn not_in_list(gl: &Gl) -> Outcome {
+    if gl.compiling.is_some() { Err(INVALID_OPERATION) } else { Ok(()) }
 }
 
 /// Runs a draw once for each instance.
@@ -108,6 +114,9 @@ pub(super) const BASED: u8 = 4;
 /// `glDrawElements(mode, count, type, indices)`, with [`RANGE`], [`INSTANCED`] and [`BASED`] among `PARTS`.
 pub(super) fn draw_elements<const PARTS: u8>(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
     let at = if PARTS & RANGE != 0 { 3 } else { 1 };
+    if PARTS & INSTANCED != 0 {
+        not_in_list(gl)?;
+    }
     let behind = at + 3;
     let mut vertices = indices(gl, call.size(at)?, call.u32(at + 1)?, call.arg(at + 2))?;
     if PARTS & BASED != 0 {

@@ -4,12 +4,12 @@ use glam::Mat4;
 
 use super::call::{Call, Fault, INVALID_ENUM, INVALID_VALUE, Outcome, Scalar, Shape};
 use super::consts as e;
-use super::machine::{Gl, parameters};
+use super::machine::{Gl, padded};
 use super::matrix;
 use super::state::UNITS;
 
 pub(super) fn environment(gl: &mut Gl, call: &Call, shape: Shape) -> Outcome {
-    let (target, name, values) = (call.u32(0)?, call.u32(1)?, parameters(call, 2)?);
+    let (target, name, values) = (call.u32(0)?, call.u32(1)?, padded(call, shape, 2)?);
     let value = *values.first().ok_or(INVALID_VALUE)?;
     let word = value as i64 as u32;
     let unit = gl.state.active;
@@ -67,8 +67,8 @@ fn operand(word: u32) -> Outcome<u32> {
     if known { Ok(word) } else { Err(INVALID_ENUM) }
 }
 
-pub(super) fn generation(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
-    let (coordinate, name, values) = (call.u32(0)?.wrapping_sub(e::S) as usize, call.u32(1)?, parameters(call, 2)?);
+pub(super) fn generation(gl: &mut Gl, call: &Call, shape: Shape) -> Outcome {
+    let (coordinate, name, values) = (call.u32(0)?.wrapping_sub(e::S) as usize, call.u32(1)?, padded(call, shape, 2)?);
     let inverse = matrix::inverse(&gl.modelview.top).unwrap_or(Mat4::IDENTITY);
     let unit = &mut gl.state.units[gl.state.active];
     let generation = unit.generation.get_mut(coordinate).ok_or(INVALID_ENUM)?;

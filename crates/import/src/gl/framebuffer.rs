@@ -56,6 +56,9 @@ impl Default for Framebuffer {
     }
 }
 
+/// Colour buffers that windows do not have: those of the right eye, and auxiliary ones.
+const NO_BUFFERS: [u32; 7] = [0x401, 0x403, 0x407, 0x409, 0x40a, 0x40b, 0x40c];
+
 /// A renderbuffer: its image, its size, its base format.
 #[derive(Clone, Debug, Default)]
 pub struct Renderbuffer {
@@ -114,6 +117,11 @@ impl Gl {
         }
         let color = images[0];
         let (depth, stencil) = (self.image(object.depth)?, self.image(object.stencil)?);
+        if let Attached::Texture(name, ..) = object.stencil
+            && self.textures.get(name).is_some_and(|texture| texture.given_stencil)
+        {
+            return Err(Fault::Unsupported("drawing with stencil values that a texture was given".into()));
+        }
         let attached = depth.or(stencil);
         if depth.is_some() && stencil.is_some() && object.depth != object.stencil {
             return Err(Fault::Unsupported("frame buffer objects with depth and stencil in two images".into()));
@@ -144,10 +152,18 @@ impl Gl {
     /// Selects the render target by the current state.
     pub fn aim(&mut self) -> Outcome<Option<Target>> {
         let target = match (self.draw_framebuffer, self.state.draw_buffer) {
-            (0, e::FRONT | e::FRONT_LEFT | e::LEFT) if self.state.is(e::FRAMEBUFFER_SRGB) => {
+            (0, e::FRONT | e::FRONT_LEFT) if self.state.is(e::FRAMEBUFFER_SRGB) => {
                 return Err(Fault::Unsupported("drawing to the front with GL_FRAMEBUFFER_SRGB".into()));
             }
-            (0, e::FRONT | e::FRONT_LEFT | e::LEFT) => self.card.window_target(Buffer::Front),
+            (0, e::FRONT | e::FRONT_LEFT) => self.card.window_target(Buffer::Front),
+            // Only the back buffer is drawn to, since nothing may read the front one before the buffers are swapped.
+            (0, e::LEFT | e::FRONT_AND_BACK) => {
+                self.front_lacks = true;
+                match self.state.is(e::FRAMEBUFFER_SRGB) {
+                    true => self.card.encoded_target(),
+                    false => self.card.window_target(Buffer::Back),
+                }
+            }
             (0, _) if self.state.is(e::FRAMEBUFFER_SRGB) => self.card.encoded_target(),
             (0, _) => self.card.window_target(Buffer::Back),
             (name, _) => Some(self.target_of(name)?),
@@ -161,7 +177,10 @@ impl Gl {
         self.flush()?;
         let none = || Fault::Unsupported("reading before the size of the window is known".into());
         if self.read_framebuffer == 0 {
-            let front = matches!(self.read_buffer, e::FRONT | e::FRONT_LEFT | e::LEFT);
+            let front = matches!(self.read_buffer, e::FRONT | e::FRONT_LEFT | e::LEFT | e::FRONT_AND_BACK);
+            if front && self.front_lacks && !depth {
+                return Err(Fault::Unsupported("reading the front buffer after drawing to front and back".into()));
+            }
             let target = self.card.window_target(if front { Buffer::Front } else { Buffer::Back }).ok_or_else(none)?;
             let surface = if depth { target.depth } else { target.color };
             return Ok((surface.ok_or(INVALID_OPERATION)?, target.size, target.upward));
@@ -374,7 +393,7 @@ fn set_draw(gl: &mut Gl, buffer: u32) -> Outcome {
             gl.state.draw_buffer = buffer;
             Ok(())
         }
-        _ if color => Err(INVALID_OPERATION),
+        _ if color || NO_BUFFERS.contains(&buffer) => Err(INVALID_OPERATION),
         _ => Err(INVALID_ENUM),
     }
 }
@@ -408,6 +427,14 @@ pub(super) fn draw_buffers(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
 
 pub(super) fn read_buffer(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
     let buffer = call.u32(0)?;
+    let color = buffer.wrapping_sub(e::COLOR_ATTACHMENT0) < COLORS as u32;
+    let window = [e::BACK, e::BACK_LEFT, e::FRONT, e::FRONT_LEFT, e::LEFT, e::FRONT_AND_BACK].contains(&buffer);
+    if !color && !window && buffer != e::NONE && !NO_BUFFERS.contains(&buffer) {
+        return Err(INVALID_ENUM);
+    }
+    if buffer != e::NONE && if gl.read_framebuffer == 0 { !window } else { !color } {
+        return Err(INVALID_OPERATION);
+    }
     if let Some(object) = gl.framebuffers.get_mut(gl.read_framebuffer).filter(|_| gl.read_framebuffer != 0) {
         object.read = buffer;
     } else {

@@ -300,7 +300,18 @@ impl Gl {
 
     fn run_steps(&mut self, list: &List) -> Outcome {
         let mut room = None;
+        let (mut dropped, mut skipping) = (false, false);
         for step in &list.steps {
+            if skipping {
+                skipping = self.part_of(step) != Some(Part::End);
+                self.steps += 1;
+                continue;
+            }
+            if self.begun.is_some() && self.part_of(step) == Some(Part::Begin) {
+                self.primitive_within();
+                skipping = true;
+                continue;
+            }
             match step {
                 Step::Vertex(position) => self.vertex_at(*position)?,
                 Step::Normal(normal) => self.state.current.normal = *normal,
@@ -333,10 +344,18 @@ impl Gl {
                     self.unpack = now;
                     self.settle(call, outcome).map_err(Fault::Damaged)?;
                 }
+                Step::Primitive(_) if self.begun.is_some() => {
+                    self.primitive_within();
+                    dropped = true;
+                    self.steps += 1;
+                    continue;
+                }
                 Step::Primitive(geometry) => {
-                    let outcome = self.run_primitive(geometry);
+                    let outcome = self.geometry(geometry);
                     self.settled(outcome)?;
                 }
+                // What a dropped primitive leaves is dropped too.
+                Step::Attributes(..) if dropped => {}
                 Step::Attributes(vertex, bits) => {
                     let current = vertex.over(&self.state.current, *bits);
                     let position = std::mem::replace(&mut self.state.current, current).position;
@@ -344,28 +363,26 @@ impl Gl {
                 }
                 Step::Element(vertex, bits) => self.send_element(vertex, *bits),
             }
+            dropped = false;
             self.steps += 1;
         }
         Ok(())
     }
 
-    /// Draws a primitive of a list. If another primitive is open, the Begin of this one is an error. Its vertices then go to the open one,
-    /// and its End ends that.
-    fn run_primitive(&mut self, geometry: &Rc<Geometry>) -> Outcome {
-        let Some((mode, mut vertices)) = self.begun.take() else { return self.geometry(geometry) };
+    /// Counts the error of a primitive of a list that runs while another primitive is open. As in Mesa, nothing of it is drawn, and the open
+    /// one goes on.
+    fn primitive_within(&mut self) {
         let none = || Count { times: 0, first: self.number };
         self.errors.get_or_insert_with("glBegin: GL_INVALID_OPERATION", none).times += 1;
-        let mut primitives = geometry.primitives();
-        if let Some((_, range)) = primitives.next() {
-            vertices.extend(geometry.vertices[range].iter().map(|vertex| vertex.over(&self.state.current, geometry.own)));
+    }
+
+    /// What a step that is a call does between Begin and End.
+    fn part_of(&self, step: &Step) -> Option<Part> {
+        match step {
+            Step::Numbers(compact) => Some(self.function(compact.function)?.0.part),
+            Step::Call(of) => Some(of.0.part),
+            _ => None,
         }
-        self.primitive(mode, &vertices)?;
-        for (mode, range) in primitives {
-            vertices.clear();
-            vertices.extend(geometry.vertices[range].iter().map(|vertex| vertex.over(&self.state.current, geometry.own)));
-            self.primitive(mode, &vertices)?;
-        }
-        Ok(())
     }
 
     /// Deletes a list.

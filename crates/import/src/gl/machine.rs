@@ -102,6 +102,8 @@ pub struct Gl {
     pub draw_framebuffer: u32,
     /// The bound read framebuffer.
     pub read_framebuffer: u32,
+    /// Whether the front buffer lacks what was drawn to both front and back.
+    pub front_lacks: bool,
     /// The colour buffer of the window that is read.
     pub read_buffer: u32,
     /// Render buffers by name.
@@ -223,6 +225,7 @@ impl Gl {
             framebuffers: NumberMap::new(),
             draw_framebuffer: 0,
             read_framebuffer: 0,
+            front_lacks: false,
             read_buffer: e::BACK,
             renderbuffers: NumberMap::new(),
             renderbuffer: 0,
@@ -411,6 +414,7 @@ impl Gl {
             self.upload_changes();
         }
         self.card.present();
+        self.front_lacks = false;
         Ok(())
     }
 
@@ -459,6 +463,16 @@ pub fn components(call: &Call, shape: Shape, first: usize) -> Outcome<([f64; 4],
         }
     }
     Ok((values, count))
+}
+
+/// As [`parameters`], of a call whose parameter may be a colour or a place. One that has a single number gives zeros for the others, as
+/// Mesa takes it.
+pub fn padded(call: &Call, shape: Shape, first: usize) -> Outcome<Vec<f64>> {
+    let mut values = parameters(call, first)?;
+    if !shape.vector {
+        values.resize(4, 0.0);
+    }
+    Ok(values)
 }
 
 /// Parameters of a typed call without a number in its name, from the argument `first` on.

@@ -75,7 +75,8 @@ impl PixelMaps {
     }
 }
 
-/// The values of one-component pixels, rows from the bottom. If `normalized`, integers are divided by their greatest value.
+/// The values of one-component pixels, rows from the bottom. If `normalized`, integers are divided by their greatest value. Of pixels with a
+/// depth and a stencil value, the lowest eight bits are the stencil value, and the others are those of the depth.
 pub fn values(store: &PixelStore, size: [u32; 3], kind: u32, bytes: &[u8], normalized: bool) -> Outcome<Vec<f64>> {
     let count = size.iter().map(|&edge| u64::from(edge)).product::<u64>();
     if count > VALUES_MAX {
@@ -83,8 +84,9 @@ pub fn values(store: &PixelStore, size: [u32; 3], kind: u32, bytes: &[u8], norma
     }
     let component = match kind {
         e::UNSIGNED_BYTE | e::BYTE => 1,
-        e::UNSIGNED_SHORT | e::SHORT => 2,
-        e::UNSIGNED_INT | e::INT | e::FLOAT => 4,
+        e::UNSIGNED_SHORT | e::SHORT | e::HALF_FLOAT | e::HALF_FLOAT_OES => 2,
+        e::UNSIGNED_INT | e::INT | e::FLOAT | unpack::UNSIGNED_INT_24_8 => 4,
+        unpack::FLOAT_AND_STENCIL => 8,
         e::BITMAP => 0,
         _ => return Err(INVALID_ENUM),
     };
@@ -112,12 +114,13 @@ pub fn values(store: &PixelStore, size: [u32; 3], kind: u32, bytes: &[u8], norma
                     out.push(f64::from(line[x / 8] >> bit & 1));
                     continue;
                 }
-                let mut raw = [0; 4];
+                let mut raw = [0; 8];
                 raw[..component].copy_from_slice(&line[x * component..(x + 1) * component]);
                 if store.swap {
-                    raw[..component].reverse();
+                    raw[..component].chunks_mut(4).for_each(<[u8]>::reverse);
                 }
-                let bits = u32::from_le_bytes(raw);
+                let [low, high] = [[raw[0], raw[1], raw[2], raw[3]], [raw[4], raw[5], raw[6], raw[7]]];
+                let bits = u32::from_le_bytes(low);
                 let (value, most) = match kind {
                     e::UNSIGNED_BYTE => (f64::from(bits), 255.0),
                     e::BYTE => (f64::from(bits as i8), 127.0),
@@ -125,6 +128,9 @@ pub fn values(store: &PixelStore, size: [u32; 3], kind: u32, bytes: &[u8], norma
                     e::SHORT => (f64::from(bits as i16), 32_767.0),
                     e::UNSIGNED_INT => (f64::from(bits), 4_294_967_295.0),
                     e::INT => (f64::from(bits as i32), 2_147_483_647.0),
+                    e::HALF_FLOAT | e::HALF_FLOAT_OES => (f64::from(image::from_half(bits)), 1.0),
+                    unpack::UNSIGNED_INT_24_8 => (f64::from(bits), 1.0),
+                    unpack::FLOAT_AND_STENCIL => ((u64::from(bits) << 8 | u64::from(high[0])) as f64, 1.0),
                     _ => (f64::from(f32::from_bits(bits)), 1.0),
                 };
                 out.push(if normalized { value / most } else { value });
@@ -135,6 +141,20 @@ pub fn values(store: &PixelStore, size: [u32; 3], kind: u32, bytes: &[u8], norma
 }
 
 impl Gl {
+    /// Runs a function that reads pixels of so many dimensions. It is an error to read beyond the end of a buffer object.
+    pub fn unpacking(&mut self, dimensions: usize, run: impl FnOnce(&mut Gl) -> Outcome) -> Outcome {
+        let all = self.unpack;
+        if dimensions < 3 {
+            self.unpack = all.plane();
+        }
+        let result = run(self);
+        self.unpack = all;
+        match result {
+            Err(Fault::Damaged(_)) if all.buffer != 0 => Err(INVALID_OPERATION),
+            result => result,
+        }
+    }
+
     /// The bytes of a pixel argument: the recorded ones, or those of the pixel buffer object from an offset on. None if there are none.
     pub fn pixel_bytes(&self, arg: &Arg) -> Outcome<Option<Rc<[u8]>>> {
         let at = match arg {
@@ -208,14 +228,27 @@ impl Gl {
         Ok(values.into_iter().map(|value| (value as f32 * scale + bias).clamp(0.0, 1.0)).collect())
     }
 
+    /// Depths and stencil values of a rectangle that has both, after pixel transfer.
+    pub fn depths_and_stencil(&self, size: [u32; 3], kind: u32, bytes: &[u8]) -> Outcome<(Vec<f32>, Vec<u8>)> {
+        let [scale, bias] = self.state.transfer.depth;
+        let depth = |depth: f32| (depth * scale + bias).clamp(0.0, 1.0);
+        let words = values(&self.unpack, size, kind, bytes, false)?;
+        let of = |word: &f64| match kind {
+            unpack::UNSIGNED_INT_24_8 => (*word as u64 >> 8) as f32 / 16_777_215.0,
+            _ => f32::from_bits((*word as u64 >> 8) as u32),
+        };
+        Ok((words.iter().map(|word| depth(of(word))).collect(), words.iter().map(|word| self.stencil_value(*word)).collect()))
+    }
+
     /// Stencil indices of a rectangle after pixel transfer.
     pub fn stencil_indices(&self, size: [u32; 3], kind: u32, bytes: &[u8]) -> Outcome<Vec<u8>> {
-        let (transfer, maps) = (&self.state.transfer, &self.pixel_maps);
-        let index = |value: f64| {
-            let index = transfer.index(value);
-            if transfer.map_stencil { maps.by_index(1, index) as i64 as u8 } else { index as u8 }
-        };
-        Ok(values(&self.unpack, size, kind, bytes, false)?.into_iter().map(index).collect())
+        Ok(values(&self.unpack, size, kind, bytes, false)?.into_iter().map(|value| self.stencil_value(value)).collect())
+    }
+
+    /// A stencil value after pixel transfer.
+    fn stencil_value(&self, value: f64) -> u8 {
+        let index = self.state.transfer.index(value);
+        if self.state.transfer.map_stencil { self.pixel_maps.by_index(1, index) as i64 as u8 } else { index as u8 }
     }
 }
 

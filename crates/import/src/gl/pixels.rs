@@ -1,8 +1,9 @@
 //! Pixel storage and transfer, raster positions, render modes.
 
-use super::call::{Call, Fault, INVALID_ENUM, INVALID_VALUE, Outcome, Shape};
+use super::call::{Call, Fault, INVALID_ENUM, INVALID_OPERATION, INVALID_VALUE, Outcome, Scalar, Shape};
+use super::components;
 use super::consts as e;
-use super::machine::{Gl, components, parameters};
+use super::machine::{self, Gl, parameters};
 use super::matrix;
 use super::state::{PLANES, UNITS};
 
@@ -65,7 +66,15 @@ pub(super) fn pixel_map(gl: &mut Gl, call: &Call, shape: Shape) -> Outcome {
     if !(1..=MAP_MAX).contains(&size) || map < 6 && !size.is_power_of_two() {
         return Err(INVALID_VALUE);
     }
-    let values = call.numbers(2)?;
+    let values = match gl.unpack.buffer {
+        0 => call.numbers(2)?,
+        _ => {
+            let bytes = gl.pixel_bytes(call.arg(2))?.unwrap_or_default();
+            let element = if shape.scalar == Scalar::Ushort { 2 } else { 4 };
+            let bytes = bytes.get(..size * element).ok_or(INVALID_OPERATION)?;
+            bytes.chunks_exact(element).map(|bytes| components::read(shape.scalar, bytes)).collect()
+        }
+    };
     let values = values.get(..size).ok_or_else(|| Fault::Damaged(format!("a map of fewer than {size} numbers")))?;
     let value = |&value: &f64| if map < 2 { value as f32 } else { shape.scalar.normalized(value) };
     gl.pixel_maps.0[map] = values.iter().map(value).collect();
@@ -81,7 +90,7 @@ pub(super) fn pixel_zoom(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
 }
 
 pub(super) fn raster_position(gl: &mut Gl, call: &Call, shape: Shape) -> Outcome {
-    let position = components(call, shape, 0)?.0.map(|value| value as f32);
+    let position = machine::components(call, shape, 0)?.0.map(|value| value as f32);
     let eye = matrix::transform(&gl.modelview.top, position);
     let [x, y, z, w] = matrix::transform(&gl.projection.top, eye);
     let cut = |k: usize| gl.state.is(e::CLIP_PLANE0 + k as u32) && matrix::at_plane(gl.state.planes[k], eye) < 0.0;
@@ -112,7 +121,7 @@ pub(super) fn raster_position(gl: &mut Gl, call: &Call, shape: Shape) -> Outcome
 }
 
 pub(super) fn window_position(gl: &mut Gl, call: &Call, shape: Shape) -> Outcome {
-    let [x, y, z, _] = components(call, shape, 0)?.0.map(|value| value as f32);
+    let [x, y, z, _] = machine::components(call, shape, 0)?.0.map(|value| value as f32);
     let [near, far] = gl.state.depth_range;
     gl.state.raster = Some([x, y, near + z.clamp(0.0, 1.0) * (far - near), 1.0]);
     let mut vertex = gl.state.current.clone();

@@ -2,7 +2,7 @@
 
 use super::call::{Arg, Call, Fault, INVALID_ENUM, INVALID_OPERATION, INVALID_VALUE, Outcome, Shape};
 use super::consts as e;
-use super::machine::{Gl, parameters};
+use super::machine::{Gl, padded};
 use super::materials::{tracked, tracks};
 use super::matrix;
 use super::names;
@@ -71,6 +71,11 @@ fn set(gl: &mut Gl, cap: u32, on: bool) -> Outcome {
     }
     if cap == e::BLEND {
         gl.state.writes.iter_mut().for_each(|writes| writes.blended = on);
+        return Ok(());
+    }
+    // Mesa switches arrays so, too.
+    if let Ok(slot) = super::arrays::slot(gl, cap) {
+        gl.arrays.switch(slot, on);
         return Ok(());
     }
     let unit = &mut gl.state.units[gl.state.active];
@@ -153,6 +158,10 @@ fn faces(face: u32) -> Outcome<std::ops::Range<usize>> {
 
 pub(super) fn material(gl: &mut Gl, call: &Call, shape: Shape) -> Outcome {
     let (face, name, values) = (faces(call.u32(0)?)?, call.u32(1)?, call.numbers(2)?);
+    // What a colour of a single number gives is left open: Mesa reads beyond that number.
+    if !shape.vector && name != e::SHININESS {
+        return Err(INVALID_ENUM);
+    }
     let mut materials = gl.state.materials.clone();
     let tracked = tracked(&gl.state);
     for (side, material) in materials.iter_mut().enumerate().filter(|(side, _)| face.contains(side)) {
@@ -272,7 +281,7 @@ pub(super) fn color_material(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
 }
 
 pub(super) fn light(gl: &mut Gl, call: &Call, shape: Shape) -> Outcome {
-    let (k, name, values) = (call.u32(0)?.wrapping_sub(e::LIGHT0) as usize, call.u32(1)?, parameters(call, 2)?);
+    let (k, name, values) = (call.u32(0)?.wrapping_sub(e::LIGHT0) as usize, call.u32(1)?, padded(call, shape, 2)?);
     let modelview = gl.modelview.top;
     let light = gl.state.lights.get_mut(k).filter(|_| k < LIGHTS).ok_or(INVALID_ENUM)?;
     match name {
@@ -303,7 +312,7 @@ pub(super) fn light(gl: &mut Gl, call: &Call, shape: Shape) -> Outcome {
 }
 
 pub(super) fn light_model(gl: &mut Gl, call: &Call, shape: Shape) -> Outcome {
-    let (name, values) = (call.u32(0)?, parameters(call, 1)?);
+    let (name, values) = (call.u32(0)?, padded(call, shape, 1)?);
     let [value] = vector(&values)?;
     match name {
         e::LIGHT_MODEL_AMBIENT => gl.state.model_ambient = color(&values, shape)?,
@@ -322,7 +331,7 @@ pub(super) fn light_model(gl: &mut Gl, call: &Call, shape: Shape) -> Outcome {
 }
 
 pub(super) fn fog(gl: &mut Gl, call: &Call, shape: Shape) -> Outcome {
-    let (name, values) = (call.u32(0)?, parameters(call, 1)?);
+    let (name, values) = (call.u32(0)?, padded(call, shape, 1)?);
     let [value] = vector(&values)?;
     match name {
         e::FOG_MODE => match value as u32 {
@@ -371,16 +380,14 @@ pub(super) fn polygon_offset(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
 }
 
 pub(super) fn polygon_stipple(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
-    let bytes: Vec<u8> = match call.arg(0) {
-        Arg::Blob(bytes) => bytes.to_vec(),
-        Arg::Nums(numbers) => numbers.iter().map(|&number| number as u8).collect(),
-        _ => return Err(Fault::Damaged("argument 0 is no pattern".into())),
-    };
-    let bits = super::pixel_data::values(&gl.unpack, [32, 32, 1], e::BITMAP, &bytes, false)?;
-    for (row, bits) in gl.state.stipple.iter_mut().zip(bits.chunks_exact(32)) {
-        *row = bits.iter().fold(0, |row, &bit| row << 1 | u32::from(bit != 0.0));
-    }
-    Ok(())
+    let bytes = gl.pixel_bytes(call.arg(0))?.ok_or_else(|| Fault::Damaged("argument 0 is no pattern".into()))?;
+    gl.unpacking(2, |gl| {
+        let bits = super::pixel_data::values(&gl.unpack, [32, 32, 1], e::BITMAP, &bytes, false)?;
+        for (row, bits) in gl.state.stipple.iter_mut().zip(bits.chunks_exact(32)) {
+            *row = bits.iter().fold(0, |row, &bit| row << 1 | u32::from(bit != 0.0));
+        }
+        Ok(())
+    })
 }
 
 pub(super) fn line_width(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
@@ -406,8 +413,8 @@ pub(super) fn point_size(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
     Ok(())
 }
 
-pub(super) fn point_parameter(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
-    let (name, values) = (call.u32(0)?, parameters(call, 1)?);
+pub(super) fn point_parameter(gl: &mut Gl, call: &Call, shape: Shape) -> Outcome {
+    let (name, values) = (call.u32(0)?, padded(call, shape, 1)?);
     let [value] = vector(&values)?;
     match name {
         e::POINT_SIZE_MIN if value >= 0.0 => gl.state.point_limits[0] = value,

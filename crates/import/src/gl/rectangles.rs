@@ -17,6 +17,7 @@ use super::machine::Gl;
 use super::matrix;
 use super::pixel_data::values;
 use super::state::{UNITS, Vertex, capability};
+use super::unpack::can_have;
 
 /// Maximum width and height of a rectangle.
 const EDGE_MAX: u32 = 16_384;
@@ -168,9 +169,18 @@ impl Gl {
         Ok(())
     }
 
-    /// Draws a rectangle of depths, which are tested and written like those of fragments, and frees their surface.
-    fn draw_depths(&mut self, source: Surface, at: [f32; 4], size: [u32; 2]) -> Outcome {
+    /// Draws a rectangle of depths, and frees their surface. They are tested and written like those of fragments. Beside stencil values they
+    /// are written without tests and colours, as in Mesa.
+    fn draw_depths(&mut self, source: Surface, at: [f32; 4], size: [u32; 2], beside: bool) -> Outcome {
         let mut fixed = self.values_state("depths", DEPTH_TEXT)?;
+        if beside {
+            if let Some(depth) = &mut fixed.depth {
+                depth.depth_write = self.state.depth_write;
+            }
+            self.values_rectangle(source, at, size, &fixed, 0, 0.0)?;
+            self.card.destroy_surface(source);
+            return Ok(());
+        }
         let (tested, front) = (self.state.is(e::DEPTH_TEST), self.state.stencil[0]);
         let face = if self.state.is(e::STENCIL_TEST) { front.face()? } else { StencilFace::default() };
         if let Some(depth) = &mut fixed.depth {
@@ -268,6 +278,10 @@ fn placed(vertex: &Vertex, [x, y]: [f32; 2]) -> Vertex {
 }
 
 pub(super) fn bitmap(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
+    gl.unpacking(2, |gl| draw_bitmap(gl, call))
+}
+
+fn draw_bitmap(gl: &mut Gl, call: &Call) -> Outcome {
     let (width, height) = (call.size(0)?, call.size(1)?);
     let (origin, step) = ([call.f32(2)?, call.f32(3)?], [call.f32(4)?, call.f32(5)?]);
     let Some(at) = gl.state.raster else { return Ok(()) };
@@ -306,7 +320,12 @@ fn size_of(call: &Call, first: usize) -> Outcome<[u32; 2]> {
 }
 
 pub(super) fn draw_pixels(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
+    gl.unpacking(2, |gl| draw(gl, call))
+}
+
+fn draw(gl: &mut Gl, call: &Call) -> Outcome {
     let ([width, height], format, kind) = (size_of(call, 0)?, call.u32(2)?, call.u32(3)?);
+    can_have(format, kind)?;
     let Some(at) = gl.state.raster else { return Ok(()) };
     if width == 0 || height == 0 || gl.render_mode != e::RENDER {
         return Ok(());
@@ -317,7 +336,15 @@ pub(super) fn draw_pixels(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
         e::DEPTH_COMPONENT => {
             let depths = gl.depths([width, height, 1], kind, &bytes)?;
             let source = gl.numbers_surface(size, &depths);
-            gl.draw_depths(source, at, size)?;
+            gl.draw_depths(source, at, size, false)?;
+        }
+        e::DEPTH_STENCIL => {
+            let (depths, values) = gl.depths_and_stencil([width, height, 1], kind, &bytes)?;
+            let source = gl.numbers_surface(size, &depths);
+            gl.draw_depths(source, at, size, true)?;
+            let values: Vec<f32> = values.into_iter().map(f32::from).collect();
+            let source = gl.numbers_surface(size, &values);
+            gl.draw_stencil(source, at, size)?;
         }
         e::STENCIL_INDEX => {
             let indices = gl.stencil_indices([width, height, 1], kind, &bytes)?;
@@ -364,7 +391,7 @@ pub(super) fn copy_pixels(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
             let copied = |gl: &mut Gl, from, wanted: bool| wanted.then(|| gl.copied_numbers(from, [x, y], size)).transpose();
             let depths = copied(gl, From::Depth, kind != e::STENCIL)?;
             let values = copied(gl, From::Stencil, kind != e::DEPTH)?;
-            depths.map_or(Ok(()), |source| gl.draw_depths(source, at, size))?;
+            depths.map_or(Ok(()), |source| gl.draw_depths(source, at, size, kind == e::DEPTH_STENCIL))?;
             values.map_or(Ok(()), |source| gl.draw_stencil(source, at, size))
         }
         _ => Err(INVALID_ENUM),

@@ -69,6 +69,9 @@ fn set_parameter(texture: &mut Texture, name: u32, values: &[f64], shape: Shape)
     let value = *values.first().ok_or(INVALID_VALUE)?;
     let word = value as i64 as u32;
     let filters = [e::NEAREST, e::LINEAR];
+    if !shape.vector && matches!(name, e::TEXTURE_BORDER_COLOR | SWIZZLE_RGBA) {
+        return Err(INVALID_ENUM);
+    }
     match name {
         e::TEXTURE_MIN_FILTER
             if filters.contains(&word) || (e::NEAREST_MIPMAP_NEAREST..=e::LINEAR_MIPMAP_LINEAR).contains(&word) =>

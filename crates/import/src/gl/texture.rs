@@ -85,6 +85,8 @@ pub struct Texture {
     pub anisotropy: f32,
     /// Whether smaller levels are generated from the base level.
     pub generate: bool,
+    /// Whether the program gave it stencil values, which are not stored.
+    pub given_stencil: bool,
     /// Bias of the level of detail.
     pub bias: f32,
     /// The comparison of depths with the third coordinate, if it is enabled.
@@ -136,6 +138,7 @@ impl Texture {
             anisotropy: 1.0,
             generate: false,
             bias: 0.0,
+            given_stencil: false,
             compare: None,
             compare_func: Compare::LessEqual,
             depth_mode: Base::Luminance,

@@ -11,6 +11,7 @@ use super::machine::Gl;
 use super::names;
 use super::state::{TARGETS, UNITS};
 use super::texture::{Level, Texture};
+use super::unpack::can_have;
 
 /// Limits: size of textures, size of 3D textures, and texels of one image.
 const EDGE_MAX: u32 = 16_384;
@@ -115,17 +116,13 @@ fn define(gl: &mut Gl, call: &Call, allowed: &[u32], dimensions: usize) -> Outco
     let internal = call.u32(2)?;
     let (format, kind) = (call.u32(4 + dimensions)?, call.u32(5 + dimensions)?);
     let base = base_of(internal, format, kind)?;
+    can_have(format, kind)?;
     let given = gl.pixel_bytes(call.arg(6 + dimensions))?;
     if (base == Base::Depth) != matches!(format, e::DEPTH_COMPONENT | e::DEPTH_STENCIL) {
         return Err(INVALID_OPERATION);
     }
     let mut bytes = match given {
-        Some(bytes) if base == Base::Depth => {
-            if format == e::DEPTH_STENCIL {
-                return Err(Fault::Unsupported("pixels of format GL_DEPTH_STENCIL".into()));
-            }
-            Some(float_bytes(&gl.depths(size, kind, &bytes)?))
-        }
+        Some(bytes) if base == Base::Depth => Some(depth_bytes(gl, target, size, [format, kind], &bytes)?),
         // Contents are undefined.
         None if base == Base::Depth => None,
         Some(bytes) => Some(gl.kept(base, size, [format, kind], &bytes)?),
@@ -142,6 +139,19 @@ fn define(gl: &mut Gl, call: &Call, allowed: &[u32], dimensions: usize) -> Outco
         size = inner;
     }
     install(gl, target, face, level, Level::plain(size, base, bytes))
+}
+
+/// The stored depths of pixels. Stencil values beside them are not stored, but it is noted that the texture was given some.
+fn depth_bytes(gl: &mut Gl, target: usize, size: [u32; 3], [format, kind]: [u32; 2], bytes: &[u8]) -> Outcome<Vec<u8>> {
+    if format != e::DEPTH_STENCIL {
+        return Ok(float_bytes(&gl.depths(size, kind, bytes)?));
+    }
+    let (depths, values) = gl.depths_and_stencil(size, kind, bytes)?;
+    with(gl, target, |texture, _| {
+        texture.given_stencil |= values.iter().any(|&value| value != 0);
+        Ok(())
+    })?;
+    Ok(float_bytes(&depths))
 }
 
 /// The texels inside a border of one texel.
@@ -292,15 +302,15 @@ pub(super) fn compressed_part_2d(gl: &mut Gl, call: &Call, _: Shape) -> Outcome 
 }
 
 pub(super) fn image_1d(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
-    define(gl, call, &[e::TEXTURE_1D], 1)
+    gl.unpacking(1, |gl| define(gl, call, &[e::TEXTURE_1D], 1))
 }
 
 pub(super) fn image_2d(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
-    define(gl, call, PLANAR, 2)
+    gl.unpacking(2, |gl| define(gl, call, PLANAR, 2))
 }
 
 pub(super) fn image_3d(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
-    define(gl, call, &[e::TEXTURE_3D], 3)
+    gl.unpacking(3, |gl| define(gl, call, &[e::TEXTURE_3D], 3))
 }
 
 /// `glTexStorage(target, levels, internal format, size)`: all levels, without contents.
@@ -382,6 +392,10 @@ fn write_part(gl: &mut Gl, call: &Call, allowed: &[u32], dimensions: usize) -> O
         }
         Ok(image.base)
     })?;
+    can_have(format, kind)?;
+    if (base == Base::Depth) != matches!(format, e::DEPTH_COMPONENT | e::DEPTH_STENCIL) {
+        return Err(INVALID_OPERATION);
+    }
     if size.contains(&0) {
         return Ok(());
     }
@@ -389,7 +403,7 @@ fn write_part(gl: &mut Gl, call: &Call, allowed: &[u32], dimensions: usize) -> O
         return Err(Fault::Damaged("the image was not recorded".into()));
     };
     let kept = match base {
-        Base::Depth => float_bytes(&gl.depths(size, kind, &bytes)?),
+        Base::Depth => depth_bytes(gl, target, size, [format, kind], &bytes)?,
         base => gl.kept(base, size, [format, kind], &bytes)?,
     };
     let generates = with(gl, target, |texture, card| {
@@ -400,15 +414,15 @@ fn write_part(gl: &mut Gl, call: &Call, allowed: &[u32], dimensions: usize) -> O
 }
 
 pub(super) fn sub_image_1d(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
-    write_part(gl, call, &[e::TEXTURE_1D], 1)
+    gl.unpacking(1, |gl| write_part(gl, call, &[e::TEXTURE_1D], 1))
 }
 
 pub(super) fn sub_image_2d(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
-    write_part(gl, call, PLANAR, 2)
+    gl.unpacking(2, |gl| write_part(gl, call, PLANAR, 2))
 }
 
 pub(super) fn sub_image_3d(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
-    write_part(gl, call, &[e::TEXTURE_3D], 3)
+    gl.unpacking(3, |gl| write_part(gl, call, &[e::TEXTURE_3D], 3))
 }
 
 /// Copies from the framebuffer to a part of an image.

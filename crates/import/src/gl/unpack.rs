@@ -11,9 +11,15 @@ const RG: u32 = 0x8227;
 const RG_INTEGER: u32 = 0x8228;
 const INTEGERS_FIRST: u32 = 0x8d94;
 const INTEGERS_LAST: u32 = 0x8d9d;
-const UNSIGNED_INT_24_8: u32 = 0x84fa;
+pub const UNSIGNED_INT_24_8: u32 = 0x84fa;
 const PACKED_FLOATS: u32 = 0x8c3b;
 const SHARED_EXPONENT: u32 = 0x8c3e;
+/// A depth in single precision, and a word whose lowest byte is a stencil value.
+pub const FLOAT_AND_STENCIL: u32 = 0x8dad;
+
+/// Formats of extensions: alpha first; luminance and differences of colours.
+const ABGR: u32 = 0x8000;
+const YCBCR: u32 = 0x8757;
 
 /// Maximum number of texels or pixels of a rectangle.
 const TEXELS_MAX: u64 = 1 << 28;
@@ -35,6 +41,13 @@ pub struct PixelStore {
     pub low_first: bool,
     /// The buffer object that pixels are read from; 0: none.
     pub buffer: u32,
+}
+
+impl PixelStore {
+    /// The same for rectangles: skipped images count in three dimensions only.
+    pub fn plane(self) -> PixelStore {
+        PixelStore { image_height: 0, skip: [self.skip[0], self.skip[1], 0], ..self }
+    }
 }
 
 impl Default for PixelStore {
@@ -63,6 +76,31 @@ fn packed(kind: u32) -> Option<(usize, [(u32, u32); 4])> {
     Some(fields)
 }
 
+/// Whether pixels of a format may have a type. Mesa decides so for textures and for pixels that are drawn.
+pub fn can_have(format: u32, kind: u32) -> Outcome {
+    let plain = match kind {
+        e::UNSIGNED_BYTE | e::BYTE | e::UNSIGNED_SHORT | e::SHORT | e::UNSIGNED_INT | e::INT => true,
+        e::FLOAT | e::HALF_FLOAT | e::HALF_FLOAT_OES => true,
+        e::BITMAP | PACKED_FLOATS | SHARED_EXPONENT | UNSIGNED_INT_24_8 | FLOAT_AND_STENCIL => false,
+        _ if packed(kind).is_some() => false,
+        _ if format != YCBCR => return Err(INVALID_ENUM),
+        _ => false,
+    };
+    let fields = |shifts: &[u32]| packed(kind).is_some_and(|(_, [.., (_, last)])| shifts.contains(&last));
+    let can = match format {
+        YCBCR => return Err(Fault::Unsupported(format!("pixels of format {}", names::name(format)))),
+        e::DEPTH_STENCIL => matches!(kind, UNSIGNED_INT_24_8 | FLOAT_AND_STENCIL),
+        INTEGERS_FIRST..=INTEGERS_LAST | RG_INTEGER => false,
+        e::COLOR_INDEX | e::STENCIL_INDEX => plain || kind == e::BITMAP,
+        e::RGB => plain || fields(&[0]) || matches!(kind, PACKED_FLOATS | SHARED_EXPONENT),
+        e::RGBA | e::BGRA => plain || fields(&[1, 2, 4, 8]),
+        ABGR => plain || fields(&[4, 8]),
+        e::DEPTH_COMPONENT => plain,
+        _ => places(format).map(|_| plain)?,
+    };
+    if can { Ok(()) } else { Err(INVALID_OPERATION) }
+}
+
 /// Places of red, green, blue and alpha among the components of a format; 4: zero, 5: one.
 fn places(format: u32) -> Outcome<(usize, [usize; 4])> {
     Ok(match format {
@@ -77,6 +115,7 @@ fn places(format: u32) -> Outcome<(usize, [usize; 4])> {
         e::BGR => (3, [2, 1, 0, 5]),
         e::RGBA => (4, [0, 1, 2, 3]),
         e::BGRA => (4, [2, 1, 0, 3]),
+        ABGR => (4, [3, 2, 1, 0]),
         e::COLOR_INDEX
         | e::STENCIL_INDEX
         | e::DEPTH_COMPONENT
@@ -284,6 +323,7 @@ fn texels_of_bytes<T>(format: u32, line: &[u8], texel: impl Fn([u8; 4]) -> T, ou
         e::RGB => extend(line, out, |[r, g, b]| texel([r, g, b, 255])),
         e::BGR => extend(line, out, |[b, g, r]| texel([r, g, b, 255])),
         e::BGRA => extend(line, out, |[b, g, r, a]| texel([r, g, b, a])),
+        ABGR => extend(line, out, |[a, b, g, r]| texel([r, g, b, a])),
         // The only other format that `places` knows.
         _ => extend(line, out, texel),
     }
@@ -331,6 +371,62 @@ mod tests {
     }
 
     #[test]
+    fn formats_have_the_types_that_mesa_lets_them_have() {
+        const TYPES: [u32; 25] = [
+            e::BYTE,
+            e::UNSIGNED_BYTE,
+            e::SHORT,
+            e::UNSIGNED_SHORT,
+            e::INT,
+            e::UNSIGNED_INT,
+            e::FLOAT,
+            e::HALF_FLOAT,
+            e::BITMAP,
+            e::UNSIGNED_BYTE_3_3_2,
+            e::UNSIGNED_BYTE_2_3_3_REV,
+            e::UNSIGNED_SHORT_5_6_5,
+            e::UNSIGNED_SHORT_4_4_4_4,
+            e::UNSIGNED_SHORT_4_4_4_4_REV,
+            e::UNSIGNED_SHORT_5_5_5_1,
+            e::UNSIGNED_SHORT_1_5_5_5_REV,
+            e::UNSIGNED_INT_8_8_8_8,
+            e::UNSIGNED_INT_8_8_8_8_REV,
+            e::UNSIGNED_INT_10_10_10_2,
+            e::UNSIGNED_INT_2_10_10_10_REV,
+            UNSIGNED_INT_24_8,
+            PACKED_FLOATS,
+            SHARED_EXPONENT,
+            FLOAT_AND_STENCIL,
+            0x140a,
+        ];
+        // A dot for each type that Mesa 22.3 takes, for pixels that are drawn as for textures.
+        let one = "........-----------------";
+        let rows = [
+            (e::COLOR_INDEX, ".........----------------"),
+            (e::DEPTH_COMPONENT, one),
+            (e::RED, one),
+            (e::GREEN, one),
+            (e::BLUE, one),
+            (e::ALPHA, one),
+            (e::LUMINANCE, one),
+            (e::LUMINANCE_ALPHA, one),
+            (e::BGR, one),
+            (RG, one),
+            (e::RGB, "........-...---------..--"),
+            (e::RGBA, "........----........-----"),
+            (e::BGRA, "........----........-----"),
+            (ABGR, "........----..--..-------"),
+            (e::DEPTH_STENCIL, "--------------------.--.-"),
+            (INTEGERS_FIRST, "-------------------------"),
+            (0x8049, "-------------------------"),
+        ];
+        for (format, row) in rows {
+            let found: String = TYPES.iter().map(|&kind| if can_have(format, kind).is_ok() { '.' } else { '-' }).collect();
+            assert_eq!(found, row, "{format:x}");
+        }
+    }
+
+    #[test]
     fn packed_pixels_are_read_by_their_fields() {
         let store = PixelStore::default();
         let texels = unpack::<u8>(&store, [1, 1, 1], e::RGB, e::UNSIGNED_SHORT_5_6_5, &[0x1f, 0xf8]).expect("pixels");
@@ -340,8 +436,8 @@ mod tests {
         assert_eq!(unpack::<u8>(&store, [1, 1, 1], e::RGB, e::UNSIGNED_SHORT_4_4_4_4, &[0, 0]), Err(INVALID_OPERATION));
     }
 
-    const FORMATS: [u32; 11] =
-        [e::RED, RG, e::GREEN, e::BLUE, e::ALPHA, e::LUMINANCE, e::LUMINANCE_ALPHA, e::RGB, e::BGR, e::RGBA, e::BGRA];
+    const FORMATS: [u32; 12] =
+        [ABGR, e::RED, RG, e::GREEN, e::BLUE, e::ALPHA, e::LUMINANCE, e::LUMINANCE_ALPHA, e::RGB, e::BGR, e::RGBA, e::BGRA];
 
     #[test]
     fn bytes_have_the_places_of_their_format() {
