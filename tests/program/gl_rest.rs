@@ -386,6 +386,41 @@ fn a_light_is_seen_from_any_distance_whose_square_is_a_number() {
 }
 
 #[test]
+fn several_materials_change_within_a_primitive() {
+    // Only ambient light of the scene: the colour is the ambient material and the emission. Each change is one of the second triangle's corner.
+    let lit = "glLightModelfv(GL_LIGHT_MODEL_AMBIENT,{1,1,1,1})\nglEnable(GL_LIGHTING)\nglMaterialfv(GL_FRONT_AND_BACK,GL_AMBIENT,{1,0,0,1})\n";
+    let strip = |changes: &str| {
+        let calls = format!(
+            "{ORTHO}{lit}glBegin(GL_TRIANGLE_STRIP)\nglVertex2f(0,0)\nglVertex2f(0,16)\n{changes}glVertex2f(16,0)\nglVertex2f(16,16)\nglEnd()\n"
+        );
+        shown(&calls, &[]).at(8, 8)
+    };
+    let material = |name: &str, color: &str| format!("glMaterialfv(GL_FRONT_AND_BACK,{name},{{{color}}})\n");
+    let between = |left: [f32; 3], right: [f32; 3]| -> [u8; 3] {
+        std::array::from_fn(|c| (255.0 * (left[c] + (right[c] - left[c]) * 8.5 / 16.0)).round() as u8)
+    };
+    let (ambient, emission) = (material("GL_AMBIENT", "0,0,1,1"), material("GL_EMISSION", "0,1,0,1"));
+    assert!(near(strip(&ambient), between([1.0, 0.0, 0.0], [0.0, 0.0, 1.0])), "{:?}", strip(&ambient));
+    let both = format!("{ambient}{emission}");
+    assert!(near(strip(&both), between([1.0, 0.0, 0.0], [0.0, 1.0, 1.0])), "{:?}", strip(&both));
+    // The diffuse material was another one than the ambient one.
+    let joined = material("GL_AMBIENT_AND_DIFFUSE", "0,0,1,1");
+    assert!(near(strip(&joined), between([1.0, 0.0, 0.0], [0.0, 0.0, 1.0])), "{:?}", strip(&joined));
+    // As points, each with its own: two changes, one of them of a parameter that had not changed before.
+    let points = format!(
+        "{ORTHO}{lit}glPointSize(4)\nglBegin(GL_POINTS)\nglVertex2f(2,2)\n{ambient}glVertex2f(8,2)\n{emission}glVertex2f(14,2)\nglEnd()\n"
+    );
+    let image = shown(&points, &[]);
+    assert_eq!([2, 8, 14].map(|x| image.at(x, 2)), [RED, BLUE, [0, 255, 255]]);
+    // The backs of two-sided polygons have colours of their own, which one vertex cannot have besides.
+    let two = format!(
+        "{lit}glLightModeli(GL_LIGHT_MODEL_TWO_SIDE,1)\nglBegin(GL_TRIANGLE_STRIP)\nglVertex2f(0,0)\nglVertex2f(0,1)\n{both}glVertex2f(1,0)\nglEnd()\n"
+    );
+    let refusal = recorded(&two, &[], 0..u64::MAX, &Reading::default()).1.refusal();
+    assert!(refusal.as_ref().is_some_and(|what| what.starts_with("several materials within a primitive")), "{refusal:?}");
+}
+
+#[test]
 fn each_primitive_of_a_begin_has_the_materials_of_its_vertices() {
     let corner =
         |color: &str, x: i32, y: i32| format!("glMaterialfv(GL_FRONT,GL_EMISSION,{{{color},1}})\nglVertex2f({x},{y})\n");

@@ -3,6 +3,7 @@
 use super::call::{Call, Fault, INVALID_ENUM, INVALID_OPERATION, Outcome, Shape};
 use super::consts as e;
 use super::machine::{Gl, components};
+use super::materials::Tracked;
 use super::state::{UNITS, Vertex, capability};
 
 /// Maximum number of vertices between Begin and End.
@@ -41,7 +42,14 @@ pub(super) fn vertex(gl: &mut Gl, call: &Call, shape: Shape) -> Outcome {
 impl Gl {
     /// Draws the vertices between Begin and End, or those before a change of material. If their materials differ, colour material gives them.
     pub(super) fn send(&mut self, mode: u32, vertices: &[Vertex]) -> Outcome {
-        let Some((key, _)) = self.tracked.take() else { return self.primitive(mode, vertices) };
+        let key = match self.tracked.take() {
+            None => return self.primitive(mode, vertices),
+            Some(Tracked::Color(key, _)) => key,
+            Some(Tracked::Lit) => {
+                let enabled = self.without_lighting();
+                return self.with_enabled(enabled, |gl| gl.primitive(mode, vertices));
+            }
+        };
         self.flush()?;
         self.prepared = None;
         let (enabled, saved) = (self.state.enabled, self.state.color_material);
@@ -57,8 +65,12 @@ impl Gl {
     pub fn vertex_at(&mut self, position: [f32; 4]) -> Outcome {
         let mut vertex = self.state.current.clone();
         vertex.position = position;
-        if let Some((_, color)) = self.tracked {
-            vertex.color = color;
+        match self.tracked {
+            None => {}
+            Some(Tracked::Color(_, color)) => vertex.color = color,
+            Some(Tracked::Lit) => {
+                (vertex.color, vertex.secondary) = super::lit::colors(&self.state, &self.modelview.top, &vertex);
+            }
         }
         let Some((_, vertices)) = &mut self.begun else { return Ok(()) };
         if vertices.len() >= VERTICES_MAX {

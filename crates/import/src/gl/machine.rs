@@ -20,7 +20,7 @@ use super::glsl::Glsl;
 use super::image::PixelStore;
 use super::key::ShaderKey;
 use super::lists::List;
-use super::materials::Given;
+use super::materials::{Given, Tracked};
 use super::pixel_data::PixelMaps;
 use super::prepare::{Packings, Prepared};
 use super::primitive::{Batch, Elements};
@@ -156,8 +156,8 @@ pub struct Gl {
     pub follows: bool,
     /// The last draw, if nothing has changed since that draws are prepared for.
     pub prepared: Option<Box<Prepared>>,
-    /// The material that changes between Begin and End: its faces and name, and its current colour.
-    pub tracked: Option<([u32; 2], [f32; 4])>,
+    /// How vertices get materials that change between Begin and End, if one has changed.
+    pub tracked: Option<Tracked>,
     /// The materials that `glMaterial` has set, for colour material.
     pub given: Given,
     /// Primitives that wait for a draw.

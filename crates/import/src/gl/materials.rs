@@ -24,6 +24,15 @@ pub mod tracks {
     pub const EMISSION: u8 = 8;
 }
 
+/// How vertices between Begin and End get materials that change between them.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Tracked {
+    /// One colour of the material changes, as the arguments of `glMaterial` name it: its present value becomes the colour of vertices.
+    Color([u32; 2], [f32; 4]),
+    /// Vertices are lit when they are sent.
+    Lit,
+}
+
 /// Which parameters `glMaterial` has set, beside the values themselves. Bits of [`tracks`], for front and back.
 #[derive(Clone, Debug)]
 pub struct Given {

@@ -1,9 +1,10 @@
 //! Capabilities, lighting, fog, and how primitives are rasterised.
 
+use super::arb::Stage;
 use super::call::{Arg, Call, Fault, INVALID_ENUM, INVALID_OPERATION, INVALID_VALUE, Outcome, Shape};
 use super::consts as e;
 use super::machine::{Gl, padded};
-use super::materials::{tracked, tracks};
+use super::materials::{Tracked, tracked, tracks};
 use super::matrix;
 use super::names;
 use super::state::{LIGHTS, Material, TARGETS, capability};
@@ -213,7 +214,11 @@ pub(super) fn material(gl: &mut Gl, call: &Call, shape: Shape) -> Outcome {
         };
         let complete = vertices.is_empty() || whole > 0 && vertices.len().is_multiple_of(whole);
         let key = [call.u32(0)?, name];
-        let goes_on = gl.tracked.is_some_and(|(tracked, _)| tracked == key);
+        let goes_on = match gl.tracked {
+            None => false,
+            Some(Tracked::Color(known, _)) => known == key,
+            Some(Tracked::Lit) => true,
+        };
         if (goes_on || !complete) && gl.state.is(e::LIGHTING) {
             return track(gl, key, materials);
         }
@@ -233,35 +238,53 @@ pub(super) fn material(gl: &mut Gl, call: &Call, shape: Shape) -> Outcome {
     Ok(())
 }
 
-/// A material that changes within a primitive: it becomes the colour of the vertices, as with colour material.
-/// The material changes from a vertex to the next: its colours become those of the vertices.
+/// The material changes from a vertex to the next. If that is always the same colour of it, this becomes the colour of the vertices, as with
+/// colour material. Else they are lit here, each with its own material.
 fn track(gl: &mut Gl, [face, name]: [u32; 2], materials: [Material; 2]) -> Outcome {
     let of = |materials: &[Material; 2]| {
         let material = &materials[usize::from(face == e::BACK)];
-        Some(match name {
-            e::AMBIENT => material.ambient,
-            e::DIFFUSE | e::AMBIENT_AND_DIFFUSE => material.diffuse,
-            e::SPECULAR => material.specular,
-            e::EMISSION => material.emission,
-            _ => return None,
-        })
+        match name {
+            e::AMBIENT => Some(material.ambient),
+            e::DIFFUSE => Some(material.diffuse),
+            e::AMBIENT_AND_DIFFUSE => Some(material.diffuse).filter(|&diffuse| diffuse == material.ambient),
+            e::SPECULAR => Some(material.specular),
+            e::EMISSION => Some(material.emission),
+            _ => None,
+        }
     };
-    let refused = || Fault::Unsupported("several materials within a primitive".into());
-    let (old, new) = (of(&gl.state.materials).ok_or_else(refused)?, of(&materials).ok_or_else(refused)?);
-    match gl.tracked {
-        _ if gl.state.is(e::COLOR_MATERIAL) => return Err(refused()),
-        Some((key, _)) if key != [face, name] => return Err(refused()),
-        Some(_) => {}
-        None => {
-            // Primitives before this one use the old material.
-            gl.flush()?;
-            gl.prepared = None;
-            if let Some((_, vertices)) = &mut gl.begun {
-                vertices.iter_mut().for_each(|vertex| vertex.color = old);
+    let key = [face, name];
+    let goes_on = match gl.tracked {
+        None => !gl.state.is(e::COLOR_MATERIAL),
+        Some(Tracked::Color(known, _)) => known == key,
+        Some(Tracked::Lit) => false,
+    };
+    let (old, new) = (of(&gl.state.materials), of(&materials));
+    if gl.tracked.is_none() {
+        // Primitives before this one use the old material.
+        gl.flush()?;
+        gl.prepared = None;
+    }
+    if let (true, Some(old), Some(new)) = (goes_on, old, new) {
+        if let (None, Some((_, vertices))) = (gl.tracked, &mut gl.begun) {
+            vertices.iter_mut().for_each(|vertex| vertex.color = old);
+        }
+        gl.tracked = Some(Tracked::Color(key, new));
+    } else if gl.state.two_side || gl.glsl.used() || gl.state.programs & Stage::Vertex as u8 != 0 {
+        return Err(Fault::Unsupported("several materials within a primitive, lit on two sides or by a program".into()));
+    } else {
+        let mut before = gl.state.clone();
+        if let Some(Tracked::Color(key, _)) = gl.tracked {
+            before.enabled |= capability(e::COLOR_MATERIAL).unwrap_or(0);
+            before.color_material = key;
+        }
+        let modelview = gl.modelview.top;
+        if let (true, Some((_, vertices))) = (gl.tracked != Some(Tracked::Lit), &mut gl.begun) {
+            for vertex in vertices {
+                (vertex.color, vertex.secondary) = super::lit::colors(&before, &modelview, vertex);
             }
         }
+        gl.tracked = Some(Tracked::Lit);
     }
-    gl.tracked = Some(([face, name], new));
     gl.state.materials = materials;
     Ok(())
 }
