@@ -18,6 +18,7 @@ mod gl_later;
 mod gl_lists;
 mod gl_prepared;
 mod gl_programs;
+mod gl_rare;
 mod gl_reach;
 mod gl_rest;
 mod gl_shaders;

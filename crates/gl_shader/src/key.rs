@@ -221,9 +221,12 @@ pub enum DepthRead {
 pub enum EnvironmentKey {
     /// One of the plain modes.
     Mode(u32),
-    /// Combiners: functions, sources, operands; whether results are scaled.
-    Combine([u32; 2], [[u32; 3]; 2], [[u32; 3]; 2], bool),
+    /// Combiners: functions ([`FOUR`] is added to those of four arguments), sources, operands; whether results are scaled.
+    Combine([u32; 2], [[u32; 4]; 2], [[u32; 4]; 2], bool),
 }
+
+/// Added to functions of combiners that have four arguments (`GL_COMBINE4_NV`).
+pub const FOUR: u32 = 1 << 31;
 
 /// An enabled texture unit.
 #[derive(Clone, Debug, PartialEq, Eq, PartialOrd, Ord)]
@@ -248,6 +251,8 @@ pub struct UnitKey {
     pub depth: DepthRead,
     /// Coordinates that are clamped to [0, 1] before filtering (`GL_CLAMP`).
     pub clamp: [bool; 3],
+    /// Coordinates that are mirrored at 0 before filtering.
+    pub mirror: [bool; 3],
     /// Generated coordinates.
     pub made: [Option<Made>; 4],
     /// Whether the texture matrix is not the identity.
@@ -262,6 +267,18 @@ pub struct UnitKey {
     pub sprite_up: bool,
     /// Its environment.
     pub environment: EnvironmentKey,
+}
+
+/// The distance of a vertex for fog (`GL_FOG_DISTANCE_MODE_NV`).
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord)]
+pub enum FogDistance {
+    /// From the plane of the eye, without sign.
+    #[default]
+    Absolute,
+    /// Along the axis of the eye, with sign.
+    Signed,
+    /// From the eye.
+    Radial,
 }
 
 /// How primitives become triangles in the vertex stage.
@@ -321,6 +338,8 @@ pub struct ShaderKey {
     pub flat: bool,
     /// Fog: the mode.
     pub fog: Option<u32>,
+    /// The distance that fog uses otherwise.
+    pub fog_distance: FogDistance,
     /// Fog uses the fog coordinate.
     pub fog_coordinate: bool,
     /// Alpha test: the comparison.
@@ -371,6 +390,8 @@ pub struct Colors {
     pub alike: bool,
     /// Whether any of them stores values outside [0, 1].
     pub float: bool,
+    /// Whether the first one's red, green and blue are multiplied by a constant before they are blended.
+    pub scaled: bool,
     /// Set if the only one has fewer than eight bits a channel.
     pub narrow: Option<Narrow>,
 }
@@ -378,7 +399,7 @@ pub struct Colors {
 impl Default for Colors {
     #[inline]
     fn default() -> Self {
-        Colors { count: 1, written: 1, alike: true, float: false, narrow: None }
+        Colors { count: 1, written: 1, alike: true, float: false, scaled: false, narrow: None }
     }
 }
 

@@ -3,7 +3,7 @@
 use std::fmt::Write;
 
 use crate::consts as e;
-use crate::key::{Base, DepthRead, EnvironmentKey, Kind, UnitKey};
+use crate::key::{Base, DepthRead, EnvironmentKey, FOUR, Kind, UnitKey};
 
 /// Reads the texture of a unit into `texelK`.
 pub fn sample(unit: &UnitKey, out: &mut String) {
@@ -40,6 +40,9 @@ pub fn read(unit: &UnitKey, detail: Detail, out: &mut String) {
     let k = unit.unit;
     if unit.kind == Kind::Rectangle {
         line!(out, "    at{k} = vec3f(at{k}.xy / vec2f(textureDimensions(image{k})), at{k}.z);");
+    }
+    for (part, _) in ["x", "y", "z"].iter().zip(unit.mirror).filter(|&(_, mirror)| mirror) {
+        line!(out, "    at{k}.{part} = abs(at{k}.{part});");
     }
     for (part, _) in ["x", "y", "z"].iter().zip(unit.clamp).filter(|&(_, clamp)| clamp) {
         line!(out, "    at{k}.{part} = saturate(at{k}.{part});");
@@ -136,12 +139,20 @@ pub fn environment(unit: &UnitKey, units: &[UnitKey], out: &mut String) {
     line!(out, "    c = vec4f({rgb}, {a});");
 }
 
+/// Functions of four arguments.
+const ADD_FOUR: u32 = e::ADD | FOUR;
+const ADD_SIGNED_FOUR: u32 = e::ADD_SIGNED | FOUR;
+/// Functions of `ATI_texture_env_combine3`.
+const MODULATE_ADD: u32 = 0x8744;
+const MODULATE_SIGNED_ADD: u32 = 0x8745;
+const MODULATE_SUBTRACT: u32 = 0x8746;
+
 fn combine(
     unit: &UnitKey,
     units: &[UnitKey],
     functions: [u32; 2],
-    sources: [[u32; 3]; 2],
-    operands: [[u32; 3]; 2],
+    sources: [[u32; 4]; 2],
+    operands: [[u32; 4]; 2],
     scaled: bool,
     out: &mut String,
 ) {
@@ -151,13 +162,15 @@ fn combine(
         e::CONSTANT => format!("u.environment{k}"),
         e::PRIMARY_COLOR => "primary".into(),
         e::PREVIOUS => "c".into(),
+        e::ZERO => "vec4f()".into(),
+        e::ONE => "vec4f(1)".into(),
         // Crossbar; a unit that is not enabled gives undefined results.
         other => {
             let from = (other.wrapping_sub(e::TEXTURE0)) as usize;
             if units.iter().any(|unit| unit.unit == from) { format!("texel{from}") } else { "vec4f(1)".into() }
         }
     };
-    let arguments = |part: usize| -> [String; 3] {
+    let arguments = |part: usize| -> [String; 4] {
         std::array::from_fn(|i| {
             let from = source(sources[part][i]);
             let component = match operands[part][i] {
@@ -171,7 +184,12 @@ fn combine(
             }
         })
     };
-    let apply = |function: u32, [a, b, c]: [String; 3]| match function {
+    let apply = |function: u32, [a, b, c, d]: [String; 4]| match function {
+        ADD_FOUR => format!("{a} * {b} + {c} * {d}"),
+        ADD_SIGNED_FOUR => format!("{a} * {b} + {c} * {d} - 0.5"),
+        MODULATE_ADD => format!("{a} * {c} + {b}"),
+        MODULATE_SIGNED_ADD => format!("{a} * {c} + {b} - 0.5"),
+        MODULATE_SUBTRACT => format!("{a} * {c} - {b}"),
         e::REPLACE => a,
         e::ADD => format!("{a} + {b}"),
         e::ADD_SIGNED => format!("{a} + {b} - 0.5"),

@@ -7,7 +7,7 @@ use crate::arb;
 use crate::arb::program::{GENERICS, Output, Program};
 use crate::consts as e;
 use crate::expand::{expand, far_locations};
-use crate::key::{DepthRead, Expand, Kind, Made, ShaderKey, UnitKey};
+use crate::key::{DepthRead, Expand, FogDistance, Kind, Made, ShaderKey, UnitKey};
 use crate::lit::{colors, light};
 use crate::texels;
 
@@ -246,7 +246,11 @@ fn vertex(key: &ShaderKey, out: &mut String) {
         let distance = match (key.fog_coordinate, key.varying.fog) {
             (true, true) => "v.fog",
             (true, false) => "u.fog_coordinate.x",
-            _ => "abs(eye.z)",
+            _ => match key.fog_distance {
+                FogDistance::Absolute => "abs(eye.z)",
+                FogDistance::Signed => "eye.z",
+                FogDistance::Radial => "length(eye)",
+            },
         };
         line!(out, "    o.fog = {distance};");
     }
@@ -386,6 +390,10 @@ fn fragment(key: &ShaderKey, source: &Source, out: &mut String) {
         line!(out, "    let s = vec4u(saturate(c) * 255.0 + 0.5);");
         line!(out, "    let d = vec4u(textureLoad(frame, vec2i(v.position.xy), 0) * 255.0 + 0.5);");
         line!(out, "    c = vec4f(({}) & vec4u(255)) / 255.0;", logic(op));
+    }
+    if key.colors.scaled {
+        let source = if key.colors.float { "c" } else { "saturate(c)" };
+        line!(out, "    c = {source} * u.blend_scale;");
     }
     if let Some(narrow) = key.colors.narrow {
         line!(out, "    c = {};", narrow.unswizzle());

@@ -12,6 +12,7 @@ use super::elements::{Selection, Selector};
 use super::machine::Gl;
 use super::names;
 use super::primitive::{Elements, Sent};
+use super::restart::{RESTART_CLIENT, Restart};
 use super::state::{UNITS, Vertex};
 
 /// Slots of arrays: position, normal, colour, secondary colour, fog coordinate, edge flag, texture coordinates from 8 on, generic attributes
@@ -54,6 +55,8 @@ pub struct Arrays {
     slots: [Array; SLOTS],
     /// The active client texture unit.
     pub active: usize,
+    /// Indices that end primitives.
+    pub restart: Restart,
     /// The bound buffers: of arrays, of indices.
     pub bound: [u32; 2],
     /// The bound vertex array object; 0: the default one.
@@ -85,6 +88,9 @@ impl Arrays {
 }
 
 fn set_enabled(gl: &mut Gl, array: u32, enabled: bool) -> Outcome {
+    if array == RESTART_CLIENT && gl.arrays.restart.switch(array, enabled) {
+        return Ok(());
+    }
     let slot = slot(gl, array)?;
     gl.arrays.switch(slot, enabled);
     Ok(())

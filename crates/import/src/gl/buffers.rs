@@ -74,6 +74,8 @@ pub struct BufferObject {
     converted: RefCell<Vec<Converted>>,
     /// Whether pixels were read back into it since its contents were given.
     read_back: bool,
+    /// The flags of its storage, if its size is fixed (`glBufferStorage`).
+    storage: Option<u32>,
 }
 
 impl BufferObject {
@@ -152,6 +154,9 @@ pub struct Mapping {
 /// Maximum number of mapped buffers.
 const MAPPINGS_MAX: usize = 1 << 16;
 
+/// A flag of storage that is written by `glBufferSubData`.
+const DYNAMIC_STORAGE: u32 = 0x100;
+
 const UNIFORM_BUFFER: u32 = 0x8a11;
 
 /// Targets to which a buffer object may be bound to change it: texture, transform feedback, uniform, copy read and write, draw and dispatch
@@ -214,6 +219,9 @@ pub(super) fn data(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
     if bound == 0 {
         return Err(INVALID_OPERATION);
     }
+    if gl.buffers.get(bound).is_some_and(|object| object.storage.is_some()) {
+        return Err(INVALID_OPERATION);
+    }
     let given = match call.arg(2) {
         Arg::Blob(bytes) => Some(bytes.get(..size as usize).map_or_else(|| bytes.clone(), Rc::from)),
         _ if size > 1 << 28 => return Err(Fault::Limit(format!("a buffer object of {size} bytes without contents"))),
@@ -235,6 +243,39 @@ pub(super) fn data(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
     Ok(())
 }
 
+/// `glBufferStorage(target, size, bytes, flags)`
+pub(super) fn storage(gl: &mut Gl, call: &Call, shape: Shape) -> Outcome {
+    if !(call.f64(1)? > 0.0) {
+        return Err(INVALID_VALUE);
+    }
+    let flags = call.u32(3)?;
+    data(gl, call, shape)?;
+    let bound = gl.bound_buffer(call.u32(0)?)?;
+    gl.buffers.get_mut(bound).ok_or(INVALID_OPERATION)?.storage = Some(flags);
+    Ok(())
+}
+
+/// `glCopyBufferSubData(from target, to target, from offset, to offset, size)`
+pub(super) fn copy_part(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
+    let [from, to] = [gl.bound_buffer(call.u32(0)?)?, gl.bound_buffer(call.u32(1)?)?];
+    let mut places = [0; 3];
+    for (k, place) in places.iter_mut().enumerate() {
+        let value = call.f64(2 + k)?;
+        if !(value >= 0.0) {
+            return Err(INVALID_VALUE);
+        }
+        *place = value as usize;
+    }
+    let [start, at, size] = places;
+    let source = gl.buffers.get(from).ok_or(INVALID_OPERATION)?.bytes()?;
+    let end = start.checked_add(size).ok_or(INVALID_VALUE)?;
+    let bytes: Rc<[u8]> = Rc::from(source.get(start..end).ok_or(INVALID_VALUE)?);
+    if from == to && start < at.saturating_add(size) && at < end {
+        return Err(INVALID_VALUE);
+    }
+    gl.buffers.get_mut(to).ok_or(INVALID_OPERATION)?.write(at, &bytes, &mut gl.card)
+}
+
 /// `glReadPixels` and its like. Pictures do not depend on what a program reads, unless it reads into a buffer object and draws from that.
 pub(super) fn read_back(gl: &mut Gl, _: &Call, _: Shape) -> Outcome {
     if let Some(object) = gl.buffers.get_mut(gl.pack_buffer).filter(|_| gl.pack_buffer != 0) {
@@ -246,11 +287,15 @@ pub(super) fn read_back(gl: &mut Gl, _: &Call, _: Shape) -> Outcome {
 pub(super) fn sub_data(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
     let (bound, at) = (gl.bound_buffer(call.u32(0)?)?, call.f64(1)? as u64 as usize);
     let object = gl.buffers.get_mut(bound).ok_or(INVALID_OPERATION)?;
+    if object.storage.is_some_and(|flags| flags & DYNAMIC_STORAGE == 0) {
+        return Err(INVALID_OPERATION);
+    }
     if call.f64(2)? == 0.0 {
         return Ok(());
     }
     let Arg::Blob(bytes) = call.arg(3) else { return Err(Fault::Damaged("the bytes were not recorded".into())) };
-    object.write(at, bytes, &mut gl.card)
+    let size = call.f64(2)? as usize;
+    object.write(at, bytes.get(..size).unwrap_or(bytes), &mut gl.card)
 }
 
 pub(super) fn delete(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {

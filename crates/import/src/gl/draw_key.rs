@@ -3,7 +3,7 @@
 use glam::{Mat4, Vec4};
 
 use super::arb::{GENERICS, input};
-use super::call::Outcome;
+use super::call::{Fault, Outcome};
 use super::consts as e;
 use super::draw::kind_of;
 use super::key::*;
@@ -52,7 +52,24 @@ impl Gl {
         let m = &self.texture_matrices[unit].top;
         let env = &state.environment;
         let environment = match env.mode {
-            e::COMBINE => EnvironmentKey::Combine(env.combine, env.sources, env.operands, env.scales != [1.0; 2]),
+            e::COMBINE => {
+                // What the fourth argument is does not matter.
+                let three = |of: [[u32; 4]; 2]| of.map(|[a, b, c, _]| [a, b, c, 0]);
+                let dot = matches!(env.combine[0], super::environment::DOT3_RGB | super::environment::DOT3_RGBA);
+                if dot && env.scales[0] != 1.0 {
+                    return Err(Fault::Unsupported("dot products of EXT_texture_env_dot3 with a scale".into()));
+                }
+                let functions = [super::environment::later(env.combine[0]), env.combine[1]];
+                EnvironmentKey::Combine(functions, three(env.sources), three(env.operands), env.scales != [1.0; 2])
+            }
+            super::environment::COMBINE4 => {
+                if env.combine.iter().any(|function| ![e::ADD, e::ADD_SIGNED].contains(function)) {
+                    return Err(Fault::Unsupported(
+                        "GL_COMBINE4_NV with a function other than GL_ADD and GL_ADD_SIGNED".into(),
+                    ));
+                }
+                EnvironmentKey::Combine(env.combine.map(|of| of | FOUR), env.sources, env.operands, env.scales != [1.0; 2])
+            }
             mode => EnvironmentKey::Mode(mode),
         };
         let sprite = class == Class::Points && self.state.is(e::POINT_SPRITE) && self.state.point_sprites & 1 << unit != 0;
@@ -66,6 +83,7 @@ impl Gl {
             face_edges: !self.seamless && bound.as_ref().is_some_and(|bound| bound.face_edges),
             border: bound.as_ref().is_some_and(|bound| bound.border.is_some()),
             clamp: bound.as_ref().map_or([false; 3], |bound| bound.clamp),
+            mirror: bound.as_ref().map_or([false; 3], |bound| bound.mirror),
             depth: bound.as_ref().map_or(DepthRead::No, |bound| bound.depth),
             matrix: *m != Mat4::IDENTITY && !sprite,
             projective: made[3].is_some() || m.row(3) != Vec4::W,
@@ -126,6 +144,7 @@ impl Gl {
             color_sum: state.is(e::COLOR_SUM) && !state.is(e::LIGHTING),
             flat: state.flat,
             fog: state.is(e::FOG).then_some(state.fog_mode),
+            fog_distance: state.fog_distance,
             fog_coordinate: state.is(e::FOG) && state.fog_from_coordinate,
             alpha: (state.is(e::ALPHA_TEST) && state.alpha.0 != e::ALWAYS).then_some(state.alpha.0),
             planes: (0..PLANES).filter(|&k| state.is(e::CLIP_PLANE0 + k as u32)).fold(0, |all, k| all | 1 << k),

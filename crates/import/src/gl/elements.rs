@@ -5,6 +5,7 @@ use std::rc::Rc;
 use super::call::{Arg, Call, Fault, INVALID_ENUM, INVALID_OPERATION, INVALID_VALUE, Outcome, Scalar, Shape};
 use super::components::scalar;
 use super::machine::Gl;
+use super::restart::parts;
 
 /// Maximum number of vertices of one draw.
 const VERTICES_MAX: u32 = 1 << 22;
@@ -118,23 +119,21 @@ pub(super) fn draw_elements<const PARTS: u8>(gl: &mut Gl, call: &Call, _: Shape)
         not_in_list(gl)?;
     }
     let behind = at + 3;
-    let mut vertices = indices(gl, call.size(at)?, call.u32(at + 1)?, call.arg(at + 2))?;
-    if PARTS & BASED != 0 {
-        let added = call.i32(behind + usize::from(PARTS & INSTANCED != 0))?;
-        vertices.add(added);
-    }
-    let mode = call.u32(0)?;
-    if PARTS & INSTANCED == 0 {
-        return indexed(gl, mode, &vertices);
-    }
+    let (mode, kind) = (call.u32(0)?, call.u32(at + 1)?);
+    let vertices = indices(gl, call.size(at)?, kind, call.arg(at + 2))?;
+    let added = if PARTS & BASED != 0 { call.i32(behind + usize::from(PARTS & INSTANCED != 0))? } else { 0 };
     let count = vertices.numbers.len() as u32;
-    instances(gl, call.size(behind)?, count, |gl| indexed(gl, mode, &vertices))
+    let parts = parts(gl, vertices, kind, added)?;
+    if PARTS & INSTANCED == 0 {
+        return indexed(gl, mode, &parts);
+    }
+    instances(gl, call.size(behind)?, count, |gl| indexed(gl, mode, &parts))
 }
 
-/// Draws vertices that indices select.
-pub(super) fn indexed(gl: &mut Gl, mode: u32, vertices: &Selection) -> Outcome {
+/// Draws vertices that indices select, in parts.
+pub(super) fn indexed(gl: &mut Gl, mode: u32, parts: &[Selection]) -> Outcome {
     gl.indexed = true;
-    let outcome = gl.elements(mode, vertices);
+    let outcome = parts.iter().try_for_each(|vertices| gl.elements(mode, vertices));
     gl.indexed = false;
     outcome
 }
@@ -194,12 +193,11 @@ pub(super) fn multi_draw_elements(gl: &mut Gl, call: &Call, _: Shape) -> Outcome
     for (k, &count) in counts.iter().enumerate() {
         let data = of(k).ok_or_else(|| Fault::Damaged(format!("the indices of draw {k} were not recorded")))?;
         let count = u32::try_from(count as i64).map_err(|_| INVALID_VALUE)?;
-        let mut vertices = indices(gl, count, kind, &data)?;
-        if let Some(bases) = &bases {
-            let added = bases.get(k).ok_or_else(|| Fault::Damaged(format!("the base vertex of draw {k} was not recorded")))?;
-            vertices.add(*added as i32);
-        }
-        indexed(gl, mode, &vertices)?;
+        let vertices = indices(gl, count, kind, &data)?;
+        let base = |bases: &[f64]| bases.get(k).map(|&base| base as i32);
+        let unknown = || Fault::Damaged(format!("the base vertex of draw {k} was not recorded"));
+        let added = bases.as_deref().map_or(Some(0), base).ok_or_else(unknown)?;
+        indexed(gl, mode, &parts(gl, vertices, kind, added)?)?;
     }
     Ok(())
 }

@@ -8,6 +8,28 @@ use super::machine::{Gl, padded};
 use super::matrix;
 use super::state::UNITS;
 
+/// Products of two pairs, and their sum (`GL_COMBINE4_NV`), with a fourth argument.
+pub const COMBINE4: u32 = 0x8503;
+const SRC3_RGB: u32 = 0x8583;
+const SRC3_ALPHA: u32 = 0x858b;
+const OPERAND3_RGB: u32 = 0x8593;
+const OPERAND3_ALPHA: u32 = 0x859b;
+/// Functions of `ATI_texture_env_combine3`.
+const MODULATE_ADD: u32 = 0x8744;
+const MODULATE_SUBTRACT: u32 = 0x8746;
+/// Dot products of `EXT_texture_env_dot3`, which are not scaled.
+pub const DOT3_RGB: u32 = 0x8740;
+pub const DOT3_RGBA: u32 = 0x8741;
+
+/// The later name of a function that has two.
+pub fn later(function: u32) -> u32 {
+    match function {
+        DOT3_RGB => e::DOT3_RGB,
+        DOT3_RGBA => e::DOT3_RGBA,
+        other => other,
+    }
+}
+
 pub(super) fn environment(gl: &mut Gl, call: &Call, shape: Shape) -> Outcome {
     let (target, name, values) = (call.u32(0)?, call.u32(1)?, padded(call, shape, 2)?);
     let value = *values.first().ok_or(INVALID_VALUE)?;
@@ -21,7 +43,7 @@ pub(super) fn environment(gl: &mut Gl, call: &Call, shape: Shape) -> Outcome {
             gl.state.point_sprites = gl.state.point_sprites & !bit | if value != 0.0 { bit } else { 0 };
         }
         (e::TEXTURE_ENV, e::TEXTURE_ENV_MODE) => match word {
-            e::MODULATE | e::DECAL | e::BLEND | e::REPLACE | e::ADD | e::COMBINE => env.mode = word,
+            e::MODULATE | e::DECAL | e::BLEND | e::REPLACE | e::ADD | e::COMBINE | COMBINE4 => env.mode = word,
             _ => return Err(INVALID_ENUM),
         },
         (e::TEXTURE_ENV, e::TEXTURE_ENV_COLOR) => {
@@ -33,18 +55,21 @@ pub(super) fn environment(gl: &mut Gl, call: &Call, shape: Shape) -> Outcome {
         }
         (e::TEXTURE_ENV, e::COMBINE_RGB | e::COMBINE_ALPHA) => {
             let plain = matches!(word, e::REPLACE | e::MODULATE | e::ADD | e::ADD_SIGNED | e::INTERPOLATE | e::SUBTRACT);
-            if !plain && (name == e::COMBINE_ALPHA || !matches!(word, e::DOT3_RGB | e::DOT3_RGBA)) {
+            let with_three = (MODULATE_ADD..=MODULATE_SUBTRACT).contains(&word);
+            let dot = matches!(word, e::DOT3_RGB | e::DOT3_RGBA | DOT3_RGB | DOT3_RGBA);
+            if !plain && !with_three && (name == e::COMBINE_ALPHA || !dot) {
                 return Err(INVALID_ENUM);
             }
             env.combine[usize::from(name == e::COMBINE_ALPHA)] = word;
         }
-        (e::TEXTURE_ENV, e::SRC0_RGB..=e::SRC2_RGB) => env.sources[0][(name - e::SRC0_RGB) as usize] = source(word)?,
-        (e::TEXTURE_ENV, e::SRC0_ALPHA..=e::SRC2_ALPHA) => env.sources[1][(name - e::SRC0_ALPHA) as usize] = source(word)?,
-        (e::TEXTURE_ENV, e::OPERAND0_RGB..=e::OPERAND2_RGB) => {
-            env.operands[0][(name - e::OPERAND0_RGB) as usize] = operand(word)?
-        }
-        (e::TEXTURE_ENV, e::OPERAND0_ALPHA..=e::OPERAND2_ALPHA) => {
-            env.operands[1][(name - e::OPERAND0_ALPHA) as usize] = operand(word)?;
+        (e::TEXTURE_ENV, e::SRC0_RGB..=SRC3_RGB) => env.sources[0][(name - e::SRC0_RGB) as usize] = source(word)?,
+        (e::TEXTURE_ENV, e::SRC0_ALPHA..=SRC3_ALPHA) => env.sources[1][(name - e::SRC0_ALPHA) as usize] = source(word)?,
+        (e::TEXTURE_ENV, e::OPERAND0_RGB..=OPERAND3_RGB) => env.operands[0][(name - e::OPERAND0_RGB) as usize] = operand(word)?,
+        (e::TEXTURE_ENV, e::OPERAND0_ALPHA..=OPERAND3_ALPHA) => {
+            env.operands[1][(name - e::OPERAND0_ALPHA) as usize] = match operand(word)? {
+                e::SRC_COLOR | e::ONE_MINUS_SRC_COLOR => return Err(INVALID_ENUM),
+                word => word,
+            };
         }
         (e::TEXTURE_ENV, e::RGB_SCALE | e::ALPHA_SCALE) => {
             if ![1.0, 2.0, 4.0].contains(&value) {
@@ -59,7 +84,8 @@ pub(super) fn environment(gl: &mut Gl, call: &Call, shape: Shape) -> Outcome {
 
 fn source(word: u32) -> Outcome<u32> {
     let unit = word.wrapping_sub(e::TEXTURE0) < UNITS as u32;
-    if unit || matches!(word, e::TEXTURE | e::CONSTANT | e::PRIMARY_COLOR | e::PREVIOUS) { Ok(word) } else { Err(INVALID_ENUM) }
+    let known = matches!(word, e::TEXTURE | e::CONSTANT | e::PRIMARY_COLOR | e::PREVIOUS | e::ZERO | e::ONE);
+    if unit || known { Ok(word) } else { Err(INVALID_ENUM) }
 }
 
 fn operand(word: u32) -> Outcome<u32> {

@@ -10,7 +10,7 @@ use super::key::{Expand, ShaderKey};
 use super::machine::Gl;
 use super::prepare::Layouts;
 use super::primitive::{Batch, Class, OFFSET_STEPS};
-use super::state::{ColorWrites, Stencil};
+use super::state::{ColorWrites, State, Stencil};
 
 /// A comparison of the card.
 pub fn compare(value: u32) -> Compare {
@@ -24,6 +24,27 @@ pub fn compare(value: u32) -> Compare {
         e::GEQUAL => Compare::GreaterEqual,
         _ => Compare::Always,
     }
+}
+
+/// Blend factors of the constant's alpha, and of its colour.
+const ALPHAS: [u32; 2] = [e::CONSTANT_ALPHA, e::ONE_MINUS_CONSTANT_ALPHA];
+const COLORS: [u32; 2] = [e::CONSTANT_COLOR, e::ONE_MINUS_CONSTANT_COLOR];
+
+/// The source's factor of red, green and blue in the first colour buffer, if it and the destination's are of both kinds.
+pub fn source_scale(state: &State) -> Option<[f32; 3]> {
+    let ColorWrites { blended, factors: [source, destination, ..], ops: [op, _], .. } = state.writes[0];
+    let mixed =
+        ALPHAS.contains(&source) && COLORS.contains(&destination) || COLORS.contains(&source) && ALPHAS.contains(&destination);
+    if !blended || !mixed || matches!(op, e::MIN | e::MAX) {
+        return None;
+    }
+    let [r, g, b, a] = state.blend_color;
+    Some(match source {
+        e::CONSTANT_COLOR => [r, g, b],
+        e::ONE_MINUS_CONSTANT_COLOR => [1.0 - r, 1.0 - g, 1.0 - b],
+        e::CONSTANT_ALPHA => [a; 3],
+        _ => [1.0 - a; 3],
+    })
 }
 
 impl Stencil {
@@ -40,13 +61,23 @@ impl Stencil {
 }
 
 impl Gl {
+    /// Whether shaders multiply the source's red, green and blue by its factor: one of the two factors is the constant's colour, the other
+    /// is its alpha, and the card has one constant.
+    pub(super) fn scales_source(&self, target: Option<Target>) -> bool {
+        let single = target.is_some_and(|target| target.more[0].is_none());
+        single && !self.state.is(e::COLOR_LOGIC_OP) && source_scale(&self.state).is_some()
+    }
+
     /// Whether blend factors use the constant's alpha and not its colour: then all channels of the card's constant are that alpha.
     pub(super) fn constant_alpha(&self) -> bool {
+        if self.scales_source(self.card.target()) {
+            return ALPHAS.contains(&self.state.writes[0].factors[1]);
+        }
         let uses = |factors: [u32; 2]| {
             let of = |writes: &ColorWrites| writes.factors[..2].iter().any(|factor| factors.contains(factor));
             self.state.writes.iter().any(of)
         };
-        uses([e::CONSTANT_ALPHA, e::ONE_MINUS_CONSTANT_ALPHA]) && !uses([e::CONSTANT_COLOR, e::ONE_MINUS_CONSTANT_COLOR])
+        uses(ALPHAS) && !uses(COLORS)
     }
 
     /// The blending of a colour buffer.
@@ -64,6 +95,7 @@ impl Gl {
             Ok(BlendComponent { src: blend_factor(src, alpha || alone)?, dst: blend_factor(dst, alpha || alone)?, op })
         };
         let [source, destination, source_alpha, destination_alpha] = writes.factors;
+        let source = if self.scales_source(self.card.target()) { e::ONE } else { source };
         let color = component(source, destination, writes.ops[0], false)?;
         Ok(Some(Blend { color, alpha: component(source_alpha, destination_alpha, writes.ops[1], true)? }))
     }

@@ -75,8 +75,8 @@ impl Kept for Base {
                 Base::Depth
             }
             DEPTH_COMPONENT32F | DEPTH32F_STENCIL8 => Base::Depth,
-            e::RED | R8 | R16 => Base::Red,
-            RG | RG8 | RG16 => Base::Rg,
+            e::RED | R8 | R16 | COMPRESSED_RED => Base::Red,
+            RG | RG8 | RG16 | COMPRESSED_RG => Base::Rg,
             RGBA32F..=LUMINANCE_ALPHA16F => {
                 use Channels::{Alpha, Intensity, Luminance, LuminanceAlpha, Rgb, Rgba};
                 let width = if internal < RGBA16F { Width::Single } else { Width::Half };
@@ -154,6 +154,8 @@ const RGB10_A2: u32 = 0x8059;
 const RGBA12: u32 = 0x805a;
 
 // Internal formats that came after OpenGL 1.5.
+const COMPRESSED_RED: u32 = 0x8225;
+const COMPRESSED_RG: u32 = 0x8226;
 const RG: u32 = 0x8227;
 const R8: u32 = 0x8229;
 const R16: u32 = 0x822a;

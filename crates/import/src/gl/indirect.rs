@@ -55,9 +55,9 @@ pub(super) fn draw<const PARTS: u8>(gl: &mut Gl, call: &Call, _: Shape) -> Outco
         let (_, size) =
             scalar(kind).filter(|&(s, _)| matches!(s, Scalar::Ubyte | Scalar::Ushort | Scalar::Uint)).ok_or(INVALID_ENUM)?;
         let place = u64::from(first) * size as u64;
-        let mut vertices = indices(gl, count, kind, &Arg::Pointer(place))?;
-        vertices.add(word(3) as i32);
-        instances(gl, repeated, count, |gl| indexed(gl, mode, &vertices))?;
+        let vertices = indices(gl, count, kind, &Arg::Pointer(place))?;
+        let parts = super::restart::parts(gl, vertices, kind, word(3) as i32)?;
+        instances(gl, repeated, count, |gl| indexed(gl, mode, &parts))?;
     }
     Ok(())
 }

@@ -139,7 +139,14 @@ fn colors_of(target: &Target, fragment: Option<&Active>) -> Colors {
         active.program.outputs.iter().map(bit).fold(1, |all: u8, bit: u8| all | bit)
     });
     let narrow = target.color.and_then(|color| color.narrow);
-    Colors { count, written, alike: own.is_none(), narrow, float: target.colors().any(|(color, _)| color.is_float()) }
+    Colors {
+        count,
+        written,
+        alike: own.is_none(),
+        scaled: false,
+        narrow,
+        float: target.colors().any(|(color, _)| color.is_float()),
+    }
 }
 
 /// Layouts of vertex buffers.
@@ -222,10 +229,15 @@ impl Gl {
             return Err(Fault::Unsupported("flat values of the first vertex (glProvokingVertex)".into()));
         }
         key.colors = colors_of(&target, fragment.as_ref());
+        key.colors.scaled = self.scales_source(Some(target));
         if key.colors.narrow.is_some() && self.mask() != 0 && self.blending(&self.state.writes[0])?.is_some() {
             // Drawn, but what is blended keeps all eight bits.
             self.refuse("blending into colours of fewer than eight bits a channel".into());
             key.colors.narrow = None;
+        }
+        let other = key.fog_distance != FogDistance::Absolute && key.fog.is_some() && !key.fog_coordinate && vertex.is_none();
+        if other && batch.class == Class::Lines && (self.line_stippled() || self.cuts_fog(&key, batch)) {
+            return Err(Fault::Unsupported("stippled or clipped lines with a mode of the fog's distance".into()));
         }
         if batch.class == Class::Lines && self.line_stippled() && vertex.is_none() {
             // The pattern's runs have the distances that fog needs.

@@ -3,6 +3,7 @@
 use super::arb::Stage;
 use super::call::{Arg, Call, Fault, INVALID_ENUM, INVALID_OPERATION, INVALID_VALUE, Outcome, Shape};
 use super::consts as e;
+use super::key::FogDistance;
 use super::machine::{Gl, padded};
 use super::materials::{Tracked, tracked, tracks};
 use super::matrix;
@@ -72,6 +73,9 @@ fn set(gl: &mut Gl, cap: u32, on: bool) -> Outcome {
     }
     if cap == e::BLEND {
         gl.state.writes.iter_mut().for_each(|writes| writes.blended = on);
+        return Ok(());
+    }
+    if cap != super::restart::RESTART_CLIENT && gl.arrays.restart.switch(cap, on) {
         return Ok(());
     }
     // Mesa switches arrays so, too.
@@ -353,6 +357,11 @@ pub(super) fn light_model(gl: &mut Gl, call: &Call, shape: Shape) -> Outcome {
     Ok(())
 }
 
+const FRAGMENT_DEPTH: u32 = 0x8452;
+const FOG_DISTANCE_MODE: u32 = 0x855a;
+const EYE_RADIAL: u32 = 0x855b;
+const EYE_PLANE_ABSOLUTE: u32 = 0x855c;
+
 pub(super) fn fog(gl: &mut Gl, call: &Call, shape: Shape) -> Outcome {
     let (name, values) = (call.u32(0)?, padded(call, shape, 1)?);
     let [value] = vector(&values)?;
@@ -366,7 +375,19 @@ pub(super) fn fog(gl: &mut Gl, call: &Call, shape: Shape) -> Outcome {
         e::FOG_START => gl.state.fog[1] = value,
         e::FOG_END => gl.state.fog[2] = value,
         e::FOG_COLOR => gl.state.fog_color = color(&values, shape)?.map(|value| value.clamp(0.0, 1.0)),
-        e::FOG_COORD_SRC => gl.state.fog_from_coordinate = value as u32 == e::FOG_COORD,
+        e::FOG_COORD_SRC => match value as u32 {
+            e::FOG_COORD => gl.state.fog_from_coordinate = true,
+            FRAGMENT_DEPTH => gl.state.fog_from_coordinate = false,
+            _ => return Err(INVALID_ENUM),
+        },
+        FOG_DISTANCE_MODE => {
+            gl.state.fog_distance = match value as u32 {
+                EYE_RADIAL => FogDistance::Radial,
+                e::EYE_PLANE => FogDistance::Signed,
+                EYE_PLANE_ABSOLUTE => FogDistance::Absolute,
+                _ => return Err(INVALID_ENUM),
+            }
+        }
         e::FOG_INDEX => {}
         _ => return Err(INVALID_ENUM),
     }

@@ -13,6 +13,7 @@ use super::call::{Call, Fault, INVALID_ENUM, INVALID_OPERATION, Outcome, Shape};
 use super::card::{Draw, Fixed, Order, Surface, VertexRange};
 use super::consts as e;
 use super::copies::{CopyKey, From, Map, Meet, row_edge};
+use super::key::FogDistance;
 use super::machine::Gl;
 use super::matrix;
 use super::pixel_data::values;
@@ -58,6 +59,9 @@ impl Gl {
             return Err(Fault::Unsupported("drawing before the size of the window is known".into()));
         };
         let state = self.state.clone();
+        if state.is(e::FOG) && !state.fog_from_coordinate && state.fog_distance != FogDistance::Absolute {
+            return Err(Fault::Unsupported("pixel rectangles with a mode of the fog's distance".into()));
+        }
         let (modelview, projection) = (self.modelview.top, self.projection.top);
         let textures: [Mat4; UNITS] = std::array::from_fn(|unit| self.texture_matrices[unit].top);
         let mut vertex = state.raster_vertex.clone();

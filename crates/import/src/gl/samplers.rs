@@ -31,6 +31,8 @@ pub(super) fn sampler_parameter(gl: &mut Gl, call: &Call, shape: Shape) -> Outco
             | e::TEXTURE_COMPARE_MODE
             | e::TEXTURE_MAX_ANISOTROPY_EXT
             | SRGB_DECODE
+            | REDUCTION_MODE
+            | e::TEXTURE_CUBE_MAP_SEAMLESS
     );
     if !own {
         return Err(INVALID_ENUM);
@@ -80,9 +82,9 @@ fn set_parameter(texture: &mut Texture, name: u32, values: &[f64], shape: Shape)
         }
         e::TEXTURE_MAG_FILTER if filters.contains(&word) => texture.mag = word,
         e::TEXTURE_MIN_FILTER | e::TEXTURE_MAG_FILTER => return Err(INVALID_ENUM),
-        e::TEXTURE_WRAP_S => texture.wrap[0] = word,
-        e::TEXTURE_WRAP_T => texture.wrap[1] = word,
-        e::TEXTURE_WRAP_R => texture.wrap[2] = word,
+        e::TEXTURE_WRAP_S => texture.wrap[0] = wrapping(texture.kind, word)?,
+        e::TEXTURE_WRAP_T => texture.wrap[1] = wrapping(texture.kind, word)?,
+        e::TEXTURE_WRAP_R => texture.wrap[2] = wrapping(texture.kind, word)?,
         e::TEXTURE_BORDER_COLOR => {
             let float = matches!(shape.scalar, Scalar::Float | Scalar::Double);
             let values = values.get(..4).ok_or_else(|| Fault::Damaged("a colour of fewer than 4 numbers".into()))?;
@@ -123,11 +125,38 @@ fn set_parameter(texture: &mut Texture, name: u32, values: &[f64], shape: Shape)
             return Err(Fault::Unsupported("textures of sRGB that are read without decoding".into()));
         }
         SRGB_DECODE => {}
+        REDUCTION_MODE if word != WEIGHTED_AVERAGE => {
+            return Err(Fault::Unsupported("filters that take the least or greatest texel".into()));
+        }
+        DEPTH_STENCIL_MODE if word != e::DEPTH_COMPONENT => {
+            return Err(Fault::Unsupported("textures of stencil values".into()));
+        }
+        e::TEXTURE_CUBE_MAP_SEAMLESS if word != 0 => {
+            return Err(Fault::Unsupported("single cube maps whose filters cross edges".into()));
+        }
+        REDUCTION_MODE | DEPTH_STENCIL_MODE | e::TEXTURE_CUBE_MAP_SEAMLESS => {}
         _ => return Err(INVALID_ENUM),
     }
     Ok(())
 }
 
+/// A wrap mode that textures of this kind may have.
+fn wrapping(kind: Kind, word: u32) -> Outcome<u32> {
+    match word {
+        e::CLAMP | e::CLAMP_TO_EDGE | e::CLAMP_TO_BORDER => Ok(word),
+        _ if kind == Kind::Rectangle => Err(INVALID_ENUM),
+        e::REPEAT | e::MIRRORED_REPEAT | MIRROR_CLAMP | MIRROR_CLAMP_TO_EDGE | MIRROR_CLAMP_TO_BORDER => Ok(word),
+        _ => Err(INVALID_ENUM),
+    }
+}
+
+/// Wrap modes that mirror at 0.
+pub(super) const MIRROR_CLAMP: u32 = 0x8742;
+pub(super) const MIRROR_CLAMP_TO_EDGE: u32 = 0x8743;
+pub(super) const MIRROR_CLAMP_TO_BORDER: u32 = 0x8912;
+const REDUCTION_MODE: u32 = 0x9366;
+const WEIGHTED_AVERAGE: u32 = 0x9367;
+const DEPTH_STENCIL_MODE: u32 = 0x90ea;
 const SWIZZLE_R: u32 = 0x8e42;
 const SWIZZLE_A: u32 = 0x8e45;
 const SWIZZLE_RGBA: u32 = 0x8e46;

@@ -7,6 +7,7 @@ pub use gl_shader::{COLORS_MAX, LIGHTS, PLANES, TARGETS, UNITS};
 use glam::Mat4;
 
 use super::consts as e;
+use super::key::FogDistance;
 use super::pixel_data::Transfer;
 pub use light::{Derived, Light, Material};
 pub use vertex::Vertex;
@@ -32,9 +33,9 @@ pub struct Environment {
     /// Combiners of colour and alpha.
     pub combine: [u32; 2],
     /// Sources of both.
-    pub sources: [[u32; 3]; 2],
+    pub sources: [[u32; 4]; 2],
     /// Operands of both.
-    pub operands: [[u32; 3]; 2],
+    pub operands: [[u32; 4]; 2],
     /// Scales of both.
     pub scales: [f32; 2],
     /// Bias of the level of detail.
@@ -131,6 +132,8 @@ pub struct State {
     pub fog_color: [f32; 4],
     /// Density, start, end.
     pub fog: [f32; 3],
+    /// The distance that it uses.
+    pub fog_distance: FogDistance,
     /// Whether fog takes the fog coordinate.
     pub fog_from_coordinate: bool,
     /// Faces that are culled.
@@ -236,8 +239,11 @@ impl Default for State {
                 mode: e::MODULATE,
                 color: [0.0; 4],
                 combine: [e::MODULATE; 2],
-                sources: [[e::TEXTURE, e::PREVIOUS, e::CONSTANT]; 2],
-                operands: [[e::SRC_COLOR, e::SRC_COLOR, e::SRC_ALPHA], [e::SRC_ALPHA; 3]],
+                sources: [[e::TEXTURE, e::PREVIOUS, e::CONSTANT, e::ZERO]; 2],
+                operands: [
+                    [e::SRC_COLOR, e::SRC_COLOR, e::SRC_ALPHA, e::ONE_MINUS_SRC_COLOR],
+                    [e::SRC_ALPHA, e::SRC_ALPHA, e::SRC_ALPHA, e::ONE_MINUS_SRC_ALPHA],
+                ],
                 scales: [1.0; 2],
                 bias: 0.0,
             },
@@ -264,6 +270,7 @@ impl Default for State {
             fog_mode: e::EXP,
             fog_color: [0.0; 4],
             fog: [1.0, 0.0, 1.0],
+            fog_distance: FogDistance::Absolute,
             fog_from_coordinate: false,
             cull: e::BACK,
             front: e::CCW,

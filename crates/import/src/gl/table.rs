@@ -8,7 +8,7 @@ use super::machine::Gl;
 use super::transform::Factor;
 use super::{
     accumulate, arb, arrays, buffers, elements, environment, evaluator, fragments, framebuffer, glsl, immediate, indirect,
-    lists, pixels, quads, raster, rectangles, samplers, saved, texturing, transform,
+    lists, packed, pixels, quads, raster, rectangles, restart, samplers, saved, texturing, transform,
 };
 
 /// When a function may be called, and its effect on the batch.
@@ -82,7 +82,8 @@ fn part(core: &str, stem: Option<&str>) -> Part {
         (_, Some("FogCoord")) => Part::Attribute(4),
         (_, Some("TexCoord")) => Part::Attribute(8),
         (_, Some("MultiTexCoord")) => Part::Unit,
-        (_, Some("VertexAttrib" | "VertexAttrib4N")) => Part::Attributes,
+        (_, Some("VertexAttrib" | "VertexAttrib4N" | "VertexAttribP")) => Part::Attributes,
+        (_, Some("VertexP" | "NormalP" | "ColorP" | "SecondaryColorP" | "TexCoordP" | "MultiTexCoordP")) => Part::Attributes,
         _ => Part::Other,
     }
 }
@@ -115,7 +116,8 @@ pub fn find(name: &str) -> Entry {
     {
         return Entry { factor: transform::factor(stem), ..entry(found, shape, part(core, Some(stem))) };
     }
-    entry((Moment::Client, unknown), plain, Part::Other)
+    // It is refused between Begin and End, too.
+    entry((Moment::Element, unknown), plain, Part::Other)
 }
 
 fn window_system(name: &str) -> (Moment, Run) {
@@ -179,7 +181,10 @@ fn exact(name: &str) -> Option<(Moment, Run)> {
         "GetActiveUniformBlockName" => (Client, glsl::block_name),
         "UniformBlockBinding" => (Server, glsl::block_binding),
         "BufferData" => (Client, buffers::data),
+        "BufferStorage" => (Client, buffers::storage),
         "BufferSubData" => (Client, buffers::sub_data),
+        "CopyBufferSubData" => (Client, buffers::copy_part),
+        "PrimitiveRestartIndex" => (Arrays, restart::index),
         "DeleteBuffers" => (Client, buffers::delete),
         "EnableVertexAttribArray" => (Arrays, arrays::enable_generic),
         "DisableVertexAttribArray" => (Arrays, arrays::disable_generic),
@@ -381,6 +386,13 @@ fn typed(stem: &str) -> Option<(Moment, Run)> {
         "FogCoord" => (Vertex, immediate::fog_coordinate),
         "TexCoord" => (Vertex, immediate::texture),
         "MultiTexCoord" => (Vertex, immediate::multi_texture),
+        "VertexP" => (Vertex, packed::vertex),
+        "NormalP" => (Vertex, packed::normal),
+        "ColorP" => (Vertex, packed::color),
+        "SecondaryColorP" => (Vertex, packed::secondary),
+        "TexCoordP" => (Vertex, packed::texture),
+        "MultiTexCoordP" => (Vertex, packed::multi_texture),
+        "VertexAttribP" => (Vertex, packed::attribute),
         "VertexAttrib" => (Vertex, arb::attribute),
         "VertexAttrib4N" => (Vertex, arb::attribute_normalized),
         "ProgramEnvParameter" => (Server, arb::environment),

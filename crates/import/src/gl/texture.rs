@@ -12,6 +12,7 @@ use super::copies::{CopyKey, From, Meet, SAME, one_image};
 use super::image::Kept;
 use super::key::{Base, DepthRead, Kind};
 use super::names;
+use super::samplers::{MIRROR_CLAMP, MIRROR_CLAMP_TO_BORDER, MIRROR_CLAMP_TO_EDGE};
 
 /// One image of a texture.
 #[derive(Clone, Debug)]
@@ -108,6 +109,8 @@ pub struct Bound {
     pub base: Base,
     /// Coordinates that are clamped before filtering.
     pub clamp: [bool; 3],
+    /// Coordinates that are mirrored at 0 before that.
+    pub mirror: [bool; 3],
     /// The border's colour in the format of the texels, and a sampler whose border is white; none if the card supports this border colour.
     pub border: Option<([f32; 4], SamplerId)>,
     /// Bias of the level of detail.
@@ -447,11 +450,13 @@ impl Texture {
             return Err(Fault::Unsupported("depth textures that are cube maps".into()));
         }
         // A direction is not clamped.
-        let clamp = self.wrap.map(|wrap| wrap == e::CLAMP && linear && kind != Kind::Cube);
+        let clamp = self.wrap.map(|wrap| matches!(wrap, e::CLAMP | MIRROR_CLAMP) && linear && kind != Kind::Cube);
+        let mirrors = [MIRROR_CLAMP, MIRROR_CLAMP_TO_EDGE, MIRROR_CLAMP_TO_BORDER];
+        let mirror = self.wrap.map(|wrap| mirrors.contains(&wrap) && kind != Kind::Cube);
         // As in Mesa, whatever the wrap modes are.
         let face_edges = kind == Kind::Cube && linear;
         let (bias, swizzle) = (self.bias, self.swizzle);
-        Ok(Some(Bound { bound, border, bias, base, clamp, levels, depth, swizzle, face_edges }))
+        Ok(Some(Bound { bound, border, bias, base, clamp, mirror, levels, depth, swizzle, face_edges }))
     }
 
     /// Its sampler, and the border colour in the format of the texels if the card does not support that colour.
@@ -466,9 +471,10 @@ impl Texture {
                 e::REPEAT => AddressMode::Repeat,
                 e::MIRRORED_REPEAT => AddressMode::MirrorRepeat,
                 // With linear filters, a sample at 0 or 1 is half border.
-                e::CLAMP if any => AddressMode::ClampToBorder,
-                e::CLAMP | e::CLAMP_TO_EDGE => AddressMode::ClampToEdge,
-                e::CLAMP_TO_BORDER => AddressMode::ClampToBorder,
+                e::CLAMP | MIRROR_CLAMP if any => AddressMode::ClampToBorder,
+                e::CLAMP | MIRROR_CLAMP | e::CLAMP_TO_EDGE | MIRROR_CLAMP_TO_EDGE => AddressMode::ClampToEdge,
+                // Where it is mirrored, filters reach the border too, as in Mesa.
+                e::CLAMP_TO_BORDER | MIRROR_CLAMP_TO_BORDER => AddressMode::ClampToBorder,
                 other => return Err(Fault::Unsupported(format!("wrap mode {}", names::name(other)))),
             };
         }

@@ -163,6 +163,10 @@ fn visit(key: &ShaderKey, source: &Source, lit: Option<&[[f32; 4]]>, field: Visi
             field("scales", Some(k), &[[rgb, rgb, rgb, alpha]]);
         }
     }
+    if key.colors.scaled {
+        let [r, g, b] = super::fixed::source_scale(state).unwrap_or([1.0; 3]);
+        field("blend_scale", None, &[[r, g, b, 1.0]]);
+    }
     if let Some(compare) = key.alpha {
         field("alpha_reference", None, &[alpha_reference(compare, state.alpha.1, key.colors.float)]);
     }

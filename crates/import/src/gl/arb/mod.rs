@@ -240,7 +240,8 @@ pub(super) fn locals(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
     set(gl, stage, true, index, &values)
 }
 
-fn attribute_at(gl: &mut Gl, index: u32, value: [f32; 4]) -> Outcome {
+/// Sets the current value of a generic attribute; 0 sends a vertex.
+pub(super) fn attribute_at(gl: &mut Gl, index: u32, value: [f32; 4]) -> Outcome {
     match index as usize {
         0 if gl.begun.is_some() => gl.vertex_at(value),
         // It stays for draws without an array of positions.
