@@ -245,6 +245,27 @@ fn indices_end_primitives() {
 }
 
 #[test]
+fn a_call_ends_a_primitive_and_begins_the_next() {
+    let strip = |x: u32| format!("glVertex2i({x},0)\nglVertex2i({},0)\nglVertex2i({x},16)\nglVertex2i({},16)\n", x + 2, x + 2);
+    let both = format!("glBegin(GL_TRIANGLE_STRIP)\n{}glPrimitiveRestartNV()\n{}glEnd()\n", strip(0), strip(8));
+    let columns = |calls: &str| {
+        let image = shown(&format!("{ORTHO}{calls}"), &[]);
+        (0..16).filter(|&x| image.at(x, 8) != BLACK).collect::<Vec<_>>()
+    };
+    assert_eq!(columns(&both), [0, 1, 8, 9]);
+    assert_eq!(columns(&format!("glNewList(1,GL_COMPILE)\n{both}glEndList()\nglCallList(1)")), [0, 1, 8, 9]);
+    assert_eq!(with_errors("glPrimitiveRestartNV()", &[]).1, 1);
+}
+
+#[test]
+fn depths_are_not_copied_to_colours() {
+    for kind in [34926, 34927] {
+        let what = refused(&format!("glRasterPos2f(0,0)\nglCopyPixels(0,0,2,2,{kind})"), &[]);
+        assert!(what.starts_with("copies of depths and stencil values to colours"), "{what}");
+    }
+}
+
+#[test]
 fn compressed_textures_of_one_and_two_channels_are_stored_as_texels() {
     for (internal, wanted) in [(0x8225, RED), (0x8226, [255, 128, 0])] {
         let calls = format!("{NEAREST}glTexEnvi(8960,8704,7681)\nglTexImage2D(3553,0,{internal},1,1,0,6408,5121,*1)\n{QUAD}");

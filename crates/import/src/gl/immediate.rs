@@ -30,6 +30,14 @@ pub(super) fn end(gl: &mut Gl, _: &Call, _: Shape) -> Outcome {
     outcome
 }
 
+/// `glPrimitiveRestartNV()`: ends a primitive and begins the next one of its kind.
+pub(super) fn restart(gl: &mut Gl, call: &Call, shape: Shape) -> Outcome {
+    let mode = gl.begun.as_ref().map(|(mode, _)| *mode).ok_or(INVALID_OPERATION)?;
+    end(gl, call, shape)?;
+    gl.begun = Some((mode, std::mem::take(&mut gl.spare)));
+    Ok(())
+}
+
 /// The position, or the texture coordinates, of a call.
 pub(super) fn position(call: &Call, shape: Shape) -> Outcome<[f32; 4]> {
     Ok(components(call, shape, 0)?.0.map(|value| value as f32))

@@ -20,6 +20,10 @@ use super::pixel_data::values;
 use super::state::{UNITS, Vertex, capability};
 use super::unpack::can_have;
 
+/// Kinds of copies of `NV_copy_depth_to_color`.
+const DEPTH_STENCIL_TO_RGBA: u32 = 0x886e;
+const DEPTH_STENCIL_TO_BGRA: u32 = 0x886f;
+
 /// Maximum width and height of a rectangle.
 const EDGE_MAX: u32 = 16_384;
 
@@ -397,6 +401,9 @@ pub(super) fn copy_pixels(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
             let values = copied(gl, From::Stencil, kind != e::DEPTH)?;
             depths.map_or(Ok(()), |source| gl.draw_depths(source, at, size, kind == e::DEPTH_STENCIL))?;
             values.map_or(Ok(()), |source| gl.draw_stencil(source, at, size))
+        }
+        DEPTH_STENCIL_TO_RGBA | DEPTH_STENCIL_TO_BGRA => {
+            Err(Fault::Unsupported("copies of depths and stencil values to colours".into()))
         }
         _ => Err(INVALID_ENUM),
     }

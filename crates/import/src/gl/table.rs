@@ -184,6 +184,7 @@ fn exact(name: &str) -> Option<(Moment, Run)> {
         "BufferStorage" => (Client, buffers::storage),
         "BufferSubData" => (Client, buffers::sub_data),
         "CopyBufferSubData" => (Client, buffers::copy_part),
+        "PrimitiveRestart" => (Vertex, immediate::restart),
         "PrimitiveRestartIndex" => (Arrays, restart::index),
         "DeleteBuffers" => (Client, buffers::delete),
         "EnableVertexAttribArray" => (Arrays, arrays::enable_generic),
