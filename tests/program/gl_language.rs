@@ -261,3 +261,73 @@ fn the_scale_of_normals_is_that_of_the_matrix() {
     frame(&mut recording, 1, "varying float s; void main() { s = gl_NormalScale; gl_Position = gl_Vertex; }", fragment, "");
     near(&recording, &[("scale", [0.5; 3])]);
 }
+
+#[test]
+fn arrays_and_structures_are_compared() {
+    let head = "#version 120\nstruct T { float a[2]; bool b; }; struct S { vec2 v; T t[2]; mat3 m; }; uniform float u;\n\
+        S make(float x) { T t; t.a[0] = x; t.a[1] = 1.0; t.b = true;\n\
+        S s; s.v = vec2(x); s.t[0] = t; s.t[1] = t; s.m = mat3(x); return s; }";
+    let main = "void main() { S s = make(0.5), o = make(0.5); float f[2] = float[2](0.25, 1.0); vec3 c = vec3(0.0);";
+    let cases = [
+        ("c.x = s == o ? 0.5 : 0.0; c.y = s != o ? 0.5 : 0.0; c.z = s == make(0.25) ? 0.5 : 0.0;", [0.5, 0.0, 0.0]),
+        (
+            "o.t[1].a[0] = u; c.x = s != o ? 0.5 : 0.0; c.y = s.t[0] == o.t[0] ? 0.5 : 0.0; c.z = s.t == o.t ? 0.5 : 0.0;",
+            [0.5, 0.5, 0.0],
+        ),
+        (
+            "c.x = f == float[2](u, 1.0) ? 0.5 : 0.0; c.y = f != s.t[0].a ? 0.5 : 0.0; o.m[1].x += u; c.z = s == o ? 0.5 : 0.0;",
+            [0.5, 0.5, 0.0],
+        ),
+    ];
+    let mut recording = Recording::new();
+    for (k, (text, _)) in cases.iter().enumerate() {
+        let set = "glGetUniformLocation(@,\"u\")=1\nglUniform1f(1,0.25)";
+        frame(&mut recording, 2 * k + 1, PASS, &format!("{head} {main} {text} gl_FragColor = vec4(c, 1.0); }}"), set);
+    }
+    near(&recording, &cases);
+}
+
+#[test]
+fn components_of_components_are_written() {
+    fragments(&[(
+        "void main() { vec4 c = vec4(0.0); c.xzy.z = 0.5; c.wzyx.yw.y += 0.25; c.bgr[0] = 0.75; gl_FragColor = c; }",
+        [0.25, 0.5, 0.75],
+    )]);
+}
+
+#[test]
+fn a_declaration_that_is_a_body_has_its_own_scope() {
+    fragments(&[(
+        "void main() { int i = 1; int j = 0; do int i = (j++, 0); while (i < 1); if (j == 1) float j = 0.0; else float j = 1.0;\n\
+         gl_FragColor = vec4(float(i), float(j), 0.0, 1.0) * 0.5; }",
+        [0.5, 0.5, 0.0],
+    )]);
+}
+
+#[test]
+fn varyings_that_no_shader_writes_are_0_or_not_needed() {
+    let mut recording = Recording::new();
+    recording.add("glColor3f(0.5,0.25,1)");
+    frame(&mut recording, 1, "", "varying vec4 v; void main() { gl_FragColor = gl_Color + v; }", "");
+    let vertex = "varying vec4 v; void main() { v = vec4(0.25); gl_Position = gl_Vertex; }";
+    frame(&mut recording, 3, vertex, "varying vec4 v, missing; void main() { gl_FragColor = v; }", "");
+    near(&recording, &[("none", [0.5, 0.25, 1.0]), ("not read", [0.25; 3])]);
+}
+
+#[test]
+fn names_of_samplers_may_be_hidden() {
+    let fragment = "uniform sampler2D t; vec4 half_of(vec4 t) { return t * 0.5; }\n\
+        void main() { vec4 c = texture2D(t, vec2(0.5)); { vec4 t = half_of(c); c = half_of(t) + vec4(0.5); } gl_FragColor = half_of(c); }";
+    let mut recording = Recording::new();
+    frame(&mut recording, 1, PASS, fragment, "");
+    near(&recording, &[("hidden", [0.25; 3])]);
+}
+
+#[test]
+fn a_function_may_end_with_a_loop() {
+    fragments(&[(
+        "uniform float u; float f(float x) { for (int i = 0; i < 4; i++) { if (float(i) > x) return float(i) * 0.25; } }\n\
+         void main() { gl_FragColor = vec4(f(u), f(1.5), f(2.0), 1.0); }",
+        [0.25, 0.5, 0.75],
+    )]);
+}

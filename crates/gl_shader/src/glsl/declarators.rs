@@ -140,7 +140,7 @@ fn statements(shader: usize, tokens: &[Token], mut visit: impl FnMut(Option<(usi
 }
 
 /// The last token of the declaration of variables that begins here.
-fn declaration(tokens: &[Token], start: usize) -> Option<usize> {
+pub fn declaration(tokens: &[Token], start: usize) -> Option<usize> {
     let mut at = start;
     // Qualifiers, the type, the name: words that follow each other.
     let mut words = 0;

@@ -1,16 +1,19 @@
 //! Programs in GLSL.
 //!
-//! The passes of a shader: [`tokens`] (preprocessor); what naga does not do as the language says: [`declarators`] (arrays in declarations),
-//! [`loops`] (`continue` in `do`), [`lazy`] (`&&` and `||`), [`overrides`] (names of built-in functions), [`initial`] (global initialisers), [`prelude`] (built-in functions), [`specialise`] (copies of functions for their
-//! samplers), [`order`] (several shader objects, order of functions); [`rewrite`] (version 4.50, built-in names become plain variables),
-//! naga's front end and WGSL writer ([`emit`]), replacement of variables by uniforms ([`access`]), and the stage in the machine's module
+//! The passes of a shader: [`tokens`] (preprocessor); [`prepare`] (what naga does not do as the language says: names that hide samplers, scopes
+//! without blocks, arrays in declarations, comparisons of arrays and structures, functions with built-in names, components of components,
+//! `continue` in `do`, `&&` and `||`, global initialisers); [`specialise`] (copies of functions for their samplers); [`order`] (several shader
+//! objects, order of functions); [`rewrite`] (version 4.50, built-in names become plain variables); naga's front end, components as arguments
+//! ([`outs`]) and WGSL writer ([`emit`]); replacement of variables by uniforms ([`access`]); and the stage in the machine's module
 //! ([`stage`]), where fixed-function code does the rest.
 
 mod access;
 pub mod blocks;
+mod braces;
 mod builtins;
 mod declarators;
 mod emit;
+mod equality;
 mod initial;
 mod lazy;
 mod loops;
@@ -19,11 +22,15 @@ mod outline;
 mod outs;
 mod overrides;
 mod prelude;
+mod prepare;
+mod returns;
 mod rewrite;
 mod sampler;
+mod shadows;
 mod specialise;
 pub mod stage;
 mod statements;
+mod swizzles;
 mod tokens;
 mod words;
 

@@ -109,9 +109,12 @@ impl Calls {
                     None => drop(calls.missing.insert(group)),
                 }
             }
+            // Overloads keep their order.
+            let own = all[k][at].function.and_then(|header| calls.groups.get(&group(tokens, header)).copied());
+            called.retain(|&group| Some(group) != own);
             called.sort_unstable();
             called.dedup();
-            calls.forward |= called.iter().any(|&group| calls.members[group].iter().any(|&other| other > number));
+            calls.forward |= called.iter().any(|&group| calls.members[group].last().is_some_and(|&other| other > number));
             calls.called.push(called);
         }
         calls
@@ -283,6 +286,11 @@ mod tests {
         assert_eq!(of(&[text]).expect("an order"), preprocess_again(text));
         let wrong = of(&["float f(float x);\nfloat g() { return f(1.0); }"]).expect_err("a function without a body");
         assert_eq!((wrong.line, wrong.reason.as_str()), (1, "the function f has no body"));
+        // Overloads that call each other keep their order.
+        let text = "void main() { f(1.0); } float f(int x) { return 1.0; } float f(vec2 x) { return f(1); } float f(float x) { return f(vec2(x)); }";
+        let wanted = "float f ( int x ) { return 1.0 ; } float f ( vec2 x ) { return f ( 1 ) ; } \
+            float f ( float x ) { return f ( vec2 ( x ) ) ; } void main ( ) { f ( 1.0 ) ; }";
+        assert_eq!(of(&[text]).expect("an order"), wanted);
         // A circle ends.
         assert!(of(&["void f() { g(); } void g() { f(); }"]).expect("an order").contains("void g ( )"));
     }

@@ -5,18 +5,14 @@ use std::collections::{BTreeMap, BTreeSet};
 
 use super::blocks::{Block, is_row_major, members, variables};
 use super::builtins::{self, Builtin};
-use super::declarators::declarators;
-use super::initial::initial;
-use super::lazy;
-use super::loops::loops;
 use super::order::order;
 use super::outline::initialiser;
-use super::overrides::overrides;
 use super::prelude;
+use super::prepare::prepare;
 use super::sampler::{Read, Sampler, read_of, sampler, stubs};
 use super::specialise::specialise;
 use super::tokens::{self, Dialect, Token, closing, parts};
-use super::words::{LATER, RESERVED, component, number_in_brackets, signature};
+use super::words::{LATER, RESERVED, component, is_type, number_in_brackets, signature};
 use super::{Outcome, Wrong};
 use crate::arb::program::Stage;
 
@@ -144,23 +140,15 @@ pub fn rewrite(stage: Stage, shaders: Vec<(Dialect, Vec<Token>)>) -> Outcome<Sou
         tokens.iter_mut().for_each(|token| token.line += first);
         first = tokens.last().map_or(first, |token| token.line);
     }
-    declarators(&mut shaders);
-    let functions = lazy::functions(&shaders);
-    overrides(&mut shaders, &functions);
-    let functions = lazy::functions(&shaders);
-    for (_, tokens) in &mut shaders {
-        *tokens = loops(tokens).unwrap_or_else(|| std::mem::take(tokens));
-        *tokens = lazy::lazy(tokens, &functions).unwrap_or_else(|| std::mem::take(tokens));
-    }
-    let (kept, moved) = initial(&mut shaders, &functions);
-    rewriter.names = functions;
+    let prepared = prepare(&mut shaders, &rewriter.members);
+    rewriter.names = prepared.functions;
     specialise(&mut shaders)?;
-    let shaders = order(shaders, moved)?;
+    let shaders = order(shaders, prepared.moved)?;
     for (dialect, tokens) in shaders {
         rewriter.dialect = dialect;
         rewriter.globals(&tokens)?;
     }
-    let kept: Vec<String> = kept.iter().map(|name| rewriter.rename(name)).collect();
+    let kept: Vec<String> = prepared.kept.iter().map(|name| rewriter.rename(name)).collect();
     rewriter.source.initialised.extend(kept);
     Ok(rewriter.finish())
 }
@@ -404,7 +392,13 @@ impl Rewriter {
 
     /// Renames a name that is reserved in version 4.50.
     fn rename(&self, name: &str) -> String {
-        let later = self.dialect.version < 130 && LATER.contains(&name);
+        // `mat2x3` is a type since version 1.20.
+        let matrix = self.dialect.version < 120
+            && !self.dialect.embedded
+            && name.starts_with("mat")
+            && name.contains('x')
+            && is_type(name);
+        let later = self.dialect.version < 130 && LATER.contains(&name) || matrix;
         if later || RESERVED.contains(&name) { format!("{name}_") } else { name.to_owned() }
     }
 

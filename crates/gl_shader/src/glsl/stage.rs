@@ -100,6 +100,10 @@ fn varyings(vertex: &Translated, fragment: &Translated) -> Result<Vec<Varying>, 
                 || given.global.location.is_some() && given.global.location == read.global.location
         };
         let Some(given) = written.iter().find(same) else {
+            // One that is declared and not read needs no value.
+            if !is_read(&fragment.text, &read.wgsl) {
+                continue;
+            }
             return Err(format!("the vertex shader does not write {}", read.global.name));
         };
         let (mut from, mut to) = (Vec::new(), Vec::new());
@@ -116,6 +120,12 @@ fn varyings(vertex: &Translated, fragment: &Translated) -> Result<Vec<Varying>, 
         }
     }
     Ok(list)
+}
+
+/// Whether the text has this name outside of its declaration.
+fn is_read(text: &str, name: &str) -> bool {
+    let is_part = |c: char| c.is_ascii_alphanumeric() || c == '_';
+    text.split(|c: char| !is_part(c)).filter(|word| *word == name).nth(1).is_some()
 }
 
 /// The program of a stage of a program object.
@@ -147,11 +157,7 @@ pub fn program(stages: [Option<&Translated>; 2], stage: Stage, joints: &Joints) 
     match stage {
         Stage::Vertex => attributes(of, joints, &mut code, &mut program)?,
         Stage::Fragment => {
-            if stages[0].is_none()
-                && let Some(read) = of.variables.iter().find(|variable| variable.global.storage == Storage::In)
-            {
-                return Err(format!("there is no vertex shader that writes {}", read.global.name));
-            }
+            // Without a vertex shader, varyings are undefined; here they are 0.
             colors(of, joints, &mut code)?;
         }
     }
