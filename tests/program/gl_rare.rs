@@ -242,6 +242,13 @@ fn indices_end_primitives() {
     assert_eq!(columns(&format!("{object}glDrawElements(GL_TRIANGLE_STRIP,9,GL_UNSIGNED_BYTE,0)")), apart);
     let based = "glDrawElementsBaseVertex(GL_TRIANGLE_STRIP,5,GL_UNSIGNED_BYTE,0,4)";
     assert_eq!(columns(&format!("{object}{based}")), [8, 9]);
+    // Elements that are sent one by one.
+    let elements: String = indices.iter().map(|index| format!("glArrayElement({index})\n")).collect();
+    let begun = format!("glBegin(GL_TRIANGLE_STRIP)\n{elements}glEnd()\n");
+    assert_eq!(columns(&format!("{object}{begun}")), apart);
+    for calls in [format!("glEnable(36201)\n{begun}"), format!("glNewList(1,GL_COMPILE)\n{begun}glEndList()\n")] {
+        assert!(refused(&format!("{arrays}{object}{calls}"), &[&corners, &indices]).starts_with("glArrayElement"), "{calls}");
+    }
 }
 
 #[test]

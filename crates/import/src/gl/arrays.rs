@@ -412,12 +412,19 @@ impl Gl {
     }
 }
 
-pub(super) fn array_element(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
+pub(super) fn array_element(gl: &mut Gl, call: &Call, shape: Shape) -> Outcome {
     // What an earlier draw left may be the contents of another array, or fewer of its elements.
     let omitted = |array: &Array| array.enabled && matches!(array.source, Source::Memory(_) | Source::None);
     let slots = gl.arrays.slots.iter().enumerate();
     if gl.elements_omitted && slots.filter(|(slot, _)| *slot != 6).any(|(_, array)| omitted(array)) {
         return Err(Fault::Unsupported("glArrayElement with arrays in memory, which apitrace does not record".into()));
+    }
+    match gl.arrays.restart.of_element(call.u32(0)?)? {
+        true if gl.compiling.is_some() => {
+            return Err(Fault::Unsupported("glArrayElement of an index that ends a primitive in a list".into()));
+        }
+        true => return super::immediate::restart(gl, call, shape),
+        false => {}
     }
     let (ready, bits) = gl.ready()?;
     let vertex = gl.fetch(&ready, call.u32(0)?)?;

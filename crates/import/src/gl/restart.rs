@@ -33,6 +33,14 @@ impl Restart {
         true
     }
 
+    /// Whether `glArrayElement` of an index ends a primitive.
+    pub fn of_element(&self, index: u32) -> Outcome<bool> {
+        if self.fixed && [0xff, 0xffff, u32::MAX].contains(&index) {
+            return Err(Fault::Unsupported("glArrayElement with GL_PRIMITIVE_RESTART_FIXED_INDEX".into()));
+        }
+        Ok(self.on && !self.fixed && index == self.index)
+    }
+
     /// The index that ends primitives, among those of a type; none: none does.
     pub fn of(&self, kind: u32) -> Option<u32> {
         let greatest = match kind {
