@@ -180,7 +180,7 @@ fn text(tokens: &[Token]) -> String {
 
 /// The variables of a declaration; none if it declares others things, like blocks.
 fn variables(whole: &[Token]) -> Option<Variables<'_>> {
-    let plain = |of: &Variables| of.names.iter().all(|name| name[0].word && !name[0].text.starts_with("gl_"));
+    let plain = |of: &Variables| of.names.iter().all(|name| !name[0].text.starts_with("gl_"));
     Variables::of(whole).filter(|of| plain(of) && !whole[0].is("precision"))
 }
 

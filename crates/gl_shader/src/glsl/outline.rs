@@ -116,12 +116,9 @@ impl<'a> Variables<'a> {
             end = closing(tokens, open)? + 1;
         }
         let after = if tokens.get(end).is_some_and(|token| token.is("[")) { closing(tokens, end)? + 1 } else { end };
-        Some(Variables {
-            qualifiers: &tokens[..at],
-            kind: &tokens[at..end],
-            count: &tokens[end..after],
-            names: parts(&tokens[after..]).into_iter().filter(|name| !name.is_empty()).collect(),
-        })
+        let names: Vec<&[Token]> = parts(&tokens[after..]).into_iter().filter(|name| !name.is_empty()).collect();
+        let (qualifiers, kind, count) = (&tokens[..at], &tokens[at..end], &tokens[end..after]);
+        names.iter().all(|name| name[0].word).then_some(Variables { qualifiers, kind, count, names })
     }
 
     /// Whether a qualifier is there.
@@ -160,6 +157,10 @@ mod tests {
         let of = |k: usize| Variables::of(&tokens[items[k].whole.clone()]).expect("variables");
         assert!(!of(0).is_own() && of(2).is_own() && of(5).has("const"));
         assert_eq!(of(2).names.iter().map(|name| initialiser(name)).collect::<Vec<_>>(), [Some(2), None]);
+        // What names no variable is another thing: a block, or damaged.
+        for text in ["uniform B { float a; } b;", "float = 1.0;", "float a, = 1.0;"] {
+            assert!(Variables::of(&preprocess(text).expect("tokens").1).is_none(), "{text}");
+        }
         assert_eq!((of(3).kind.len(), of(3).names.len(), of(5).count.len()), (7, 1, 3));
     }
 }
