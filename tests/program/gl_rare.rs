@@ -279,3 +279,18 @@ fn compressed_textures_of_one_and_two_channels_are_stored_as_texels() {
         assert!(near(shown(&calls, &[&[255, 128, 64, 255]]).at(8, 8), wanted), "{internal:x}");
     }
 }
+
+#[test]
+fn secondary_colours_of_fixed_functions_are_opaque() {
+    let text = "!!ARBfp1.0\nMOV result.color, fragment.color.secondary.w;\nEND";
+    let drawn = |state: &str| {
+        let program = format!(
+            "glEnable(GL_FRAGMENT_PROGRAM_ARB)\nglProgramStringARB(GL_FRAGMENT_PROGRAM_ARB,GL_PROGRAM_FORMAT_ASCII_ARB,{},\"{text}\")\n",
+            text.len()
+        );
+        shown(&format!("{state}{program}{QUAD}"), &[]).at(8, 8)
+    };
+    let separate = "glEnable(GL_LIGHTING)\nglLightModeli(GL_LIGHT_MODEL_COLOR_CONTROL,GL_SEPARATE_SPECULAR_COLOR)\n";
+    let seen = ["", "glEnable(GL_COLOR_SUM)\n", separate, "glEnable(GL_LIGHTING)\n"].map(drawn);
+    assert_eq!(seen, [[255; 3], [255; 3], [255; 3], [0; 3]]);
+}

@@ -104,8 +104,12 @@ pub fn fragment_program(key: &ShaderKey, program: &Program, out: &mut String) {
                 format!("vec4f(v.position.x, u.height.x + u.height.y * v.position.y, {zw})")
             }
             input::COLOR => "primary".to_owned(),
-            input::SECONDARY if key.secondary() => format!("vec4f({}, 0)", fixed::secondary(key)),
-            input::SECONDARY => "vec4f()".to_owned(),
+            input::SECONDARY => {
+                // That of fixed functions has an alpha of 1, as in Mesa, unless lighting has no secondary colour.
+                let colored = key.lighting.as_ref().is_none_or(|lighting| lighting.separate);
+                let alpha = u8::from(key.vertex.is_none() && colored);
+                format!("vec4f({}, {alpha})", if key.secondary() { fixed::secondary(key) } else { "vec3f()" })
+            }
             input::FOG => "vec4f(v.fog, 0, 0, 1)".to_owned(),
             _ => {
                 let k = (bit - input::TEXTURE) as usize;
