@@ -409,6 +409,18 @@ fn depths_are_written_into_a_texture_without_contents() {
 }
 
 #[test]
+fn images_may_have_another_size_between_two_uses() {
+    // Two texels wide, used; then four, without contents; then two again.
+    let image = |width: u32, bytes: &str| {
+        format!("glTexImage2D(GL_TEXTURE_2D,0,GL_DEPTH_COMPONENT16,{width},1,0,GL_DEPTH_COMPONENT,GL_UNSIGNED_SHORT,{bytes})\n")
+    };
+    let filters = "glTexParameteri(GL_TEXTURE_2D,GL_TEXTURE_MIN_FILTER,GL_NEAREST)\nglTexParameteri(GL_TEXTURE_2D,GL_TEXTURE_MAG_FILTER,GL_NEAREST)\n";
+    let calls = format!("{filters}{}{TEXTURED}{}{}{TEXTURED}", image(2, "*1"), image(4, "U0x0"), image(2, "*2"));
+    let seen = shown(&calls, &[&[0, 0, 0, 0], &[0, 128, 255, 255]]);
+    assert!(near(seen.at(4, 8), [128; 3]) && near(seen.at(12, 8), [255; 3]), "{:?} {:?}", seen.at(4, 8), seen.at(12, 8));
+}
+
+#[test]
 fn depths_of_a_texture_are_compared_with_the_third_coordinate() {
     // A surface at depth 0.5 in the left half, and none behind it; the third coordinate is 0.7.
     let calls = "glEnable(GL_DEPTH_TEST)\nglRectf(-1,-1,0,1)\nglBindTexture(GL_TEXTURE_2D,1)\n\

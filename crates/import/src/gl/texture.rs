@@ -209,8 +209,10 @@ impl Texture {
     /// Defines an image.
     pub fn define(&mut self, card: &mut Card, face: u32, level: u32, image: Level) {
         // An image of the same size on the card is overwritten in place.
-        if self.native.as_ref().is_some_and(|native| native.place(level, &image).is_some()) {
-            let on_card = self.levels.get((face, level)).is_some_and(|level| level.bytes.is_none());
+        if let Some(native) = self.native.as_ref().filter(|native| native.place(level, &image).is_some()) {
+            // The one that was there may be of another size, and then is not on the card.
+            let placed = |old: &Level| old.bytes.is_none() && native.place(level, old).is_some();
+            let on_card = self.levels.get((face, level)).is_some_and(placed);
             if let (true, Some(bytes)) = (on_card, &image.bytes) {
                 return self.write(card, face, level, [0; 3], image.size, bytes);
             }
