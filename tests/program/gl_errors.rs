@@ -276,3 +276,14 @@ fn arrays_are_enabled_as_capabilities_are() {
     assert_eq!(draw("glNewList(1,GL_COMPILE)\nglEnable(GL_VERTEX_ARRAY)\nglEndList()"), BLACK);
     assert_eq!(draw("glNewList(1,GL_COMPILE)\nglEnable(GL_VERTEX_ARRAY)\nglEndList()\nglCallList(1)"), RED);
 }
+
+#[test]
+fn offsets_without_bound_are_the_largest() {
+    // Toward the eye without bound, a polygon that slopes passes the test of depths; away from it, it does not.
+    let drawn = |factor: &str| {
+        let before = format!("glEnable(GL_DEPTH_TEST)\nglColor3f(1,0,0)\n{QUAD}\nglColor3f(0,1,0)\n");
+        let offset = format!("glEnable(GL_POLYGON_OFFSET_FILL)\nglPolygonOffset({factor},0)\nglRotatef(10,0,1,0)\n");
+        shown(&format!("{before}{offset}{QUAD}"), &[]).at(8, 8)
+    };
+    assert_eq!([drawn("-1e39"), drawn("1e39")], [GREEN, RED]);
+}

@@ -419,7 +419,9 @@ pub(super) fn polygon_mode(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
 }
 
 pub(super) fn polygon_offset(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
-    gl.state.polygon_offset = [call.f32(0)?, call.f32(1)?];
+    // A trace has finite ones; no number counts as none.
+    let finite = |value: f32| if value.is_nan() { 0.0 } else { value.clamp(f32::MIN, f32::MAX) };
+    gl.state.polygon_offset = [finite(call.f32(0)?), finite(call.f32(1)?)];
     Ok(())
 }
 
