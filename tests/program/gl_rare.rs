@@ -120,6 +120,8 @@ fn fog_has_three_distances() {
     let like = |color: [u8; 3], wanted: f32| (f32::from(color[0]) - 255.0 * wanted).abs() <= 8.0;
     assert!(like(draw(""), 0.3) && like(draw("glFogi(34138,34140)"), 0.3));
     assert!(like(draw("glFogi(34138,34139)"), 0.5), "{:?}", draw("glFogi(34138,34139)"));
+    let restored = draw("glPushAttrib(GL_FOG_BIT)\nglFogi(34138,34139)\nglPopAttrib()");
+    assert!(like(restored, 0.3), "a part of the state of fog: {restored:?}");
     assert_eq!(draw("glFogi(34138,9474)"), BLACK, "with sign, what is seen is at negative distances");
     let errors = with_errors("glFogi(34138,7)\nglFogi(GL_FOG_COORD_SRC,7)\nglFogi(7,7)", &[]).1;
     assert_eq!(errors, 3);

@@ -528,7 +528,7 @@ impl Rewriter {
     }
 
     fn finish(self) -> Source {
-        let Rewriter { mut source, out, helpers: self_helpers, .. } = self;
+        let Rewriter { mut source, out, helpers, .. } = self;
         // All on the second line, so that lines of the source stay countable.
         let mut text = String::from("#version 450\n");
         let mut structures = BTreeSet::new();
@@ -548,9 +548,9 @@ impl Rewriter {
         for (name, &(sampler, read)) in &source.reads {
             stubs(name, &source.samplers[sampler], read, &mut text);
         }
-        let mut helpers = String::new();
-        self_helpers.iter().for_each(|name| prelude::text(name, &mut helpers));
-        text += &helpers.replace('\n', " ");
+        let mut prelude = String::new();
+        helpers.iter().for_each(|name| prelude::text(name, &mut prelude));
+        text += &prelude.replace('\n', " ");
         text.push('\n');
         let (printed, lines) = tokens::lines(&out);
         source.text = text + &printed;

@@ -275,17 +275,16 @@ fn track(gl: &mut Gl, [face, name]: [u32; 2], materials: [Material; 2]) -> Outco
         gl.tracked = Some(Tracked::Color(key, new));
     } else if gl.state.two_side || gl.glsl.used() || gl.state.programs & Stage::Vertex as u8 != 0 {
         return Err(Fault::Unsupported("several materials within a primitive, lit on two sides or by a program".into()));
-    } else {
+    } else if gl.tracked != Some(Tracked::Lit) {
+        // The vertices before the change have the materials from before it.
         let mut before = gl.state.clone();
         if let Some(Tracked::Color(key, _)) = gl.tracked {
             before.enabled |= capability(e::COLOR_MATERIAL).unwrap_or(0);
             before.color_material = key;
         }
         let modelview = gl.modelview.top;
-        if let (true, Some((_, vertices))) = (gl.tracked != Some(Tracked::Lit), &mut gl.begun) {
-            for vertex in vertices {
-                (vertex.color, vertex.secondary) = super::lit::colors(&before, &modelview, vertex);
-            }
+        for vertex in gl.begun.iter_mut().flat_map(|(_, vertices)| vertices) {
+            (vertex.color, vertex.secondary) = super::lit::colors(&before, &modelview, vertex);
         }
         gl.tracked = Some(Tracked::Lit);
     }

@@ -397,7 +397,7 @@ impl State {
         take!(e::VIEWPORT_BIT => viewport, depth_range);
         take!(e::TRANSFORM_BIT => matrix_mode, planes);
         take!(e::LIGHTING_BIT => lights, model_ambient, local_viewer, two_side, separate_specular, materials, color_material, flat, provoking_first);
-        take!(e::FOG_BIT => fog_mode, fog_color, fog, fog_from_coordinate);
+        take!(e::FOG_BIT => fog_mode, fog_color, fog, fog_distance, fog_from_coordinate);
         take!(e::POLYGON_BIT => cull, front, polygon_modes, polygon_offset);
         take!(e::POLYGON_STIPPLE_BIT => stipple);
         take!(e::LINE_BIT => line_width, line_stipple);
