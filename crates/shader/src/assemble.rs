@@ -217,7 +217,7 @@ pub(super) fn assemble(module: &str, l: Lowered, fault: Option<Fault>) -> Result
             "the program needs {registers} registers, more than the {MAX_REGISTERS} that operations can number"
         ));
     }
-    let mut body = emit(b, &b.insts, &homes);
+    let mut body = emit(b, &b.insts, &l.outputs, &homes);
     body.registers = registers;
 
     // Of what is loaded, only what is computed from has a register of the prologue.
@@ -230,7 +230,7 @@ pub(super) fn assemble(module: &str, l: Lowered, fault: Option<Fault>) -> Result
         prologue_homes.values[v as usize] = r.min(usize::from(NO_REG)) as Reg;
     }
     let kept = allocate(b, &computed, &loaded, &results, true, prologue_constants.len(), &mut prologue_homes, fault);
-    let mut prologue = emit(b, &computed, &prologue_homes);
+    let mut prologue = emit(b, &computed, &[], &prologue_homes);
     let placed_loads = placed.len();
     let runs = |homes: &Homes| runs(placed.iter().flat_map(|inst| placed_words(&memory_operation(b, inst, homes))).collect());
     let (placed, placed_uniforms) = (runs(&prologue_homes), runs(&homes));
@@ -264,7 +264,7 @@ pub(super) fn assemble(module: &str, l: Lowered, fault: Option<Fault>) -> Result
 }
 
 /// The operations of a list of instructions.
-fn emit(b: &Builder, insts: &[Inst], homes: &Homes) -> Body {
+fn emit(b: &Builder, insts: &[Inst], outputs: &[Vec<V>], homes: &Homes) -> Body {
     let mut body = Body {
         subgroup: b.subgroup.clone(),
         table: b.table.clone(),
@@ -282,7 +282,7 @@ fn emit(b: &Builder, insts: &[Inst], homes: &Homes) -> Body {
     }
     body.ops.push(Op { code: Code::End, r: [NO_REG; 9], imm: 0 });
     link(&mut body.ops);
-    body.vectors = vector::counts(insts, b.defs.len());
+    body.vectors = vector::counts(b, insts, outputs);
     let (mut sum, mut steps) = ([0u32; 4], 0);
     body.counts.push(sum);
     body.steps.push(steps);

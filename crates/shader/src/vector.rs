@@ -6,13 +6,17 @@
 //! multiply-add and a comparison are one instruction each, and a transcendental one gives a single value. A quotient is a product with
 //! a reciprocal, and quotients by the same value share one reciprocal.
 //!
+//! Coefficients of a light are one instruction (`LIT`): `max(x, 0)`, and `max(y, 0)` to the power `w` where `x` is above 0. Its operands are
+//! components of one register, so that another instruction moves the exponent there. What leaves a program as it came in is moved to its
+//! output, by an instruction for each output.
+//!
 //! An instruction is issued together with the next one if the next one does not need its result and one of the two has a single
 //! component: the machine has a unit for four components and a unit for one (ATTILA's `simd4+scalar`).
 
 use std::collections::HashMap;
 
 use super::code::Code;
-use super::ir::{Inst, NONE, V};
+use super::ir::{Builder, Inst, NONE, V};
 use work::Class;
 
 /// Components that an instruction works on.
@@ -23,10 +27,15 @@ const OPEN: usize = 32;
 
 type Counts = [u32; Class::COUNT];
 
+/// A copy to a place that an instruction or an output asks for.
+const MOVE: Inst = Inst { code: Code::Copy, dst: Vec::new(), src: Vec::new(), imm: 0, slots: [0; 3] };
+
 /// How an operation counts.
 enum Cost {
     /// As this number of instructions of its own.
     Alone(Counts),
+    /// As one instruction of single precision, issued with others as one of several components is.
+    Whole,
     /// As an instruction for up to four of the same code.
     Shared(Class),
     /// As an instruction of a single component, which takes this number of times as long as the shortest of its class.
@@ -46,7 +55,7 @@ fn cost(code: Code) -> Cost {
     let (class, count) = code.weight();
     match code {
         Code::FNeg | Code::FAbs | Code::FSaturate => Cost::Free,
-        Code::Dot2 | Code::Dot3 | Code::Dot4 => Cost::Alone([1, 0, 0, 0]),
+        Code::Dot2 | Code::Dot3 | Code::Dot4 => Cost::Whole,
         // The square of the length, its root's reciprocal, the product.
         Code::Normalize2 | Code::Normalize3 => Cost::Alone([2, 0, RECIPROCAL, 0]),
         // A logarithm, a product, an exponential.
@@ -75,9 +84,11 @@ struct Pack {
     /// The earliest place that it may have: behind the instructions that it needs.
     needs: u32,
     cost: Counts,
-    /// Whether another one may be issued with it, and whether its operation always has a single component.
+    /// Whether another one may be issued with it, whether its operation always has a single component, and whether it is made of
+    /// operations that were joined.
     paired: bool,
     single: bool,
+    joined: bool,
 }
 
 /// Puts the operations of a program into instructions.
@@ -98,7 +109,7 @@ impl Packer {
     fn begin(&mut self, inst: &Inst, code: Code, needs: u32, cost: Counts, kind: (bool, bool)) -> u32 {
         let (paired, single) = kind;
         let first = self.begins.len() - 1;
-        self.packs.push(Pack { code, imm: inst.imm, first, operations: 1, needs, cost, paired, single });
+        self.packs.push(Pack { code, imm: inst.imm, first, operations: 1, needs, cost, paired, single, joined: false });
         self.base + self.packs.len() as u32
     }
 
@@ -124,7 +135,9 @@ impl Packer {
         self.open.push(self.packs.len());
         let mut cost = [0; Class::COUNT];
         cost[class as usize] = 1;
-        self.begin(inst, code, needs, cost, (true, false))
+        let ready = self.begin(inst, code, needs, cost, (true, false));
+        self.packs.last_mut().expect("one was begun").joined = true;
+        ready
     }
 
     fn single(&mut self, inst: &Inst, class: Class, count: u32, needs: u32) -> u32 {
@@ -138,7 +151,7 @@ impl Packer {
         let mut at = 0;
         while at < self.packs.len() {
             let pack = &self.packs[at];
-            let single = |pack: &Pack| pack.single || pack.operations == 1;
+            let single = |pack: &Pack| pack.single || pack.joined && pack.operations == 1;
             let beside = self.packs.get(at + 1).filter(|next| {
                 pack.paired && next.paired && (single(pack) || single(next)) && next.needs <= self.base + at as u32
             });
@@ -161,26 +174,107 @@ impl Packer {
     }
 }
 
-/// Running counts of such instructions: entry `i` counts those that begin before operation `i`. `values` is the number of values;
-/// operations are the instructions that are not [`Code::Undef`], and the end.
-pub(super) fn counts(insts: &[Inst], values: usize) -> Vec<Counts> {
+/// What an operation is in an instruction for the coefficients of a light.
+enum Part {
+    /// All of it: the operation that this counts at, and what it needs besides its own operands.
+    Whole(V),
+    /// Something that it does besides.
+    Rest,
+}
+
+/// The operations that coefficients of lights are made of, by their place.
+fn lights(b: &Builder, insts: &[Inst]) -> HashMap<usize, Part> {
+    let mut parts = HashMap::new();
+    if !insts.iter().any(|inst| inst.code == Code::Pow) {
+        return parts;
+    }
+    let (mut made, mut users) = (vec![None; b.defs.len()], vec![Vec::new(); b.defs.len()]);
+    for (at, inst) in insts.iter().enumerate() {
+        inst.dst.iter().filter(|&&v| v != NONE).for_each(|&v| made[v as usize] = Some(at));
+        inst.src.iter().filter(|&&v| v != NONE).for_each(|&v| users[v as usize].push(at));
+    }
+    let made_by = |v: V, code: Code| made[v as usize].filter(|&at: &usize| insts[at].code == code);
+    let number = |v: V| b.known(v).map(f32::from_bits);
+    // The number that a maximum with a constant that only keeps it from being negative is of.
+    let above_zero = |at: usize| {
+        let [x, y] = insts[at].src[..] else { return None };
+        let small = |v: V| number(v).is_some_and(|c| (0.0..1e-9).contains(&c));
+        small(y).then_some(x).or(small(x).then_some(y))
+    };
+    for (at, inst) in insts.iter().enumerate().filter(|(_, inst)| inst.code == Code::Pow) {
+        let Some(bounded) = made_by(inst.src[0], Code::FMax).filter(|&at| above_zero(at).is_some()) else { continue };
+        // From the power to the choice between it and 0.
+        let (mut value, mut choices, mut scaled) = (inst.dst[0], Vec::new(), false);
+        let found = loop {
+            let &[user] = &users[value as usize][..] else { break None };
+            let next = &insts[user];
+            match next.code {
+                Code::Select => {
+                    let other = if next.src[1] == value { next.src[2] } else { next.src[1] };
+                    choices.push(user);
+                    match number(other) {
+                        Some(0.0) => break Some(next.src[0]),
+                        // Where the exponent is 0.
+                        Some(1.0) if b.is_uniform(next.src[0]) => {}
+                        _ => break None,
+                    }
+                }
+                Code::FMul if !scaled => scaled = true,
+                _ => break None,
+            }
+            value = next.dst[0];
+        };
+        let Some(condition) = found else { continue };
+        let compare = made_by(condition, Code::FLt).filter(|&at| number(insts[at].src[0]) == Some(0.0));
+        let needs = compare.map_or(condition, |at| insts[at].src[1]);
+        parts.insert(at, Part::Whole(needs));
+        parts.extend(choices.into_iter().map(|at| (at, Part::Rest)));
+        if users[inst.src[0] as usize].len() == 1 {
+            parts.insert(bounded, Part::Rest);
+        }
+        if let Some(compare) = compare {
+            if users[condition as usize].len() == 1 {
+                parts.insert(compare, Part::Rest);
+            }
+            let same =
+                users[needs as usize].iter().filter(|&&at| insts[at].code == Code::FMax && above_zero(at) == Some(needs));
+            parts.extend(same.map(|&at| (at, Part::Rest)));
+        }
+    }
+    parts
+}
+
+/// Running counts of such instructions: entry `i` counts those that begin before operation `i`. Operations are the instructions that are
+/// not [`Code::Undef`], and the end; `outputs` are the components of each output.
+pub(super) fn counts(b: &Builder, insts: &[Inst], outputs: &[Vec<V>]) -> Vec<Counts> {
     let mut packer = Packer {
-        ready: vec![0; values],
+        ready: vec![0; b.defs.len()],
         packs: Vec::new(),
         base: 0,
         open: Vec::new(),
         reciprocals: HashMap::new(),
         begins: Vec::with_capacity(insts.len() + 1),
     };
-    for inst in insts.iter().filter(|inst| inst.code != Code::Undef) {
+    let parts = lights(b, insts);
+    // Values that an instruction of this program leaves in a register.
+    let mut made = vec![false; b.defs.len()];
+    for (at, inst) in insts.iter().enumerate().filter(|(_, inst)| inst.code != Code::Undef) {
         packer.begins.push([0; Class::COUNT]);
         let needs = inst.src.iter().filter(|&&v| v != NONE).map(|&v| packer.ready[v as usize]).max().unwrap_or(0);
-        let after = match cost(inst.code) {
-            Cost::Free => needs,
-            Cost::Alone(cost) => packer.begin(inst, inst.code, needs, cost, (false, false)),
-            Cost::Single(class, count) => packer.single(inst, class, count, needs),
-            Cost::Shared(class) => packer.join(inst, inst.code, class, needs),
-            Cost::Quotient => {
+        let cost = cost(inst.code);
+        let leaves = !matches!(cost, Cost::Free) || inst.src.iter().any(|&v| v != NONE && made[v as usize]);
+        let after = match (parts.get(&at), cost) {
+            (Some(&Part::Whole(x)), _) => {
+                let exponent = packer.ready[inst.src[1] as usize];
+                packer.single(&MOVE, Class::Float, 1, exponent);
+                packer.begin(inst, inst.code, needs.max(packer.ready[x as usize]), [1, 0, 0, 0], (true, false))
+            }
+            (Some(Part::Rest), _) | (None, Cost::Free) => needs,
+            (None, Cost::Alone(cost)) => packer.begin(inst, inst.code, needs, cost, (false, false)),
+            (None, Cost::Whole) => packer.begin(inst, inst.code, needs, [1, 0, 0, 0], (true, false)),
+            (None, Cost::Single(class, count)) => packer.single(inst, class, count, needs),
+            (None, Cost::Shared(class)) => packer.join(inst, inst.code, class, needs),
+            (None, Cost::Quotient) => {
                 let divisor = inst.src[1];
                 let known = packer.reciprocals.get(&divisor).copied();
                 let inverse = known.unwrap_or_else(|| {
@@ -194,16 +288,24 @@ pub(super) fn counts(insts: &[Inst], values: usize) -> Vec<Counts> {
         };
         for &v in inst.dst.iter().filter(|&&v| v != NONE) {
             packer.ready[v as usize] = after;
+            made[v as usize] = leaves;
         }
         if inst.code.breaks_block() {
             packer.end_block();
         }
     }
+    // The end counts what is moved to outputs.
+    packer.begins.push([0; Class::COUNT]);
+    for output in outputs {
+        let moved = output.iter().filter(|&&v| v != NONE && !made[v as usize]).count();
+        if moved > 0 {
+            packer.begin(&MOVE, Code::Copy, 0, [1, 0, 0, 0], (true, moved == 1));
+        }
+    }
     packer.end_block();
-    // The end counts nothing.
     let mut sum = [0_u32; Class::COUNT];
     let mut counts = vec![sum];
-    for begins in packer.begins.iter().chain([&[0; Class::COUNT]]) {
+    for begins in &packer.begins {
         for (sum, count) in sum.iter_mut().zip(begins) {
             *sum = sum.saturating_add(*count);
         }
@@ -214,16 +316,30 @@ pub(super) fn counts(insts: &[Inst], values: usize) -> Vec<Counts> {
 
 #[cfg(test)]
 mod tests {
+    use super::super::ir::Def;
     use super::*;
 
     fn inst(code: Code, dst: V, src: &[V]) -> Inst {
         Inst { code, dst: vec![dst], src: src.to_vec(), imm: 0, slots: [0; 3] }
     }
 
-    fn last(insts: &[Inst]) -> Counts {
-        let counts = counts(insts, 64);
+    /// Values 0 to 15 are inputs, the others results.
+    fn builder() -> Builder {
+        let mut builder = Builder::default();
+        for v in 0..64 {
+            builder.define(if v < 16 { Def::Input } else { Def::Temp });
+        }
+        builder
+    }
+
+    fn with_outputs(b: &Builder, insts: &[Inst], outputs: &[Vec<V>]) -> Counts {
+        let counts = counts(b, insts, outputs);
         assert_eq!(counts.len(), insts.len() + 2);
         *counts.last().expect("there are counts")
+    }
+
+    fn last(insts: &[Inst]) -> Counts {
+        with_outputs(&builder(), insts, &[])
     }
 
     #[test]
@@ -283,6 +399,71 @@ mod tests {
         let control = |code| Inst { code, dst: Vec::new(), src: vec![0], imm: 0, slots: [0; 3] };
         let insts = [inst(Code::FAdd, 20, &[0, 1]), control(Code::If), inst(Code::FAdd, 21, &[1, 2]), control(Code::EndIf)];
         // Entry by entry: what is skipped counts nothing.
-        assert_eq!(counts(&insts, 64), [[0, 0, 0, 0], [1, 0, 0, 0], [1, 0, 0, 1], [2, 0, 0, 1], [2, 0, 0, 1], [2, 0, 0, 1]]);
+        assert_eq!(
+            counts(&builder(), &insts, &[]),
+            [[0, 0, 0, 0], [1, 0, 0, 0], [1, 0, 0, 1], [2, 0, 0, 1], [2, 0, 0, 1], [2, 0, 0, 1]]
+        );
+    }
+
+    #[test]
+    fn what_comes_out_as_it_came_in_is_moved() {
+        let b = builder();
+        // A whole register, two of them, and one component beside three results.
+        assert_eq!(with_outputs(&b, &[], &[vec![0, 1, 2, 3]]), [1, 0, 0, 0]);
+        assert_eq!(with_outputs(&b, &[], &[vec![0, 1, 2, 3], vec![4, 5, 6, 7]]), [2, 0, 0, 0]);
+        let sums: Vec<_> = (0..3).map(|k| inst(Code::FAdd, 20 + k, &[k, k])).collect();
+        assert_eq!(with_outputs(&b, &sums, &[vec![20, 21, 22]]), [1, 0, 0, 0]);
+        // The move of a single component is issued with the sums.
+        assert_eq!(with_outputs(&b, &sums, &[vec![20, 21, 22, 3]]), [1, 0, 0, 0]);
+        assert_eq!(with_outputs(&b, &sums, &[vec![20, 21, 2, 3]]), [2, 0, 0, 0]);
+        // A clamp of an input is done by the move, that of a result with the result.
+        let clamped = [inst(Code::FSaturate, 20, &[0]), inst(Code::FAdd, 21, &[1, 2]), inst(Code::FSaturate, 22, &[21])];
+        assert_eq!(with_outputs(&b, &clamped, &[vec![22]]), [1, 0, 0, 0]);
+        // The sum has a single component, so that the move of two is issued with it.
+        assert_eq!(with_outputs(&b, &clamped, &[vec![20, 0]]), [1, 0, 0, 0]);
+        assert_eq!(with_outputs(&b, &clamped[..1], &[vec![20, 0]]), [1, 0, 0, 0]);
+    }
+
+    #[test]
+    fn coefficients_of_a_light_are_one_instruction() {
+        let mut b = builder();
+        let (zero, small, one) = (b.float(0.0), b.float(1e-30), b.float(1.0));
+        let exponent = b.define(Def::Uniform);
+        let lit = |scaled: bool| {
+            let mut insts = vec![
+                inst(Code::Dot3, 20, &[0, 1, 2, 3, 4, 5]),
+                inst(Code::FMax, 21, &[20, zero]),
+                inst(Code::Dot3, 22, &[0, 1, 2, 6, 7, 8]),
+                inst(Code::FMax, 23, &[22, small]),
+                inst(Code::Pow, 24, &[23, exponent]),
+                inst(Code::FLt, 25, &[zero, 20]),
+            ];
+            if scaled {
+                insts.push(inst(Code::FMul, 26, &[24, 9]));
+            }
+            insts.push(inst(Code::Select, 27, &[25, if scaled { 26 } else { 24 }, zero]));
+            insts
+        };
+        // Two dot products, the second one beside the move of the exponent, and the coefficients.
+        assert_eq!(last_of(&b, &lit(false)), [3, 0, 0, 0]);
+        assert_eq!(last_of(&b, &lit(true)), [4, 0, 0, 0]);
+        // Where the exponent may be 0, the power is chosen once more.
+        let mut zero_exponent = lit(false);
+        let at_zero = b.define(Def::Uniform);
+        zero_exponent.insert(6, inst(Code::Select, 28, &[at_zero, one, 24]));
+        zero_exponent[7].src[1] = 28;
+        assert_eq!(last_of(&b, &zero_exponent), [3, 0, 0, 0]);
+        // A comparison with anything else is an instruction of its own, and so is a maximum that something else needs.
+        let mut spot = lit(false);
+        spot[5] = inst(Code::FLe, 25, &[10, 20]);
+        assert_eq!(last_of(&b, &spot), [4, 0, 0, 0]);
+        // A power that is used elsewhere too is a logarithm, a product and an exponential.
+        let mut used = lit(false);
+        used.push(inst(Code::FAdd, 29, &[24, 24]));
+        assert!(last_of(&b, &used)[2] > 0);
+    }
+
+    fn last_of(b: &Builder, insts: &[Inst]) -> Counts {
+        with_outputs(b, insts, &[])
     }
 }

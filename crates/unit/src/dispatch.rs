@@ -7,7 +7,7 @@ use super::card::{Card, Fault};
 use super::network::{Sender, SenderCounts};
 use super::sorting::SortCounts;
 use super::token::fragments;
-use super::token::{GroupToken, Kind, WarpToken, bytes};
+use super::token::{GroupToken, Kind, Packing, WarpToken, bytes};
 use super::warp::{Item, Program};
 use knob::Allowed;
 use num::{Cycle, prefetch};
@@ -47,8 +47,8 @@ pub struct DispatchPorts {
     pub shaded: Vec<In<WarpToken>>,
     /// Where shaded quads go.
     pub output: Outlet,
-    /// Where it tells the number of the core that a warp goes to, if batches of vertices follow it.
-    pub begun: Option<Out<WarpToken>>,
+    /// Where it tells which core its quads go to, if batches of vertices follow them.
+    pub begun: Option<Out<Packing>>,
     /// Its state is what the network makes the unit wait for.
     pub probe: StallProbe,
 }
@@ -95,6 +95,9 @@ pub struct Dispatch {
     sequence: u32,
     sorting: SortCounts,
     core: usize,
+    /// What vertex fetch was told last, and the slot of the last warp.
+    told: u16,
+    slot: Option<u16>,
     items: u64,
 }
 
@@ -115,6 +118,8 @@ impl Dispatch {
             sequence: 0,
             sorting: SortCounts::default(),
             core: 0,
+            told: 0,
+            slot: None,
             items: 0,
         }
     }
@@ -276,12 +281,15 @@ impl Dispatch {
             if wires.can_push(core) {
                 let pipeline = usize::from(self.pipeline);
                 let mut warp = std::mem::take(&mut card.warps[pipeline][index]);
-                let work = card.work(warp.slot);
+                let slot = warp.slot;
+                let work = card.work(slot);
                 warp.merge(|item| &work.segment.tiles[item.source as usize].costs);
                 card.warps[pipeline][index] = warp;
                 wires.push(core, WarpToken { warp: index });
                 if let Some(begun) = &self.ports.begun {
-                    wires.push(begun, WarpToken { warp: number as u32 });
+                    let first = if self.slot.replace(slot) == Some(slot) { 0 } else { Packing::FIRST };
+                    wires.push(begun, Packing { core: number as u16, state: Packing::STARTED | first });
+                    self.told = 0;
                 }
                 self.open = None;
                 return true;
@@ -292,6 +300,24 @@ impl Dispatch {
 }
 
 impl Dispatch {
+    /// Tells vertex fetch what has changed for quads that wait; false while that has to wait.
+    fn tell(&mut self, wires: &mut Wires, card: &Card) -> bool {
+        let Some(begun) = &self.ports.begun else { return true };
+        let state = match self.open {
+            None => 0,
+            Some(open) if card.warps[usize::from(self.pipeline)][open].items.len() as u32 == self.quads => {
+                Packing::WAITING | Packing::BLOCKED
+            }
+            Some(_) => Packing::WAITING,
+        };
+        let core = usize::from(self.pipeline) * self.ports.cores.len() + self.core;
+        let tells = state == self.told || wires.try_push(begun, Packing { core: core as u16, state });
+        if tells {
+            self.told = state;
+        }
+        tells
+    }
+
     fn step(&mut self, wires: &mut Wires, card: &mut Card) -> Tick {
         let pipeline = usize::from(self.pipeline);
         let mut did = Tick::Starved;
@@ -444,7 +470,10 @@ impl Dispatch {
 
 impl Unit<Card> for Dispatch {
     fn tick(&mut self, wires: &mut Wires, card: &mut Card) -> Tick {
-        let did = self.step(wires, card);
+        let mut did = self.step(wires, card);
+        if !self.tell(wires, card) {
+            did = did.or(Tick::Blocked);
+        }
         if let Outlet::Owners(network) = &self.ports.output {
             wires.set_probe(&self.ports.probe, network.stall() as u8);
         }

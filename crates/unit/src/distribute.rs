@@ -3,7 +3,7 @@
 use super::card::{Card, Work};
 use super::network::{Sender, SenderCounts};
 use super::sorting::SortCounts;
-use super::token::{Kind, Run, TriangleToken, bytes};
+use super::token::{Kind, Run, TriangleToken, Turn, bytes};
 use knob::Allowed;
 use num::prefetch;
 use sim::{Budget, Counted, In, Tick, Unit, Wires};
@@ -45,6 +45,9 @@ pub struct Distribute {
     input: In<Run>,
     /// To all rasterisers.
     network: Sender<TriangleToken>,
+    /// Which draw may be rasterised, where one waits for the one before it; and the last that may.
+    turns: Option<In<Turn>>,
+    turn: Option<u32>,
     /// Triangles of the run at the head that are done.
     done: u32,
     /// Rasterisers that the current triangle, or the mark, has still to be sent to; there is none if this is empty.
@@ -71,7 +74,14 @@ impl Distribute {
     /// An empty one, of that number.
     pub fn new(config: DistributeConfig, number: usize, input: In<Run>, network: Sender<TriangleToken>) -> Distribute {
         let (counts, facing) = (SortCounts::default(), FacingCounts::default());
-        Distribute { config, number, input, network, done: 0, pending: 0, shared: false, counts, facing }
+        let (turns, turn) = (None, None);
+        Distribute { config, number, input, network, turns, turn, done: 0, pending: 0, shared: false, counts, facing }
+    }
+
+    /// Waits with the triangles of a draw for its turn.
+    #[must_use]
+    pub fn in_turn(self, turns: In<Turn>) -> Distribute {
+        Distribute { turns: Some(turns), ..self }
     }
 
     /// What it has sent.
@@ -210,6 +220,10 @@ fn ask_ahead(card: &Card, slot: u16, triangle: u32) {
 impl Unit<Card> for Distribute {
     fn tick(&mut self, wires: &mut Wires, card: &mut Card) -> Tick {
         let mut moved = self.network.poll(wires);
+        while let Some(turn) = self.turns.as_ref().and_then(|turns| wires.pop(turns)) {
+            self.turn = Some(turn.draw);
+            moved = true;
+        }
         let mut budget = Budget::new(self.config.triangles_per_cycle);
         loop {
             let Some(run) = wires.front(&self.input) else {
@@ -218,6 +232,9 @@ impl Unit<Card> for Distribute {
 
             // 1. A mark goes to every rasteriser, a triangle to the owners of what it touches.
             let data = run.kind == Kind::DATA;
+            if data && self.turns.is_some() && self.turn != Some(card.work(run.slot).draw_number) {
+                return wires.stop(Tick::moved_or(moved, Tick::Blocked), Tick::Blocked);
+            }
             if data && !budget.spend() {
                 return Tick::Moved;
             }

@@ -156,6 +156,41 @@ pub struct WarpToken {
     pub warp: u32,
 }
 
+/// What fragment dispatch tells vertex fetch, where vertices follow fragments.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Pod, Zeroable)]
+#[repr(C)]
+pub struct Packing {
+    /// Number of the core that a warp has gone to, or else of the one that the next warp goes to.
+    pub core: u16,
+    /// Which of the following hold.
+    pub state: u16,
+}
+
+impl Packing {
+    /// A warp has gone to the core.
+    pub const STARTED: u16 = 1;
+    /// It is the first of a draw.
+    pub const FIRST: u16 = 2;
+    /// Quads wait to fill a warp, or for the core.
+    pub const WAITING: u16 = 4;
+    /// The warp is full, and the core has no room for it.
+    pub const BLOCKED: u16 = 8;
+
+    /// Whether this holds.
+    #[inline(always)]
+    pub fn has(self, state: u16) -> bool {
+        self.state & state != 0
+    }
+}
+
+/// The draw that may be rasterised, where one waits for the one before it.
+#[derive(Clone, Copy, Debug, Pod, Zeroable)]
+#[repr(C)]
+pub struct Turn {
+    /// Its number.
+    pub draw: u32,
+}
+
 /// A fence that has arrived, reported to the command processor.
 #[derive(Clone, Copy, Debug, Pod, Zeroable)]
 #[repr(C)]

@@ -37,6 +37,8 @@ const ALL: &[Without] = &[
     without(&["depth.pass_end=write-back"]),
     without(&["fetch.reuse_until=replaced"]),
     without(&["fetch.deal=round-robin"]),
+    without(&["command.drain=false"]),
+    without(&["traverse.gather=false"]),
     without(&["core.overlap=true"]),
     without(&["dispatch.patience=16"]),
     without(&["dispatch.quads_per_cycle=4", "dispatch.output_quads=4"]),

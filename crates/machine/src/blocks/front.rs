@@ -39,6 +39,9 @@ impl Builder<'_> {
         let (to_compose, compose_input) = self.join("composes", CONTROL, id.compose.iter().map(|&compose| (command, compose)));
         let (composed, from_compose) = self.join("composed", CONTROL, id.compose.iter().map(|&compose| (compose, command)));
         self.open.compose = compose_input.into_iter().zip(composed).collect();
+        let distribution: &[_] = if config.command.drain { &id.distribute } else { &[] };
+        let (turns, heeded) = self.join("turns", CONTROL, distribution.iter().map(|&distribute| (command, distribute)));
+        self.open.turns = heeded;
         let memory = self.port("command", 0, command);
         let probe = self.card_probe();
         self.made.command.push(Command::new(
@@ -57,6 +60,7 @@ impl Builder<'_> {
                 compose: to_compose,
                 composed: from_compose,
                 acks: from_acks,
+                turns,
                 memory,
                 probe,
             },
@@ -176,8 +180,13 @@ impl Builder<'_> {
         let (outputs, clipped) = self.chain("triangles", triangles, &id.clip, &id.distribute);
         let clipped = self.clip(inputs, outputs, clipped);
         let (senders, receivers) = self.sort_network(&id.distribute, to);
+        let mut turns = std::mem::take(&mut self.open.turns).into_iter();
         for (n, (input, network)) in clipped.into_iter().zip(senders).enumerate() {
-            self.made.distribute.push(Distribute::new(config.distribute.clone(), n, input, network));
+            let unit = Distribute::new(config.distribute.clone(), n, input, network);
+            self.made.distribute.push(match turns.next() {
+                Some(turns) => unit.in_turn(turns),
+                None => unit,
+            });
         }
         receivers
     }

@@ -17,7 +17,7 @@ use unit::color::{Color, ColorConfig, ColorPorts};
 use unit::network::{Names, Network, NetworkMap, NetworkPlan, Receiver, Sender};
 use unit::resolve::Resolve;
 use unit::scanout::Scanout;
-use unit::token::{Ack, GroupToken, Piece, WarpToken, bytes};
+use unit::token::{Ack, GroupToken, Packing, Piece, Turn, WarpToken, bytes};
 
 /// Both ends of channels, as they are handed out.
 pub(super) type Ends<T> = (Vec<Out<T>>, Vec<In<T>>);
@@ -51,7 +51,9 @@ struct Open {
     fragment: Vec<(In<WarpToken>, Out<WarpToken>)>,
     compute: Vec<(In<WarpToken>, Out<WarpToken>)>,
     /// Of each dispatch, to vertex fetch, where batches of vertices follow warps of fragments.
-    begun: Vec<Out<WarpToken>>,
+    begun: Vec<Out<Packing>>,
+    /// Of each distribution unit, from the command processor, where draws wait for each other.
+    turns: Vec<In<Turn>>,
     /// To the command processor.
     color_acks: Vec<Out<Ack>>,
     depth_acks: Vec<Out<Ack>>,

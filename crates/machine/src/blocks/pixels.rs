@@ -41,7 +41,10 @@ impl Builder<'_> {
 
         let traverses = inputs.into_iter().zip(bounds).zip(to_depth).enumerate();
         self.made.traverse = traverses
-            .map(|(n, ((input, bounds), output))| Traverse::new(t.clone(), n as u8, territory, input, Some(bounds), output))
+            .map(|(n, ((input, bounds), output))| {
+                let unit = Traverse::new(t.clone(), n as u8, territory, input, Some(bounds), output);
+                if t.gather { unit.gathering(config.distribute.overlap, config.card.pipelines as usize) } else { unit }
+            })
             .collect();
         let acks = std::mem::take(&mut self.open.depth_acks);
         let ends = early.into_iter().zip(to_interpolate).zip(late).zip(tested_late).zip(to_traverse).zip(ended).zip(acks);

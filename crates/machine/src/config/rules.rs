@@ -69,6 +69,13 @@ pub(super) fn check(config: &Config) -> Result<(), String> {
         );
     }
     let class = config.card.sort.class();
+    let in_turn = [("command.drain", config.command.drain), ("traverse.gather", config.traverse.gather)];
+    if let Some((name, _)) = in_turn.iter().find(|(_, on)| *on && (class.sorted != Sorted::Triangles || class.one_place)) {
+        return Err(format!(
+            "{name} is true, and must be false where sort is {}: only distribution of triangles to rasterisers keeps them in draws",
+            config.card.sort.name()
+        ));
+    }
     if class.sorted.own_geometry() && config.fetch.deal == VertexDeal::AfterFragments {
         return Err(format!(
             "fetch.deal is after-fragments, and must be another where sort is {}: each pipeline shades its own vertices",

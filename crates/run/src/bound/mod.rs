@@ -173,6 +173,8 @@ impl<'c> Bound<'c> {
                 "vertices that are sent",
             ),
             ("traverse.walk other than blocks", config.traverse.walk != Walk::Blocks, "walks that test single pixels"),
+            ("traverse.gather=true", config.traverse.gather, "triangles that wait for others"),
+            ("command.drain=true", config.command.drain, "draws that wait for the one before"),
             (
                 "scanout.mode=\"free-running\"",
                 config.scanout.mode == ScanoutMode::FreeRunning,

@@ -13,7 +13,7 @@ use super::card::Card;
 use super::scanout::{ScanoutConfig, ScanoutMode};
 use super::sorting::PassWaits;
 use super::stream::Stream;
-use super::token::{Ack, Piece};
+use super::token::{Ack, Piece, Turn};
 use knob::Allowed;
 use mem::MemoryPort;
 use num::Cycle;
@@ -41,6 +41,9 @@ knob::knobs! {
         command_cycles: u32 ["cycles/command", Allowed::Range(1, 65536), "a few register writes; ATTILA writes one register a cycle"],
         /// Segments of draws in flight.
         segments: u32 ["segments", Allowed::Range(1, 4096), "ATTILA bGPU.ini PipelinedBatchRendering = TRUE, two batches; more hides small draws"],
+        /// Whether a draw is rasterised only when the one before it has left all pipelines. Its geometry does not wait. Where distribution sorts
+        /// triangles only.
+        drain: bool ["", Allowed::Switch, "draws follow each other in cards; ATTILA's rasteriser takes a batch when it has ended the last one (FragmentFIFO)"],
         /// Runs of workgroups in flight.
         workgroup_runs: u32 ["runs", Allowed::Range(1, 256), "enough to keep the cores fed"],
         /// Requests of the copy engine in flight.
@@ -106,6 +109,8 @@ pub struct CommandPorts {
     pub composed: Vec<In<Ack>>,
     /// Fences seen by each colour unit, and passes ended by each depth unit.
     pub acks: Vec<In<Ack>>,
+    /// To each distribution unit, which draw may be rasterised, where one waits for the one before it.
+    pub turns: Vec<Out<Turn>>,
     /// Memory, for copies and clears.
     pub memory: MemoryPort,
     /// Its state is 1 while there is a pass or a dispatch, else 0. It watches all units of the pipelines.
@@ -160,6 +165,9 @@ pub struct Command {
     /// Free slots, and the reports still to come for those in use.
     free: Vec<u16>,
     reports: Vec<u32>,
+    /// Slots in flight in the order of their draws, with these, where draws wait for each other; and the draw whose turn was told last.
+    flying: VecDeque<(u16, u32)>,
+    turn: Option<u32>,
     free_runs: Vec<u16>,
     /// Surfaces to be cleared in memory: address and bytes.
     clears: VecDeque<(u64, u64)>,
@@ -212,6 +220,8 @@ impl Command {
             dispatch: None,
             free: (0..segments).rev().collect(),
             reports: vec![0; usize::from(segments)],
+            flying: VecDeque::new(),
+            turn: None,
             free_runs: (0..runs).rev().collect(),
             clears: VecDeque::new(),
             resolves: VecDeque::new(),
@@ -266,6 +276,20 @@ impl Command {
         Some(slot)
     }
 
+    /// Tells distribution of the first draw in flight, if it has not heard of it.
+    fn tell_turn(&mut self, wires: &mut Wires) -> Tick {
+        let Some(&(_, draw)) = self.flying.front() else { return Tick::Starved };
+        if self.turn == Some(draw) {
+            return Tick::Starved;
+        }
+        if !self.ports.turns.iter().all(|port| wires.can_push(port)) {
+            return Tick::Blocked;
+        }
+        self.ports.turns.iter().for_each(|port| wires.push(port, Turn { draw }));
+        self.turn = Some(draw);
+        Tick::Moved
+    }
+
     /// Workgroups are under way.
     fn computing(&self) -> bool {
         self.free_runs.len() < self.config.workgroup_runs as usize
@@ -277,7 +301,7 @@ impl Command {
         // 1. Reports free slots and end passes.
         let mut did = Tick::moved_or(self.collect(wires, card), Tick::Starved);
 
-        did = did.or(self.heed_display(wires, card));
+        did = did.or(self.heed_display(wires, card)).or(self.tell_turn(wires));
 
         // 2. Pieces go on their way.
         while let Some(&piece) = self.pieces.front() {

@@ -30,6 +30,7 @@ impl Command {
                         card.phases.retire(work.draw_number, funnel, wires.now());
                     }
                     self.free.push(ack.slot);
+                    self.flying.retain(|&(slot, _)| slot != ack.slot);
                 }
             }
         }

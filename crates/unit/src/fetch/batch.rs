@@ -3,7 +3,7 @@
 use super::super::card::{Card, Work};
 use super::super::token::{Kind, VertexBatch, WarpToken};
 use super::super::warp::{Item, Program};
-use super::{Fetch, Gathered, VertexDeal};
+use super::{Fetch, Gathered};
 use gfx::state::StepMode;
 use num::Cycle;
 use sim::{Tick, Wires};
@@ -153,20 +153,11 @@ impl Fetch {
         if batch.needs.is_some_and(|needs| !self.misses.reached(needs)) {
             return Err(Tick::Memory);
         }
-        let cores = self.ports.cores.len();
-        let after_fragments = self.config.deal == VertexDeal::AfterFragments;
-        // A batch that waits for its core keeps it, so that it does not matter in which cycles this is asked.
-        let first = if after_fragments { *self.settled.get_or_insert(self.core) } else { self.core };
-        let choice = if after_fragments { 1 } else { cores };
-        let free = (0..choice).map(|ahead| (first + ahead) % cores).find(|&core| {
-            let (_, output) = &self.ports.cores[core];
-            wires.can_push(output)
-        });
-        let Some(core) = free else { return Err(Tick::Blocked) };
-        self.settled = None;
-        if self.config.deal != VertexDeal::First {
-            self.core = (core + 1) % cores;
-        }
+        let cores = &self.ports.cores;
+        let Some(core) = self.deal.choose(wires.now(), |core| wires.can_push(&cores[core].1)) else {
+            return Err(Tick::Blocked);
+        };
+        self.deal.dealt(wires.now(), core);
         let (cluster, output) = &self.ports.cores[core];
         let Card { work, warps, .. } = card;
         let work = work[usize::from(batch.slot)].as_ref().expect("a batch's segment is in flight");

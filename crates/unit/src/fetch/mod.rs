@@ -3,6 +3,7 @@
 
 mod ahead;
 mod batch;
+mod deal;
 mod input;
 
 use std::collections::VecDeque;
@@ -12,8 +13,9 @@ use super::index_runs::{IndexRuns, Walk};
 use super::misses::Misses;
 use super::network::Stall;
 use super::tags::{CacheCounts, Tags};
-use super::token::{Kind, Piece, Run, VertexBatch, WarpToken};
+use super::token::{Kind, Packing, Piece, Run, VertexBatch, WarpToken};
 use crate::assembly::MAX_BATCHES;
+use deal::Deal;
 use knob::Allowed;
 use mem::{CACHES, MemoryPort};
 use num::Cycle;
@@ -26,7 +28,7 @@ knob::choices! {
         RoundRobin "round-robin",
         /// The first that has place for it.
         First "first",
-        /// The one that the last warp of fragments went to; the next one, if a batch of vertices came since.
+        /// The next, from the one that the last warp of fragments went to, or that quads wait for in the first pipeline or in one that is held up.
         AfterFragments "after-fragments",
     }
 }
@@ -76,6 +78,8 @@ knob::knobs! {
         patience: u32 ["cycles", Allowed::Range(1, 4096), "as that of fragments: short against an access to memory"],
         /// Which core gets the next batch of vertices.
         deal: VertexDeal ["", Allowed::Choice(VertexDeal::NAMES), "in turn; ATTILA has one pointer for vertices and fragments (FragmentFIFO, TiledShaderDistribution = TRUE)"],
+        /// Warps of vertices and fragments that one core gets, where vertices follow fragments, before the turn goes to the next core.
+        deal_warps: u32 ["warps", Allowed::Range(1, 4096), "ATTILA bGPU.ini ShaderInputBatchSize = 64 invocations: four warps"],
         /// Cycles from here to the cores.
         latency: u32 ["cycles", Allowed::Range(1, 64), "wires and input registers"],
         /// Batches queued before each core.
@@ -117,8 +121,8 @@ pub struct FetchPorts {
     pub retired: In<WarpToken>,
     /// How many indices assembly has taken since the start, where vertices can be used again until then.
     pub passed: Option<In<WarpToken>>,
-    /// The numbers of the cores that warps of fragments go to, from each pipeline, where batches of vertices follow them.
-    pub fragments: Vec<In<WarpToken>>,
+    /// Which cores fragments go to, from each pipeline, where batches of vertices follow them.
+    pub fragments: Vec<In<Packing>>,
     /// Memory, for indices.
     pub index: MemoryPort,
     /// Memory, for attributes.
@@ -197,9 +201,7 @@ pub struct Fetch {
     gathered: VecDeque<Gathered>,
     /// Where runs are fetched, the batches that are closed and not yet on a core.
     closed: VecDeque<Gathered>,
-    /// The core whose turn it is, and the one that the batch at the head is for, where that is settled when its attributes are there.
-    core: usize,
-    settled: Option<usize>,
+    deal: Deal,
     epoch: u32,
     /// When the cache's port is free, where it has a width.
     port_free: Cycle,
@@ -242,8 +244,7 @@ impl Fetch {
             in_flight: 0,
             gathered: VecDeque::new(),
             closed: VecDeque::new(),
-            core: 0,
-            settled: None,
+            deal: Deal::new(&config, ports.cores.len(), ports.fragments.len()),
             epoch: 0,
             port_free: 0,
             items: 0,
@@ -283,14 +284,17 @@ impl Fetch {
             self.pass(passed.warp);
             did = Tick::Moved;
         }
-        let mut last = None;
-        for fragments in &self.ports.fragments {
-            while let Some(core) = wires.pop(fragments) {
-                last = last.max(Some(core.warp as usize));
-                did = Tick::Moved;
+        let (mut told, mut started) = (false, false);
+        for (pipeline, fragments) in self.ports.fragments.iter().enumerate() {
+            while let Some(packing) = wires.pop(fragments) {
+                self.deal.told(pipeline, packing);
+                (told, started) = (true, started | packing.has(Packing::STARTED));
             }
         }
-        self.core = last.unwrap_or(self.core);
+        if told {
+            self.deal.settle(started);
+            did = Tick::Moved;
+        }
 
         // 2. Complete batches go to the cores.
         did = did.or(self.start(wires, card));

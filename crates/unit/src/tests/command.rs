@@ -3,12 +3,12 @@
 use std::collections::VecDeque;
 use std::sync::Arc;
 
-use super::kit::{Echo, FREE, memory, port, round_trip, settle, write_time};
+use super::kit::{Echo, FREE, Sink, memory, port, round_trip, settle, write_time};
 use super::scenery::{attachment, card, draw, pass, surface};
 use crate::Card;
 use crate::command::{Command, CommandConfig, CommandPorts, CullChoice};
 use crate::scanout::ScanoutConfig;
-use crate::token::{Ack, Kind, Piece};
+use crate::token::{Ack, Kind, Piece, Turn};
 use gfx::format::Format;
 use mem::{ClientCounts, Ideal};
 use num::Cycle;
@@ -79,6 +79,7 @@ sim::circuit! {
         compute: One<Echo<Piece, Ack>>,
         resolve: One<Echo<Piece, Ack>>,
         scanout: One<Echo<Piece, Ack>>,
+        turns: Option<Sink<Turn>>,
         ideal: Option<Ideal>,
     }
 }
@@ -113,6 +114,13 @@ const REPLY: Cycle = 30;
 fn circuit(config: &CommandConfig, of: Features, events: &[Event]) -> (CommandCircuit, Card) {
     let mut wiring = Wiring::new();
     let ids = ["command", "pipeline", "compute", "resolve", "scanout"].map(|name| wiring.unit(name, 0));
+    let (told, turns) = if config.drain {
+        let distribution = wiring.unit("turns", 0);
+        let (told, heeded) = wiring.channel("turns", 0, FREE, ids[0], distribution);
+        (vec![told], Some(Sink::new(heeded)))
+    } else {
+        (Vec::new(), None)
+    };
     let mut plan = memory(&mut wiring);
     let (fetch, at_fetch) = wiring.channel("pieces", 0, FREE, ids[0], ids[1]);
     let acks = (0..2 * of.pipelines).map(|index| wiring.channel("acks", index, FREE, ids[1], ids[0]));
@@ -143,6 +151,7 @@ fn circuit(config: &CommandConfig, of: Features, events: &[Event]) -> (CommandCi
         compose: Vec::new(),
         composed: Vec::new(),
         acks,
+        turns: told,
         memory: port(&mut plan, &mut wiring, ids[0]),
         probe: StallProbe::default(),
     };
@@ -158,7 +167,7 @@ fn circuit(config: &CommandConfig, of: Features, events: &[Event]) -> (CommandCi
     let mut next = || echoes.next().expect("three");
     let (compute, resolve, scanout) = (next(), next(), next());
     let ideal = plan.build(&mut wiring).ideal;
-    (CommandCircuit::new(wiring, One(command), One(pipeline), compute, resolve, scanout, ideal), card)
+    (CommandCircuit::new(wiring, One(command), One(pipeline), compute, resolve, scanout, turns, ideal), card)
 }
 
 /// What the command processor has done.
@@ -170,6 +179,8 @@ struct Commanded {
     compute: Vec<Cycle>,
     resolve: Vec<Cycle>,
     scanout: Vec<Cycle>,
+    /// When it told which draw may be rasterised.
+    turns: Vec<(Cycle, u32)>,
     /// The cycle after the one in which the frame was over.
     over: Cycle,
     memory: ClientCounts,
@@ -194,6 +205,7 @@ fn commanded(config: &CommandConfig, of: Features, events: &[Event]) -> Commande
                 compute: c.compute.times(),
                 resolve: c.resolve.times(),
                 scanout: c.scanout.times(),
+                turns: c.turns.as_ref().map_or(Vec::new(), |turns| turns.log(|turn| turn.draw)),
                 over: c.wires().now(),
                 memory: written,
             }
@@ -255,6 +267,18 @@ fn a_segment_needs_a_slot() {
     let got = commanded(&one, two, &frame(Load::Load, false, 3));
     let data: Vec<_> = got.pieces.iter().filter(|(_, kind)| *kind == Kind::DATA).map(|&(at, _)| at).collect();
     assert_eq!(data, [12, 12 + turn + 5, 12 + 2 * (turn + 5)]);
+}
+
+#[test]
+fn draws_are_rasterised_in_turn() {
+    // Draws of two segments and of one, 8 cycles apart. The first one's turn is told in the cycle after the one in which its segment is read, 10,
+    // and is a cycle on the way. Its second segment comes to the pipeline in 20, and is reported in 50: then it is the turn of the second.
+    let drain = CommandConfig { drain: true, ..config() };
+    let events = [vec![begin(Load::Load, false)], draws(2), draws(1), vec![Event::EndPass, end()]].concat();
+    let got = commanded(&drain, PLAIN, &events);
+    assert_eq!(got.turns, [(12, 1), (20 + REPLY + 1 + 1, 2)]);
+    let plain = commanded(&config(), PLAIN, &events);
+    assert_eq!(Commanded { turns: Vec::new(), ..got }, plain);
 }
 
 #[test]

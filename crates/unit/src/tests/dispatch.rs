@@ -6,7 +6,7 @@ use super::kit::{Echo, FREE, Sink, Source, settle};
 use super::scenery::{card, draw, group, mark, row_of_tiles};
 use crate::Card;
 use crate::dispatch::{Dispatch, DispatchConfig, DispatchPorts, Outlet};
-use crate::token::{GroupToken, Kind, WarpToken};
+use crate::token::{GroupToken, Kind, Packing, WarpToken};
 use num::Cycle;
 use sim::{Circuit, One, StallProbe, Unit, Wiring};
 use work::{Draw, Funnel};
@@ -16,7 +16,7 @@ sim::circuit! {
         source: One<Source<GroupToken>>,
         dispatch: One<Dispatch>,
         core: Vec<Echo<WarpToken>>,
-        begun: Option<Sink<WarpToken>>,
+        begun: Option<Sink<Packing>>,
         late: One<Sink<GroupToken>>,
         color: One<Sink<GroupToken>>,
     }
@@ -45,8 +45,8 @@ struct Dispatched {
     color: Vec<(Cycle, (Kind, u32, u8))>,
     late: Vec<(Cycle, (Kind, u32, u8))>,
     funnel: Funnel,
-    /// When it told vertex fetch of the cores that warps go to.
-    begun: Vec<(Cycle, u32)>,
+    /// When it told vertex fetch of its quads: core and state.
+    begun: Vec<(Cycle, (u16, u16))>,
 }
 
 /// Dispatches groups, given as cycle, slot and quads, to cores that take so long for a warp of 32 invocations: eight quads. A mark
@@ -111,7 +111,7 @@ fn dispatched(config: &DispatchConfig, cores: &[Cycle], groups: &[(Cycle, u16, u
                 color: c.color.log(of),
                 late: c.late.log(of),
                 funnel: card.funnel.total(),
-                begun: c.begun.as_ref().map_or(Vec::new(), |begun| begun.log(|token| token.warp)),
+                begun: c.begun.as_ref().map_or(Vec::new(), |begun| begun.log(|token| (token.core, token.state))),
             }
         },
     )
@@ -162,8 +162,10 @@ fn shaded_warps_leave_in_order() {
     // and has to wait for warp 0: 3 + 40, and a cycle back. Both leave then, two groups each; warp 2 is not shaded before 7 + 40 + 1.
     let got = dispatched(&config(), &[40, 10], &[(0, 0, 4); 6]);
     assert_eq!(got.cores, [vec![3, 7], vec![5]]);
-    // Vertex fetch is told of a warp's core in the cycle in which the warp comes there.
-    assert_eq!(got.begun, [(3, 0), (5, 1), (7, 0)]);
+    // Vertex fetch is told of a warp's core in the cycle in which the warp comes there, and of quads that wait.
+    let (first, started, waiting) = (Packing::STARTED | Packing::FIRST, Packing::STARTED, Packing::WAITING);
+    let told = [(2, (0, waiting)), (3, (0, first)), (4, (1, waiting)), (5, (1, started)), (6, (0, waiting)), (7, (0, started))];
+    assert_eq!(got.begun, told);
     let left: Vec<_> = got.color[..6].iter().map(|&(at, token)| (at, token.1)).collect();
     assert_eq!(left, [(45, 0), (45, 1), (45, 2), (45, 3), (49, 4), (49, 5)]);
 }

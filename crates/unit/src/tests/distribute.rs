@@ -9,7 +9,7 @@ use crate::distribute::{Distribute, DistributeConfig, Overlap};
 use crate::interleave::Pattern;
 use crate::network::Sender;
 use crate::sorting::SortCounts;
-use crate::token::{Kind, Run, TriangleToken, bytes};
+use crate::token::{Kind, Run, TriangleToken, Turn, bytes};
 use num::Cycle;
 use sim::{Link, One, Wiring};
 use work::{End, Segment};
@@ -19,6 +19,7 @@ sim::circuit! {
         source: One<Source<Run>>,
         distribute: One<Distribute>,
         sink: Vec<Sink<TriangleToken>>,
+        turns: Option<Source<Turn>>,
     }
 }
 
@@ -52,7 +53,7 @@ fn linked(pipelines: usize, config: &DistributeConfig, link_width: u32, segment:
             card.install(0, Arc::new(segment.clone()), Arc::new(draw()), 0);
             let source = One(Source::new(vec![(0, run), (0, end)], output));
             let unit = One(Distribute::new(config.clone(), 0, into, Sender::direct(outputs)));
-            (DistributeCircuit::new(wiring, source, unit, sink), card)
+            (DistributeCircuit::new(wiring, source, unit, sink, None), card)
         },
         |c, _| c.sink.iter().all(|sink| sink.got.last().is_some_and(|(_, token)| token.kind == Kind::END)),
         |c, card| {
@@ -133,4 +134,37 @@ fn so_many_are_routed_a_cycle_and_the_links_take_their_width() {
     assert_eq!(times(2, 2), [4, 4, 5, 5, 6, 6]);
     assert_eq!(times(1, 2), [4, 5, 6, 7, 8, 9]);
     assert_eq!(times(2, 1), [4, 5, 6, 7, 8, 9]);
+}
+
+#[test]
+fn triangles_wait_for_the_turn_of_their_draw() {
+    let times = settle(
+        || {
+            let mut wiring = Wiring::new();
+            let ids = ["source", "distribute", "sink", "turns"].map(|name| wiring.unit(name, 0));
+            let (output, into) = wiring.channel("in", 0, FREE, ids[0], ids[1]);
+            let (out, input) = wiring.channel("out", 0, FREE, ids[1], ids[2]);
+            let (tell, told) = wiring.channel("turns", 0, FREE, ids[3], ids[1]);
+            let mut card = card_of_tiles(1, 64);
+            let segment = Arc::new(row_of_tiles(1, 1, 1, 0));
+            card.install(0, segment.clone(), Arc::new(draw()), 7);
+            card.install(1, segment, Arc::new(draw()), 8);
+            let run = |slot, kind, count| (0, Run { slot, kind, sequence: 0, first: 0, count });
+            let runs = vec![run(0, Kind::DATA, 1), run(0, Kind::SEGMENT, 0), run(1, Kind::DATA, 1), run(1, Kind::SEGMENT, 0)];
+            let unit = Distribute::new(config(Overlap::Exact, 64), 0, into, Sender::direct(vec![out])).in_turn(told);
+            let turns = vec![(10, Turn { draw: 7 }), (30, Turn { draw: 8 })];
+            let circuit = DistributeCircuit::new(
+                wiring,
+                One(Source::new(runs, output)),
+                One(unit),
+                vec![Sink::new(input)],
+                Some(Source::new(turns, tell)),
+            );
+            (circuit, card)
+        },
+        |c, _| c.sink[0].got.len() == 4,
+        |c, _| c.sink[0].log(|token| token.kind),
+    );
+    // A turn told in cycle 10 is there in 11, its triangle a cycle later. Marks do not wait.
+    assert_eq!(times, [(12, Kind::DATA), (12, Kind::SEGMENT), (32, Kind::DATA), (32, Kind::SEGMENT)]);
 }

@@ -8,7 +8,7 @@ use super::scenery::{card, draw};
 use crate::Card;
 use crate::fetch::{Fetch, FetchConfig, FetchInput, FetchPorts, Reuse, VertexDeal};
 use crate::tags::CacheCounts;
-use crate::token::{Kind, Piece, VertexBatch, WarpToken};
+use crate::token::{Kind, Packing, Piece, VertexBatch, WarpToken};
 use gfx::state::StepMode;
 use mem::Ideal;
 use num::Cycle;
@@ -21,8 +21,10 @@ sim::circuit! {
         fetch: One<Fetch>,
         core: Vec<Sink<WarpToken>>,
         batches: One<Sink<VertexBatch>>,
-        /// What assembly gives back, how many indices it has taken, and which cores fragments go to.
+        /// What assembly gives back, and how many indices it has taken.
         told: Vec<Source<WarpToken>>,
+        /// What each pipeline tells of its fragments.
+        packed: Vec<Source<Packing>>,
         ideal: Option<Ideal>,
     }
 }
@@ -32,6 +34,7 @@ fn config() -> FetchConfig {
         line_bytes: 64,
         port_bytes: 0,
         deal: VertexDeal::RoundRobin,
+        deal_warps: 64,
         patience: 16,
         indices_per_cycle: 2,
         index_lines: 16,
@@ -91,14 +94,14 @@ fn fetched_as_passed(
     fetched_beside(config, (cores, FREE), attributes, segments, (retired, passed), &[])
 }
 
-/// The same, with links to the cores, and where each pipeline tells at some cycles to which core a warp of its fragments goes.
+/// The same, with links to the cores, and where each pipeline tells at some cycles of its fragments: core and state.
 fn fetched_beside(
     config: &FetchConfig,
     (cores, link): (usize, Link),
     attributes: &[AttributeFetch],
     segments: &[Segment],
     (retired, passed): (&[Cycle], &[(Cycle, u32)]),
-    fragments: &[&[(Cycle, u32)]],
+    fragments: &[&[(Cycle, u16, u16)]],
 ) -> Fetched {
     let mark = (0, Piece { slot: 0, kind: Kind::SEGMENT });
     settle(
@@ -107,7 +110,8 @@ fn fetched_beside(
             let ids = [wiring.unit("source", 0), wiring.unit("fetch", 0)];
             let core_ids = wiring.bank("core", cores);
             let announced_to = wiring.unit("batches", 0);
-            let told_by = wiring.bank("told", 2 + fragments.len());
+            let told_by = wiring.bank("told", 2);
+            let packed_by = wiring.bank("packed", fragments.len());
             let mut plan = memory(&mut wiring);
             let (output, input) = wiring.channel("pieces", 0, FREE, ids[0], ids[1]);
             let (mut to_cores, mut core) = (Vec::new(), Vec::new());
@@ -119,7 +123,7 @@ fn fetched_beside(
             let (announce, announced) = wiring.channel("batches", 0, FREE, ids[1], announced_to);
             let (retire, from_assembly) = wiring.channel("retired", 0, FREE, told_by[0], ids[1]);
             let (tell, heeded) = wiring.channel("passed", 0, FREE, told_by[1], ids[1]);
-            let follow = told_by[2..].iter().enumerate().map(|(n, &id)| wiring.channel("fragments", n, FREE, id, ids[1]));
+            let follow = packed_by.iter().enumerate().map(|(n, &id)| wiring.channel("fragments", n, FREE, id, ids[1]));
             let (tell_cores, followed): (Vec<_>, Vec<_>) = follow.unzip();
             let ports = FetchPorts {
                 input: FetchInput::Segments(input),
@@ -141,8 +145,10 @@ fn fetched_beside(
             }
             pieces.push(mark);
             let done = retired.iter().enumerate().map(|(n, &at)| (at, WarpToken { warp: n as u32 })).collect();
-            let mut told = vec![Source::new(done, retire), Source::new(tokens(passed), tell)];
-            told.extend(fragments.iter().zip(tell_cores).map(|(cores, output)| Source::new(tokens(cores), output)));
+            let told = vec![Source::new(done, retire), Source::new(tokens(passed), tell)];
+            let packing =
+                |of: &&[(Cycle, u16, u16)]| of.iter().map(|&(at, core, state)| (at, Packing { core, state })).collect();
+            let packed = fragments.iter().zip(tell_cores).map(|(of, output)| Source::new(packing(of), output)).collect();
             let ideal = plan.build(&mut wiring).ideal;
             let circuit = FetchCircuit::new(
                 wiring,
@@ -151,6 +157,7 @@ fn fetched_beside(
                 core,
                 One(Sink::new(announced)),
                 told,
+                packed,
                 ideal,
             );
             (circuit, card)
@@ -368,18 +375,47 @@ fn indices_on_their_way_are_bounded() {
 fn batches_of_vertices_follow_warps_of_fragments() {
     // Batches start in cycles 3, 5, 7 and so on, and come a cycle later.
     let follow = FetchConfig { deal: VertexDeal::AfterFragments, ..config() };
-    let cores =
-        |fragments: &[&[(Cycle, u32)]]| fetched_beside(&follow, (4, FREE), &[], &[fresh(20)], (&[], &[]), fragments).warps;
+    let dealt = |config: &FetchConfig, fragments: &[&[(Cycle, u16, u16)]]| {
+        fetched_beside(config, (4, FREE), &[], &[fresh(20)], (&[], &[]), fragments).warps
+    };
+    let cores = |fragments: &[&[(Cycle, u16, u16)]]| dealt(&follow, fragments);
+    let started = Packing::STARTED;
     // Without fragments they take turns.
     assert_eq!(cores(&[&[]]), [vec![4, 12], vec![6], vec![8], vec![10]]);
     // A warp that went to core 3 in cycle 4 is told of in 5: the batch of that cycle follows it, the next ones take turns from there.
-    assert_eq!(cores(&[&[(4, 3)]]), [vec![4, 8], vec![10], vec![12], vec![6]]);
+    assert_eq!(cores(&[&[(4, 3, started)]]), [vec![4, 8], vec![10], vec![12], vec![6]]);
     // A cycle later it is the next batch.
-    assert_eq!(cores(&[&[(5, 3)]]), [vec![4, 10], vec![6, 12], vec![], vec![8]]);
-    // Of two in one cycle the one with the higher number counts.
-    assert_eq!(cores(&[&[(4, 1)], &[(4, 2)]]), [vec![4, 10], vec![12], vec![6], vec![8]]);
+    assert_eq!(cores(&[&[(5, 3, started)]]), [vec![4, 10], vec![6, 12], vec![], vec![8]]);
+    // Of two in one cycle the one of the later pipeline counts.
+    assert_eq!(cores(&[&[(4, 1, started)], &[(4, 2, started)]]), [vec![4, 10], vec![12], vec![6], vec![8]]);
+    // With turns of two warps, a core's second warp of fragments takes the turn to the next core.
+    let two = FetchConfig { deal_warps: 2, ..follow.clone() };
+    assert_eq!(dealt(&two, &[&[(3, 2, started), (4, 2, started)]]), [vec![4, 8], vec![10], vec![12], vec![6]]);
     // A batch that waits for its core stays with it, whatever warps begin meanwhile: core 1 takes one in 20 cycles.
     let slow = Link::items(1, 1, 20);
-    let got = fetched_beside(&follow, (2, slow), &[], &[fresh(24)], (&[], &[]), &[&[(2, 1), (4, 1), (8, 0)]]).warps;
+    let warps = [(2, 1, started), (4, 1, started), (8, 0, started)];
+    let got = fetched_beside(&follow, (2, slow), &[], &[fresh(24)], (&[], &[]), &[&warps]).warps;
     assert_eq!((&got[0][..1], &got[1][..2]), (&[24 + 20][..], &[3 + 20, 24 + 20][..]));
+}
+
+#[test]
+fn batches_of_vertices_follow_quads_that_wait() {
+    let follow = FetchConfig { deal: VertexDeal::AfterFragments, ..config() };
+    let cores = |rate: u32, fragments: &[&[(Cycle, u16, u16)]]| {
+        let config = FetchConfig { indices_per_cycle: rate, ..follow.clone() };
+        fetched_beside(&config, (4, FREE), &[], &[fresh(20)], (&[], &[]), fragments).warps
+    };
+    let waiting = Packing::WAITING;
+    // As long as quads of the first pipeline wait for its core 2, all batches go there; afterwards they take turns from it.
+    assert_eq!(cores(2, &[&[(3, 2, waiting)], &[]]), [vec![4], vec![], vec![6, 8, 10, 12], vec![]]);
+    assert_eq!(cores(2, &[&[(3, 2, waiting), (8, 2, 0)], &[]]), [vec![4, 12], vec![], vec![6, 8], vec![10]]);
+    // Those of another pipeline do not count.
+    assert_eq!(cores(2, &[&[], &[(3, 2, waiting)]]), [vec![4, 12], vec![6], vec![8], vec![10]]);
+    // Batches in cycles that follow each other, from cycle 2 on, take turns all the same.
+    assert_eq!(cores(4, &[&[(1, 2, waiting)], &[]]), [vec![5], vec![6], vec![3, 7], vec![4]]);
+    // The search begins at a pipeline that its core holds up, until a draw begins.
+    let held_up = waiting | Packing::BLOCKED;
+    let after = |later: &[(Cycle, u16, u16)]| cores(2, &[later, &[(3, 2, held_up), (4, 2, waiting)]]);
+    assert_eq!(after(&[]), [vec![4], vec![], vec![6, 8, 10, 12], vec![]]);
+    assert_eq!(after(&[(6, 0, Packing::STARTED | Packing::FIRST)]), [vec![4, 8], vec![10], vec![6, 12], vec![]]);
 }

@@ -6,6 +6,7 @@ use super::kit::{FREE, Sink, Source, settle};
 use super::scenery::{attachment, begin_pass, card, card_of_tiles, depth_test, draw, pass, row_of_tiles, surface, triangle};
 use crate::Card;
 use crate::card::DepthStart;
+use crate::distribute::Overlap;
 use crate::token::{DepthBounds, GroupToken, Kind, TriangleToken};
 use crate::traverse::{HierarchicalTest, Territory, Traverse, TraverseConfig, TraverseCounts};
 use gfx::format::Format;
@@ -15,6 +16,14 @@ use gfx::state::Compare;
 use num::Cycle;
 use sim::{Link, One, Unit, Wiring};
 use work::{Draw, End, Funnel, Segment};
+
+sim::circuit! {
+    struct GatherCircuit for Card {
+        source: One<Source<TriangleToken>>,
+        traverse: One<Traverse>,
+        sink: One<Sink<GroupToken>>,
+    }
+}
 
 sim::circuit! {
     struct TraverseCircuit for Card {
@@ -110,6 +119,46 @@ pub fn triangles(count: usize, blocks: u32, quads: u8, empty: u16) -> Segment {
     assert!(blocks as u16 + empty <= 8 && row.visits == 1);
     segment.triangles = vec![segment.triangles[0]; count];
     segment
+}
+
+#[test]
+fn triangles_wait_for_those_of_their_batch_that_come_here() {
+    // Six triangles of a block of four quads, in batches of four; they come in these cycles, and a mark behind the last. Groups leave a cycle apart.
+    let left = |config: &TraverseConfig, rasterisers: usize, owner: usize, come: &[(Cycle, u32)]| {
+        let segment = triangles(6, 1, 4, 0);
+        settle(
+            || {
+                let mut wiring = Wiring::new();
+                let ids = ["source", "traverse", "sink"].map(|name| wiring.unit(name, 0));
+                let (output, into) = wiring.channel("in", 0, FREE, ids[0], ids[1]);
+                let (out, input) = wiring.channel("out", 0, FREE, ids[1], ids[2]);
+                let mut card = card_of_tiles(rasterisers, 8);
+                let mut segment = segment.clone();
+                // Those with an odd number lie in the next tile, of another rasteriser.
+                for triangle in segment.triangles.iter_mut().skip(1).step_by(2) {
+                    triangle.bounds = [1, 0, 2, 1];
+                }
+                card.install(0, Arc::new(segment), Arc::new(draw()), 0);
+                let last = come.last().expect("a triangle").0;
+                let items = come.iter().map(|&(at, number)| (at, triangle(Kind::DATA, 0, number)));
+                let items = items.chain([(last, triangle(Kind::SEGMENT, 0, 0))]).collect();
+                let unit = Traverse::new(config.clone(), 0, Territory::Tiles, into, None, out);
+                let unit = unit.gathering(Overlap::Bounds, rasterisers);
+                let circuit = GatherCircuit::new(wiring, One(Source::new(items, output)), One(unit), One(Sink::new(input)));
+                assert_eq!(card.interleave.owner(0, 0), owner as u8);
+                (circuit, card)
+            },
+            |c, _| c.sink.got.last().is_some_and(|(_, token)| token.kind == Kind::SEGMENT),
+            |c, _| c.sink.got.iter().filter(|(_, token)| token.kind == Kind::DATA).map(|&(at, _)| at).collect::<Vec<_>>(),
+        )
+    };
+    let four = TraverseConfig { triangles: 4, quads_per_cycle: 4, blocks_per_cycle: 1, tests_per_cycle: 1, ..config() };
+    // One rasteriser: four that are there in cycle 21, and the last two when both are.
+    let come = [(0, 0), (5, 1), (10, 2), (20, 3), (40, 4), (60, 5)];
+    assert_eq!(left(&four, 1, 0, &come), [22, 23, 24, 25, 62, 63]);
+    // Of two rasterisers, numbers 0, 2 and 4 come here: of a batch nothing else is waited for.
+    let here = [(0, 0), (10, 2), (40, 4)];
+    assert_eq!(left(&four, 2, 0, &here), [12, 13, 42]);
 }
 
 #[test]

@@ -7,6 +7,7 @@ mod walk;
 
 use super::card::notes::note;
 use super::card::{Ahead, Card, Group, PassState, Work};
+use super::distribute::{Overlap, owners};
 use super::token::{DepthBounds, GroupToken, Kind, TriangleToken, bits, bytes, fragments};
 use gfx::hierarchical::{accepts, depth_key, may_raise_lower};
 use gfx::rop::DepthStencilState;
@@ -52,6 +53,9 @@ knob::knobs! {
         /// Triangles that are traversed together, if so many wait: block by block, and in each block triangle by triangle. More keep blocks
         /// longer in the ROP caches. Walk by blocks only.
         triangles: u32 ["triangles", Allowed::Range(1, 64), "ATTILA bGPU.ini RasterizationBatchSize = 4 where RecursiveMode = TRUE"],
+        /// Whether a batch of so many triangles of a draw, in its order, is traversed together, and not before those of it that come here are
+        /// there. Where distribution sorts triangles only.
+        gather: bool ["", Allowed::Switch, "triangles are traversed as they come; ATTILA waits until it has RasterizationBatchSize (TriangleTraversal)"],
         /// What of a triangle is tested for coverage. Walks other than by blocks test single pixels.
         walk: Walk ["", Allowed::Choice(Walk::NAMES), "ATTILA scans tiles"],
         /// Rows and pixels tested a cycle by walks other than by blocks; a triangle takes at least one test.
@@ -139,6 +143,9 @@ pub struct Traverse {
     place: Place,
     /// Triangles that are traversed together with the current one, in their order.
     together: Vec<Place>,
+    /// How the receivers of triangles are found, of so many, where this unit waits for whole batches; and triangles that wait.
+    gathers: Option<(Overlap, usize)>,
+    gathered: Vec<TriangleToken>,
     pace: Pace,
     hierarchical: HierarchicalZ,
     /// The pass that `hierarchical` belongs to.
@@ -181,11 +188,19 @@ impl Traverse {
             output,
             place: Place::default(),
             together: Vec::new(),
+            gathers: None,
+            gathered: Vec::new(),
             pass: u32::MAX,
             began: None,
             counts: TraverseCounts::default(),
             items: 0,
         }
+    }
+
+    /// Waits for all triangles of a batch that come here, of those that distribution sends to so many rasterisers.
+    #[must_use]
+    pub fn gathering(self, overlap: Overlap, rasterisers: usize) -> Traverse {
+        Traverse { gathers: Some((overlap, rasterisers)), ..self }
     }
 
     /// Where it finds blocks.
@@ -304,6 +319,33 @@ impl Traverse {
             self.together.push(self.place);
         }
         self.place = first;
+    }
+
+    /// Takes in the triangles of a batch that come here; whether they are all there, or something else is at the head.
+    fn gather(&mut self, wires: &mut Wires, card: &Card, (overlap, pipelines): (Overlap, usize), moved: &mut bool) -> bool {
+        loop {
+            if self.gathered.last().is_some_and(|last| !self.follows(card, *last, overlap, pipelines)) {
+                return true;
+            }
+            let Some(token) = wires.front(&self.input) else { return false };
+            let batch = |of: &TriangleToken| (of.slot, of.triangle / self.config.triangles);
+            if token.kind != Kind::DATA || self.gathered.first().is_some_and(|first| batch(first) != batch(&token)) {
+                return true;
+            }
+            wires.take(&self.input);
+            self.gathered.push(token);
+            *moved = true;
+        }
+    }
+
+    /// Whether another triangle of the batch comes here behind this one.
+    fn follows(&self, card: &Card, token: TriangleToken, overlap: Overlap, pipelines: usize) -> bool {
+        let work = card.work(token.slot);
+        let last = (token.triangle / self.config.triangles + 1).saturating_mul(self.config.triangles);
+        let rest = work.segment.triangles.iter().take(last as usize).skip(token.triangle as usize + 1);
+        // Of those that end in setup nothing comes.
+        let mut rest = rest.filter(|triangle| triangle.end != End::Setup);
+        rest.any(|triangle| owners(card, work, triangle, overlap, pipelines) >> self.pipeline & 1 != 0)
     }
 
     /// Of the triangles that are traversed together, takes the one in hand whose next block is the first on the screen; of several that
@@ -433,6 +475,19 @@ impl Unit<Card> for Traverse {
                 && let Some(place) = self.together.pop()
             {
                 self.place = place;
+            }
+            if !self.place.active
+                && let Some(gathers) = self.gathers
+            {
+                if !self.gather(wires, card, gathers, &mut moved) {
+                    return Tick::moved_or(moved, Tick::Starved);
+                }
+                for token in std::mem::take(&mut self.gathered) {
+                    self.begin(card, token);
+                    self.together.push(self.place);
+                    moved = true;
+                }
+                self.place = self.together.pop().unwrap_or_default();
             }
             if !self.place.active {
                 let Some(token) = wires.front(&self.input) else { return Tick::moved_or(moved, Tick::Starved) };
@@ -596,7 +651,7 @@ impl Unit<Card> for Traverse {
     }
 
     fn resident(&self) -> u64 {
-        u64::from(self.place.active) + self.together.len() as u64
+        u64::from(self.place.active) + (self.together.len() + self.gathered.len()) as u64
     }
 
     fn counted(groups: &mut Counted<Self>) {
