@@ -13,27 +13,36 @@ pub(crate) fn light(key: &ShaderKey, out: &mut String) {
     for (k, of) in lighting.lights.iter().enumerate() {
         line!(out, "    {{ // light {k}");
         if of.directional {
-            line!(out, "        let l = u.light{k}[3].xyz;\n        var strength = 1.0;");
+            line!(out, "        let l = u.light{k}[3].xyz;");
         } else {
             // One root gives the direction and the distance. A light at the vertex has no direction, and one so far away that the square of
             // its distance is no number has none either, as in Mesa.
             line!(out, "        let way = u.light{k}[3].xyz - eye;\n        let square = max(dot(way, way), 1e-37);");
-            line!(out, "        let near = inverseSqrt(square);\n        let l = way * near;\n        var strength = 1.0;");
+            line!(out, "        let near = inverseSqrt(square);\n        let l = way * near;");
             if of.attenuated {
                 line!(out, "        let distance = select(1e30, square * near, near > 0.0);");
                 line!(out, "        let terms = u.light{k}[5];");
-                line!(out, "        strength = 1.0 / (terms.y + distance * (terms.z + distance * terms.w));");
+                line!(out, "        let attenuation = 1.0 / (terms.y + distance * (terms.z + distance * terms.w));");
             }
         }
         if of.spot {
             line!(out, "        let spot = -dot(l, u.light{k}[6].xyz);");
-            line!(out, "        strength *= select(0.0, pow(max(spot, 1e-30), u.light{k}[5].x), spot >= u.light{k}[6].w);");
+            line!(out, "        let cone = select(0.0, pow(max(spot, 1e-30), u.light{k}[5].x), spot >= u.light{k}[6].w);");
         }
+        let strength = match (of.attenuated && !of.directional, of.spot) {
+            (false, false) => None,
+            (true, false) => Some("attenuation"),
+            (false, true) => Some("cone"),
+            (true, true) => Some("attenuation * cone"),
+        };
+        // Products of a light and a material that no vertex changes are made once for a draw.
         line!(out, "        let facing = dot(n, l);");
-        line!(
-            out,
-            "        sum += strength * (ambient * u.light{k}[0].rgb + max(facing, 0.0) * diffuse.rgb * u.light{k}[1].rgb);"
-        );
+        let product = "ambient * u.light{k}[0].rgb + max(facing, 0.0) * (diffuse.rgb * u.light{k}[1].rgb)";
+        let product = product.replace("{k}", &k.to_string());
+        match strength {
+            None => line!(out, "        sum += {product};"),
+            Some(strength) => line!(out, "        let strength = {strength};\n        sum += strength * ({product});"),
+        }
         if lighting.specular {
             let half = match (lighting.local_viewer, of.directional) {
                 (true, _) => "normalize(l - normalize(eye))".to_owned(),
@@ -42,7 +51,8 @@ pub(crate) fn light(key: &ShaderKey, out: &mut String) {
             };
             // An exponent of 0 gives 1 even where the base is 0.
             line!(out, "        let gloss = pow(max(dot(n, {half}), 1e-30), specular.w);");
-            line!(out, "        shine += select(0.0, strength * gloss, facing > 0.0) * specular.rgb * u.light{k}[2].rgb;");
+            let gloss = if strength.is_some() { "strength * gloss" } else { "gloss" };
+            line!(out, "        shine += select(0.0, {gloss}, facing > 0.0) * (specular.rgb * u.light{k}[2].rgb);");
         }
         line!(out, "    }}");
     }
