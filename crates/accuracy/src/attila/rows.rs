@@ -122,8 +122,10 @@ pub(super) fn rows(theirs: &Counters, frame: &Frame) -> Result<Vec<Row>> {
     }
     row("vertex bytes", client("vertex")?[0], theirs.one("ReadBytes_SL0")?, Bound::Traffic);
     row("index bytes", client("index")?[0], theirs.one("ReadBytes_StF")?, Bound::Traffic);
-    row("upload bytes", client("command")?[1], theirs.one("BytesWritten_CP")?, Bound::Traffic);
-    row("scan-out bytes", client("scanout")?[0], theirs.one("DAC_ReadBytes_MC")?, Bound::Traffic);
+    // Copies read as much as they write. They are the Blitter's there, which is a part of the DAC.
+    let [copied, written] = client("command")?;
+    row("upload bytes", written - copied, theirs.one("BytesWritten_CP")?, Bound::Traffic);
+    row("scan-out bytes", client("scanout")?[0] + copied, theirs.one("DAC_ReadBytes_MC")?, Bound::Traffic);
 
     // 4. Time.
     let cycles: u64 = frame.phases.iter().filter(|phase| phase.phase.kind == PhaseKind::Pass).map(|phase| phase.cycles).sum();

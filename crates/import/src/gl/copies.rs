@@ -187,7 +187,29 @@ impl Card {
         from: [i32; 2],
         size: [u32; 2],
     ) {
-        let (surface, [_, height], upward) = source;
+        let (surface, [width, height], upward) = source;
+        // Where rows go the same way, and texels are kept as they are, the card copies without drawing. What is read of an RGB texture has no alpha.
+        let same = match base {
+            Base::Rgba => true,
+            Base::Rgb => self.upward,
+            _ => false,
+        };
+        let plain = same && surface.format == image.format && surface.narrow.is_none() && image.narrow.is_none();
+        let reaches =
+            |from: i32, size: u32, extent: u32| from >= 0 && u64::from(from.unsigned_abs()) + u64::from(size) <= extent.into();
+        if upward && plain && reaches(from[0], size[0], width) && reaches(from[1], size[1], height) && !size.contains(&0) {
+            self.end_pass();
+            let end = |of: Surface, [x, y]: [u32; 2]| TextureEnd {
+                texture: of.texture,
+                level: of.level,
+                origin: [x, y, of.layer],
+                aspect: Aspect::All,
+            };
+            let ends = [end(surface, from.map(|edge| edge.unsigned_abs())), end(image, to)];
+            let [read, written] = &ends;
+            self.recorder.copy_texture_to_texture(read.clone(), written.clone(), [size[0], size[1], 1]);
+            return;
+        }
         let map = Map {
             to: to.map(|edge| edge as f32),
             from: [from[0] as f32, row_edge(height, upward, from[1] as f32)],

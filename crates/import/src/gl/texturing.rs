@@ -450,11 +450,15 @@ fn copy_image(gl: &mut Gl, call: &Call, allowed: &[u32], height: Option<u32>) ->
     if border != 0 {
         return Err(Fault::Unsupported("copies into textures with a border".into()));
     }
+    // What the source does not cover stays 0.
+    let (_, extent, _) = gl.read_source(base == Base::Depth)?;
+    let covered = (0..2).all(|k| from[k] >= 0 && i64::from(from[k]) + i64::from(size[k]) <= i64::from(extent[k]));
     with(gl, target, |texture, card| {
         let same = texture.levels.get((face, level)).is_some_and(|image| image.size == size && image.base == base);
         if !same {
-            let bytes = vec![0; (size[0] * size[1] * base.format().block_bytes()) as usize];
-            texture.define(card, face, level, Level::plain(size, base, (base != Base::Depth).then_some(bytes)));
+            let zeros = || vec![0; (size[0] * size[1] * base.format().block_bytes()) as usize];
+            let bytes = (base != Base::Depth && !covered).then(zeros);
+            texture.define(card, face, level, Level::plain(size, base, bytes));
         }
         Ok(())
     })?;
