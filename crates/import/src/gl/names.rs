@@ -22,6 +22,18 @@ fn table() -> &'static [(&'static str, u32)] {
     })
 }
 
+/// Values with their first names in alphabetical order, in the order of values. Small numbers are primitive modes and bits, which messages do not
+/// name.
+fn by_value() -> &'static [(u32, &'static str)] {
+    static TABLE: OnceLock<Vec<(u32, &'static str)>> = OnceLock::new();
+    TABLE.get_or_init(|| {
+        let mut values: Vec<_> = table().iter().filter(|&&(_, v)| v > 0xff).map(|&(name, value)| (value, name)).collect();
+        values.sort_unstable();
+        values.dedup_by_key(|&mut (value, _)| value);
+        values
+    })
+}
+
 /// The value of a name.
 pub fn value(name: &str) -> Option<u32> {
     let known = |name: &str| {
@@ -38,9 +50,9 @@ pub fn value(name: &str) -> Option<u32> {
 
 /// A name of a value for messages; if there are several, the first in alphabetical order.
 pub fn name(value: u32) -> String {
-    // Small numbers are primitive modes and bits, which messages do not name.
-    let known = table().iter().find(|&&(_, v)| v == value && value > 0xff);
-    known.map_or_else(|| format!("{value:#06x}"), |(name, _)| (*name).to_owned())
+    // A list that is called often may have each of its calls refused.
+    let known = by_value().binary_search_by_key(&value, |&(value, _)| value);
+    known.map_or_else(|_| format!("{value:#06x}"), |at| by_value()[at].1.to_owned())
 }
 
 #[cfg(test)]
@@ -55,5 +67,12 @@ mod tests {
         assert_eq!(value("GL_NO_SUCH_NAME"), None);
         assert_eq!(name(0x0de1), "GL_TEXTURE_2D");
         assert_eq!(name(0x1_0001), "0x10001");
+        assert_eq!(name(4), "0x0004");
+        // The first of its names.
+        assert_eq!(name(0x8513), "GL_TEXTURE_CUBE_MAP");
+        for &(_, value) in table().iter().filter(|&&(_, value)| value > 0xff) {
+            let first = table().iter().find(|&&(_, v)| v == value).expect("it has a name");
+            assert_eq!(name(value), first.0);
+        }
     }
 }
