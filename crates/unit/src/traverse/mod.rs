@@ -1,14 +1,16 @@
 //! Tiled traversal with hierarchical Z, one unit a rasteriser: finds the blocks of a triangle in its own tiles, throws away those
 //! that hierarchical Z proves hidden, and sends the quads of the others on in groups.
 
+mod gather;
 mod hierarchical;
 mod territory;
 mod walk;
 
 use super::card::notes::note;
 use super::card::{Ahead, Card, Group, PassState, Work};
-use super::distribute::{Overlap, owners};
+use super::distribute::Overlap;
 use super::token::{DepthBounds, GroupToken, Kind, TriangleToken, bits, bytes, fragments};
+use gather::Gather;
 use gfx::hierarchical::{accepts, depth_key, may_raise_lower};
 use gfx::rop::DepthStencilState;
 use hierarchical::{Bounds, HierarchicalZ, Lines};
@@ -143,9 +145,8 @@ pub struct Traverse {
     place: Place,
     /// Triangles that are traversed together with the current one, in their order.
     together: Vec<Place>,
-    /// How the receivers of triangles are found, of so many, where this unit waits for whole batches; and triangles that wait.
-    gathers: Option<(Overlap, usize)>,
-    gathered: Vec<TriangleToken>,
+    /// The batch that is gathered, where batches are traversed together.
+    gather: Option<Gather>,
     pace: Pace,
     hierarchical: HierarchicalZ,
     /// The pass that `hierarchical` belongs to.
@@ -188,8 +189,7 @@ impl Traverse {
             output,
             place: Place::default(),
             together: Vec::new(),
-            gathers: None,
-            gathered: Vec::new(),
+            gather: None,
             pass: u32::MAX,
             began: None,
             counts: TraverseCounts::default(),
@@ -200,7 +200,8 @@ impl Traverse {
     /// Waits for all triangles of a batch that come here, of those that distribution sends to so many rasterisers.
     #[must_use]
     pub fn gathering(self, overlap: Overlap, rasterisers: usize) -> Traverse {
-        Traverse { gathers: Some((overlap, rasterisers)), ..self }
+        let gather = Gather::new(self.config.triangles, overlap, rasterisers, self.pipeline);
+        Traverse { gather: Some(gather), ..self }
     }
 
     /// Where it finds blocks.
@@ -321,31 +322,20 @@ impl Traverse {
         self.place = first;
     }
 
-    /// Takes in the triangles of a batch that come here; whether they are all there, or something else is at the head.
-    fn gather(&mut self, wires: &mut Wires, card: &Card, (overlap, pipelines): (Overlap, usize), moved: &mut bool) -> bool {
-        loop {
-            if self.gathered.last().is_some_and(|last| !self.follows(card, *last, overlap, pipelines)) {
-                return true;
+    /// Where batches are gathered, begins the triangles of one; false while some that come here are not there.
+    fn begin_gathered(&mut self, wires: &mut Wires, card: &Card, moved: &mut bool) -> bool {
+        let Some(mut gather) = self.gather.take() else { return true };
+        let complete = gather.fill(wires, &self.input, card, moved);
+        if complete {
+            for token in gather.batch() {
+                self.begin(card, token);
+                self.together.push(self.place);
+                *moved = true;
             }
-            let Some(token) = wires.front(&self.input) else { return false };
-            let batch = |of: &TriangleToken| (of.slot, of.triangle / self.config.triangles);
-            if token.kind != Kind::DATA || self.gathered.first().is_some_and(|first| batch(first) != batch(&token)) {
-                return true;
-            }
-            wires.take(&self.input);
-            self.gathered.push(token);
-            *moved = true;
+            self.place = self.together.pop().unwrap_or_default();
         }
-    }
-
-    /// Whether another triangle of the batch comes here behind this one.
-    fn follows(&self, card: &Card, token: TriangleToken, overlap: Overlap, pipelines: usize) -> bool {
-        let work = card.work(token.slot);
-        let last = (token.triangle / self.config.triangles + 1).saturating_mul(self.config.triangles);
-        let rest = work.segment.triangles.iter().take(last as usize).skip(token.triangle as usize + 1);
-        // Of those that end in setup nothing comes.
-        let mut rest = rest.filter(|triangle| triangle.end != End::Setup);
-        rest.any(|triangle| owners(card, work, triangle, overlap, pipelines) >> self.pipeline & 1 != 0)
+        self.gather = Some(gather);
+        complete
     }
 
     /// Of the triangles that are traversed together, takes the one in hand whose next block is the first on the screen; of several that
@@ -476,18 +466,8 @@ impl Unit<Card> for Traverse {
             {
                 self.place = place;
             }
-            if !self.place.active
-                && let Some(gathers) = self.gathers
-            {
-                if !self.gather(wires, card, gathers, &mut moved) {
-                    return Tick::moved_or(moved, Tick::Starved);
-                }
-                for token in std::mem::take(&mut self.gathered) {
-                    self.begin(card, token);
-                    self.together.push(self.place);
-                    moved = true;
-                }
-                self.place = self.together.pop().unwrap_or_default();
+            if !self.place.active && !self.begin_gathered(wires, card, &mut moved) {
+                return Tick::moved_or(moved, Tick::Starved);
             }
             if !self.place.active {
                 let Some(token) = wires.front(&self.input) else { return Tick::moved_or(moved, Tick::Starved) };
@@ -651,7 +631,7 @@ impl Unit<Card> for Traverse {
     }
 
     fn resident(&self) -> u64 {
-        u64::from(self.place.active) + (self.together.len() + self.gathered.len()) as u64
+        u64::from(self.place.active) + self.together.len() as u64 + self.gather.as_ref().map_or(0, Gather::held)
     }
 
     fn counted(groups: &mut Counted<Self>) {

@@ -1,0 +1,63 @@
+//! Batches of triangles that are traversed together when all triangles of one that come here are there.
+
+use super::super::card::Card;
+use super::super::distribute::{Overlap, owners};
+use super::super::token::{Kind, TriangleToken};
+use sim::{In, Wires};
+use work::End;
+
+/// The batch at the head.
+#[derive(Clone)]
+pub(super) struct Gather {
+    /// Triangles of a draw in a batch.
+    triangles: u32,
+    /// How the receivers of triangles are found, how many there are, and which one this is.
+    overlap: Overlap,
+    rasterisers: usize,
+    number: u8,
+    /// Triangles that wait.
+    held: Vec<TriangleToken>,
+}
+
+impl Gather {
+    pub fn new(triangles: u32, overlap: Overlap, rasterisers: usize, number: u8) -> Gather {
+        Gather { triangles, overlap, rasterisers, number, held: Vec::with_capacity(triangles as usize) }
+    }
+
+    /// How many triangles wait.
+    pub fn held(&self) -> u64 {
+        self.held.len() as u64
+    }
+
+    /// The triangles of the batch, in their order. None are left.
+    pub fn batch(&mut self) -> impl Iterator<Item = TriangleToken> + '_ {
+        self.held.drain(..)
+    }
+
+    /// Takes in the triangles of the batch; whether they are all there, or something else is at the head.
+    pub fn fill(&mut self, wires: &mut Wires, input: &In<TriangleToken>, card: &Card, moved: &mut bool) -> bool {
+        loop {
+            if self.held.last().is_some_and(|&last| !self.follows(card, last)) {
+                return true;
+            }
+            let Some(token) = wires.front(input) else { return false };
+            let batch = |of: &TriangleToken| (of.slot, of.triangle / self.triangles);
+            if token.kind != Kind::DATA || self.held.first().is_some_and(|first| batch(first) != batch(&token)) {
+                return true;
+            }
+            wires.take(input);
+            self.held.push(token);
+            *moved = true;
+        }
+    }
+
+    /// Whether another triangle of the batch comes here behind this one.
+    fn follows(&self, card: &Card, token: TriangleToken) -> bool {
+        let work = card.work(token.slot);
+        let last = (token.triangle / self.triangles + 1).saturating_mul(self.triangles);
+        let rest = work.segment.triangles.iter().take(last as usize).skip(token.triangle as usize + 1);
+        // Of those that end in setup nothing comes.
+        let mut rest = rest.filter(|triangle| triangle.end != End::Setup);
+        rest.any(|triangle| owners(card, work, triangle, self.overlap, self.rasterisers) >> self.number & 1 != 0)
+    }
+}
