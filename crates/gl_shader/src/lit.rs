@@ -37,8 +37,7 @@ pub(crate) fn light(key: &ShaderKey, out: &mut String) {
         };
         // Products of a light and a material that no vertex changes are made once for a draw.
         line!(out, "        let facing = dot(n, l);");
-        let product = "ambient * u.light{k}[0].rgb + max(facing, 0.0) * (diffuse.rgb * u.light{k}[1].rgb)";
-        let product = product.replace("{k}", &k.to_string());
+        let product = format!("ambient * u.light{k}[0].rgb + max(facing, 0.0) * (diffuse.rgb * u.light{k}[1].rgb)");
         match strength {
             None => line!(out, "        sum += {product};"),
             Some(strength) => line!(out, "        let strength = {strength};\n        sum += strength * ({product});"),

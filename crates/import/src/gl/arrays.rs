@@ -105,10 +105,7 @@ pub(super) fn disable(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
 }
 
 pub(super) fn client_active(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
-    let unit = call.u32(0)?.wrapping_sub(e::TEXTURE0) as usize;
-    if unit >= UNITS {
-        return Err(INVALID_ENUM);
-    }
+    let unit = call.unit(0)?;
     gl.arrays.active = unit;
     Ok(())
 }

@@ -214,6 +214,12 @@ pub(super) fn bind_part<const RANGE: bool>(gl: &mut Gl, call: &Call, _: Shape) -
     Ok(())
 }
 
+/// As many of the recorded bytes as a call gives.
+fn recorded(bytes: &[u8], size: usize) -> Outcome<&[u8]> {
+    let few = || Fault::Damaged(format!("{} of {size} bytes were recorded", bytes.len()));
+    bytes.get(..size).ok_or_else(few)
+}
+
 pub(super) fn data(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
     let (bound, size) = (gl.bound_buffer(call.u32(0)?)?, call.f64(1)? as u64);
     if bound == 0 {
@@ -223,7 +229,9 @@ pub(super) fn data(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
         return Err(INVALID_OPERATION);
     }
     let given = match call.arg(2) {
-        Arg::Blob(bytes) => Some(bytes.get(..size as usize).map_or_else(|| bytes.clone(), Rc::from)),
+        Arg::Blob(bytes) => {
+            Some(if bytes.len() as u64 == size { bytes.clone() } else { recorded(bytes, size as usize)?.into() })
+        }
         _ if size > 1 << 28 => return Err(Fault::Limit(format!("a buffer object of {size} bytes without contents"))),
         _ => None,
     };
@@ -290,12 +298,12 @@ pub(super) fn sub_data(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
     if object.storage.is_some_and(|flags| flags & DYNAMIC_STORAGE == 0) {
         return Err(INVALID_OPERATION);
     }
-    if call.f64(2)? == 0.0 {
+    let size = call.f64(2)? as usize;
+    if size == 0 {
         return Ok(());
     }
     let Arg::Blob(bytes) = call.arg(3) else { return Err(Fault::Damaged("the bytes were not recorded".into())) };
-    let size = call.f64(2)? as usize;
-    object.write(at, bytes.get(..size).unwrap_or(bytes), &mut gl.card)
+    object.write(at, recorded(bytes, size)?, &mut gl.card)
 }
 
 pub(super) fn delete(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {

@@ -3,6 +3,9 @@
 use std::borrow::Cow;
 use std::rc::Rc;
 
+use super::consts as e;
+use super::state::UNITS;
+
 /// A function that a recording calls.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Function {
@@ -104,6 +107,12 @@ impl Call {
     /// A whole number.
     pub fn i32(&self, index: usize) -> Outcome<i32> {
         self.f64(index).map(|number| number as i64 as i32)
+    }
+
+    /// A texture unit, from `GL_TEXTURE0` on.
+    pub fn unit(&self, index: usize) -> Outcome<usize> {
+        let unit = self.u32(index)?.wrapping_sub(e::TEXTURE0) as usize;
+        if unit < UNITS { Ok(unit) } else { Err(INVALID_ENUM) }
     }
 
     /// A size: whole and not negative.

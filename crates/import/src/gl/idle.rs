@@ -4,7 +4,7 @@
 use super::call::{Call, Outcome};
 use super::consts as e;
 use super::machine::Gl;
-use super::state::{TARGETS, UNITS, capability};
+use super::state::{TARGETS, capability};
 use super::texturing::target_of;
 
 /// Tells whether a call leaves all that a draw depends on as it is. An error says that it may not.
@@ -13,7 +13,7 @@ pub type Idle = fn(&Gl, &Call) -> Outcome<bool>;
 /// The test for a function, by its name; none: it always changes something.
 pub fn test(core: &str) -> Option<Idle> {
     Some(match core {
-        "ActiveTexture" => |_, call| Ok((call.u32(0)?.wrapping_sub(e::TEXTURE0) as usize) < UNITS),
+        "ActiveTexture" => |_, call| Ok(call.unit(0).is_ok()),
         "AlphaFunc" => |gl, call| Ok((call.u32(0)?, call.f32(1)?) == gl.state.alpha),
         "BindTexture" => |gl, call| {
             let (target, name) = (target_of(call.u32(0)?)?, call.u32(1)?);

@@ -4,7 +4,7 @@ use super::call::{Call, Fault, INVALID_ENUM, INVALID_OPERATION, Outcome, Shape};
 use super::consts as e;
 use super::machine::{Gl, components};
 use super::materials::Tracked;
-use super::state::{UNITS, Vertex, capability};
+use super::state::{Vertex, capability};
 
 /// Maximum number of vertices between Begin and End.
 const VERTICES_MAX: usize = 1 << 22;
@@ -138,10 +138,7 @@ pub(super) fn texture(gl: &mut Gl, call: &Call, shape: Shape) -> Outcome {
 }
 
 pub(super) fn multi_texture(gl: &mut Gl, call: &Call, shape: Shape) -> Outcome {
-    let unit = call.u32(0)?.wrapping_sub(e::TEXTURE0) as usize;
-    if unit >= UNITS {
-        return Err(INVALID_ENUM);
-    }
+    let unit = call.unit(0)?;
     gl.state.current.set_texture(unit, components(call, shape, 1)?.0.map(|value| value as f32));
     Ok(())
 }

@@ -11,7 +11,7 @@ use super::geometry::Geometry;
 use super::image::PixelStore;
 use super::immediate;
 use super::machine::{Count, Gl, components};
-use super::state::{UNITS, Vertex};
+use super::state::Vertex;
 use super::table::{Entry, Part};
 
 /// Limits: calls of all lists together, and the nesting depth of lists (the standard's minimum for `MAX_LIST_NESTING`).
@@ -122,10 +122,7 @@ impl List {
 fn attribute_of(entry: &Entry, call: &Call) -> Option<u32> {
     match entry.part {
         Part::Attribute(bit) => Some(1 << bit),
-        Part::Unit => {
-            let unit = call.u32(0).ok()?.wrapping_sub(e::TEXTURE0);
-            (unit < UNITS as u32).then(|| 1 << (8 + unit))
-        }
+        Part::Unit => call.unit(0).ok().map(|unit| 1 << (8 + unit)),
         _ => None,
     }
 }

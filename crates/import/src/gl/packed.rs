@@ -3,10 +3,8 @@
 use super::arb;
 use super::call::{Arg, Call, Fault, INVALID_ENUM, Outcome, Scalar, Shape};
 use super::components::{Element, scalar};
-use super::consts as e;
 use super::machine::Gl;
 use super::names;
-use super::state::UNITS;
 
 /// Three floats of 11, 11 and 10 bits.
 const PACKED_FLOATS: u32 = 0x8c3b;
@@ -57,10 +55,7 @@ pub(super) fn texture(gl: &mut Gl, call: &Call, shape: Shape) -> Outcome {
 }
 
 pub(super) fn multi_texture(gl: &mut Gl, call: &Call, shape: Shape) -> Outcome {
-    let unit = call.u32(0)?.wrapping_sub(e::TEXTURE0) as usize;
-    if unit >= UNITS {
-        return Err(INVALID_ENUM);
-    }
+    let unit = call.unit(0)?;
     let (coordinates, _) = unpacked(call, shape, 1, 2)?;
     gl.state.current.set_texture(unit, coordinates);
     Ok(())

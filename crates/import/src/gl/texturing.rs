@@ -9,7 +9,7 @@ use super::image::{self, Kept, base_of};
 use super::key::Base;
 use super::machine::Gl;
 use super::names;
-use super::state::{TARGETS, UNITS};
+use super::state::TARGETS;
 use super::texture::{Level, Texture};
 use super::unpack::can_have;
 
@@ -19,10 +19,7 @@ const EDGE_3D_MAX: u32 = 2_048;
 const TEXELS_MAX: u64 = 1 << 26;
 
 pub(super) fn active(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
-    let unit = call.u32(0)?.wrapping_sub(e::TEXTURE0) as usize;
-    if unit >= UNITS {
-        return Err(INVALID_ENUM);
-    }
+    let unit = call.unit(0)?;
     gl.state.active = unit;
     Ok(())
 }

@@ -423,6 +423,17 @@ fn wrong_calls_of_features_raise_errors_or_name_their_call() {
     // Bytes that are not there end the import, with the number of the call.
     let error = of("glFlush()\nglDrawPixels(4,4,GL_RGBA,GL_UNSIGNED_BYTE,*4)").err().expect("24 bytes are not 64");
     assert!(error.contains("call 1") && error.contains("24 bytes"), "{error}");
+    let bind = "glBindBufferARB(GL_ARRAY_BUFFER,1)\n";
+    let whole = format!("{bind}glBufferDataARB(GL_ARRAY_BUFFER,24,*4,35044)");
+    assert!(of(&whole).is_ok());
+    let few = [
+        format!("{bind}glBufferDataARB(GL_ARRAY_BUFFER,25,*4,35044)"),
+        format!("{whole}\nglBufferSubDataARB(GL_ARRAY_BUFFER,0,25,*4)"),
+    ];
+    for (calls, number) in few.iter().zip(["call 1", "call 2"]) {
+        let error = of(calls).err().expect("24 bytes are not 25");
+        assert!(error.contains(number) && error.contains("24 of 25 bytes were recorded"), "{error}");
+    }
 }
 
 /// The two files beside a text: buffer 4 has the corners of a triangle.
