@@ -101,6 +101,7 @@ impl Reading {
             lenient: self.lenient,
             keep_draws: self.keep_draws,
             upward: false,
+            window_alpha: false,
             in_memory: None,
         })
     }

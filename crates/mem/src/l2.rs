@@ -17,6 +17,8 @@ knob::knobs! {
         slices: u32 ["slices", Allowed::Range(1, 64), "one or two a memory channel"],
         /// Bytes that stay together in a slice.
         interleave: u32 ["bytes", Allowed::PowerOfTwo(256, 65536), "ATTILA bGPU.ini V2ChannelInterleavingMask \"10 9 8\": 256"],
+        /// Whether lines stay in a slice. If not, a slice is a queue before its channel: all that is asked of it is asked of DRAM.
+        cached: bool ["", Allowed::Switch, "in cards since 2010; ATTILA's memory controller has no cache"],
         /// Lines of a slice.
         lines: u32 ["lines", Allowed::PowerOfTwo(1, 1048576), "256 KB a slice: 1 MB in all, as the GeForce GTX 960"],
         /// Ways.
@@ -154,6 +156,9 @@ impl L2Slice {
 
     /// Has what a request touches looked up without any time: it is in the cache then, and neither counted nor asked of DRAM.
     pub fn visit(&mut self, address: u64, bytes: u32, write: bool) {
+        if !self.config.cached {
+            return;
+        }
         let shape = self.cache.shape();
         let mut done = 0;
         while done < bytes {
@@ -208,20 +213,25 @@ impl L2Slice {
     fn fill(&mut self, wires: &mut Wires) -> Tick {
         let mut did = Tick::Idle;
         while let Some(DramAnswer { id }) = wires.pop(&self.from_dram) {
-            let (place, sectors) = (cache::Place(id >> 8), id as u8);
-            self.cache.fill(place, sectors);
-            let valid = self.cache.valid(place);
             let (entries, ready) = (&mut self.entries, &mut self.ready);
-            self.misses.serve(place, valid, |entry| {
+            let mut serve = |entry: u32| {
                 entries[entry as usize].waits -= 1;
                 if entries[entry as usize].waits == 0 {
                     ready.push_back(entry);
                 }
-            });
+            };
+            did = Tick::Moved;
+            if !self.config.cached {
+                serve(id);
+                continue;
+            }
+            let (place, sectors) = (cache::Place(id >> 8), id as u8);
+            self.cache.fill(place, sectors);
+            let valid = self.cache.valid(place);
+            self.misses.serve(place, valid, serve);
             if self.cache.fetching(place) == 0 {
                 self.misses.close(place);
             }
-            did = Tick::Moved;
         }
         did
     }
@@ -255,7 +265,8 @@ impl L2Slice {
                 self.entry = Some(entry);
                 did = Tick::Moved;
             }
-            if !self.look_up_line(&request) {
+            let done = if self.config.cached { self.look_up_line(&request) } else { self.pass_line(&request) };
+            if !done {
                 return did.or(Tick::Memory);
             }
             budget.spend();
@@ -284,6 +295,30 @@ impl L2Slice {
             }
         }
         did
+    }
+
+    /// Passes the next line of a request on to DRAM; false if there is no room for it, and then nothing has changed.
+    #[inline(always)]
+    fn pass_line(&mut self, request: &SliceRequest) -> bool {
+        if self.outgoing.len() + 2 > OUTGOING {
+            return false;
+        }
+        let shape = self.cache.shape();
+        let address = request.address + u64::from(self.done);
+        let bytes = (request.bytes() - self.done).min(shape.line() - (address as u32 & (shape.line() - 1)));
+        let first = address & !u64::from(shape.sector() - 1);
+        let length = ((address - first) as u32 + bytes).next_multiple_of(shape.sector());
+        if let Some(entry) = self.entry {
+            self.entries[entry as usize].waits += 1;
+            self.outgoing.push_back(DramRequest { address: first, id: entry, bytes: length as u16, write: 0 });
+            self.counts.fetched_bytes += u64::from(length);
+        }
+        if request.kind() != Kind::Read {
+            self.outgoing.push_back(DramRequest { address: first, id: 0, bytes: length as u16, write: 1 });
+            self.counts.written_back_bytes += u64::from(length);
+        }
+        self.done += bytes;
+        true
     }
 
     /// Looks up the next line of a request; false if a resource is missing, and then nothing has changed.
@@ -366,7 +401,8 @@ impl<C> Unit<C> for L2Slice {
         did = did.or(self.fill(wires));
         did = did.or(self.send(wires));
         did = did.or(self.look_up(wires));
-        let starved = if self.misses.is_empty() && self.outgoing.is_empty() { Tick::Starved } else { Tick::Memory };
+        let asked = if self.config.cached { !self.misses.is_empty() } else { self.free.len() < self.entries.len() };
+        let starved = if !asked && self.outgoing.is_empty() { Tick::Starved } else { Tick::Memory };
         if did == Tick::Moved && self.ready.is_empty() && self.outgoing.is_empty() && !wires.can_pop(&self.input) {
             wires.rest(starved);
         }

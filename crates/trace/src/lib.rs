@@ -91,6 +91,8 @@ pub struct Reading {
     /// Whether the rows of a recorded OpenGL program's window are stored as OpenGL numbers them, the lowest first, so that blocks of pixels
     /// are where a card has them that counts so. Its pictures are upside down then.
     pub upward: bool,
+    /// Whether the window of a recorded OpenGL program has alpha even if the program does not ask for it.
+    pub window_alpha: bool,
     /// Bytes of commands and payload up to which a recorded OpenGL program is held in memory, as writing a trace needs; none: 16 MiB. The
     /// commands of a longer one are made while they are read ([`Trace::is_stream`]).
     pub in_memory: Option<u64>,

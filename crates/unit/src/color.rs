@@ -46,6 +46,8 @@ knob::knobs! {
         compression: bool ["", Allowed::Switch, "ATTILA bGPU.ini COLORWRITE DisableCompression = FALSE"],
         /// How they are: estimates of the bytes that they take (`--fidelity bound`) know `planes` only.
         codec: Codec ["", Allowed::Choice(Codec::NAMES), "cards since 2005 have planes of depth (Hasselgren and Akenine-Moller 2006); ATTILA CompressionAlgorithm = 0: two references"],
+        /// Whether a block that is stored raw is compressed when it is written again; if not, it is raw until its surface is cleared.
+        recompress: bool ["", Allowed::Switch, "a compressor sees whole blocks; ATTILA's ROPCache writes a block that is uncompressed in memory uncompressed"],
         /// Whether a block that is overwritten whole is not read from memory before.
         skip_reads: bool ["", Allowed::Switch, "off: a ROP asks for a block when it looks it up; write-validate caches (Jouppi 1993)"],
         /// Whether memory takes single bytes of a block that is stored raw, so that only what is blended is ever read; needs `skip_reads`.
@@ -116,7 +118,7 @@ stats::counters! {
 impl Color {
     /// An empty one, for one pipeline.
     pub fn new(config: ColorConfig, pipeline: u8, ports: ColorPorts, memory: MemoryPort) -> Color {
-        let compression = Compression { enabled: config.compression, codec: config.codec };
+        let compression = Compression { enabled: config.compression, codec: config.codec, again: config.recompress };
         Color {
             cache: BlockCache::new(config.cache_blocks, config.cache_ways, config.misses, compression, memory)
                 .with(Policy { sets: config.cache_sets, masked: config.masked_writes && config.skip_reads }),

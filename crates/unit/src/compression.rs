@@ -1,6 +1,6 @@
 //! What a block takes in memory.
 
-use super::frame::Store;
+use super::frame::{BlockState, Store};
 use gfx::codec;
 
 knob::choices! {
@@ -22,13 +22,16 @@ pub struct Compression {
     pub enabled: bool,
     /// And how.
     pub codec: Codec,
+    /// Whether a block that is stored raw is compressed when it is written again.
+    pub again: bool,
 }
 
 impl Compression {
-    /// Bytes that a block takes: whole memory lines, at most its raw size.
+    /// Bytes that a block will take when it is written: whole memory lines, at most its raw size.
     pub fn bytes(self, store: &Store, block: u32) -> u32 {
         let full = store.block_bytes();
-        if !self.enabled {
+        let raw = |state| matches!(state, BlockState::Stored(bytes) | BlockState::Shared(bytes) if u32::from(bytes) == full);
+        if !self.enabled || !self.again && raw(store.blocks[block as usize]) {
             return full;
         }
         let (format, samples, codes) = (store.surface.format, store.surface.samples as usize, store.block(block));

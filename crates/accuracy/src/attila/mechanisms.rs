@@ -5,19 +5,19 @@ use std::fmt::Write;
 use anyhow::Result;
 
 use super::page::{difference, mean};
-use super::{Bound, Case, Outcome, Row};
+use super::{Bound, Case, Outcome, Row, Window};
 use machine::Config;
 
 /// A machine without one mechanism.
 struct Without {
     /// Settings that take it away.
     set: &'static [&'static str],
-    /// Whether the window's rows are stored as OpenGL numbers them, which is a matter of reading.
-    upward: bool,
+    /// How the window is stored otherwise, and its name.
+    window: Option<(Window, &'static str)>,
 }
 
 const fn without(set: &'static [&'static str]) -> Without {
-    Without { set, upward: true }
+    Without { set, window: None }
 }
 
 /// The mechanisms that configs/attila.ron has and the baseline has not, one by one, and other sizes of one that ATTILA's sources do not give.
@@ -35,6 +35,8 @@ const ALL: &[Without] = &[
     without(&["traverse.hierarchical_lines=8"]),
     without(&["traverse.hierarchical_test=block"]),
     without(&["depth.pass_end=write-back"]),
+    without(&["depth.recompress=true", "color.recompress=true"]),
+    without(&["memory.l2.cached=true"]),
     without(&["fetch.reuse_until=replaced"]),
     without(&["fetch.deal=round-robin"]),
     without(&["command.drain=false"]),
@@ -42,7 +44,11 @@ const ALL: &[Without] = &[
     without(&["core.overlap=true"]),
     without(&["dispatch.patience=16"]),
     without(&["dispatch.quads_per_cycle=4", "dispatch.output_quads=4"]),
-    Without { set: &[], upward: false },
+    Without {
+        set: &[],
+        window: Some((Window { upward: false, alpha: true }, "rows of the window highest first (no setting)")),
+    },
+    Without { set: &[], window: Some((Window { upward: true, alpha: false }, "window without alpha (no setting)")) },
 ];
 
 /// The row of a recording that a change moves most, of those that may be compared with ATTILA's.
@@ -62,8 +68,8 @@ fn moved<'o>(before: &'o [Outcome], after: &'o [Outcome], of: impl Fn(Bound) -> 
 /// # Errors
 /// As [`Case::run`].
 pub fn mechanisms(cases: &[Case], machine: &Config) -> Result<String> {
-    let run = |machine: &Config, upward| cases.iter().map(|case| case.run_stored(machine, upward)).collect::<Result<Vec<_>>>();
-    let before = run(machine, true)?;
+    let run = |machine: &Config, window| cases.iter().map(|case| case.run_stored(machine, window)).collect::<Result<Vec<_>>>();
+    let before = run(machine, Window::default())?;
     let mut text = String::from(
         "| set | counts or bytes that move most | cycles that move most | rows that hold | cycles, geometric mean |\n|---|---|---|--:|--:|\n",
     );
@@ -73,19 +79,19 @@ pub fn mechanisms(cases: &[Case], machine: &Config) -> Result<String> {
         let _ = writeln!(text, "| {what} | {counted} | {cycles} | {held} of {} | {:.3} |", bounded().count(), mean(after));
     };
     line("nothing", [String::new(), String::new()], &before);
-    for Without { set, upward } in ALL {
+    for Without { set, window } in ALL {
         let mut machine = machine.clone();
         for assignment in *set {
             machine.set(assignment)?;
         }
         machine.check()?;
-        let after = run(&machine, *upward)?;
+        let after = run(&machine, window.map_or_else(Window::default, |(window, _)| window))?;
         let most = |of: fn(Bound) -> bool| match moved(&before, &after, of) {
             Some((name, old, new)) => format!("`{name}`: {} {} ({})", new.what, difference(new), difference(old)),
             None => "-".into(),
         };
         let set: Vec<String> = set.iter().map(|assignment| format!("`{assignment}`")).collect();
-        let what = if *upward { set.join(", ") } else { "rows of the window highest first (no setting)".into() };
+        let what = window.map_or_else(|| set.join(", "), |(_, name)| name.into());
         line(
             &what,
             [most(|bound| !matches!(bound, Bound::None | Bound::Cycles)), most(|bound| bound == Bound::Cycles)],

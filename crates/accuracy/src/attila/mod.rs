@@ -98,19 +98,35 @@ pub fn machine() -> Result<Config> {
     Ok(Config::built_in("attila")?)
 }
 
+/// How the window is stored, which is a matter of reading; the default is ATTILA's way.
+#[derive(Clone, Copy, Debug, PartialEq)]
+struct Window {
+    /// Whether its rows are stored as OpenGL numbers them, the lowest first.
+    upward: bool,
+    /// Whether it has alpha even if the program does not ask for it.
+    alpha: bool,
+}
+
+impl Default for Window {
+    fn default() -> Window {
+        Window { upward: true, alpha: true }
+    }
+}
+
 impl Case {
     /// Draws the frame that was counted on a machine, and compares.
     ///
     /// # Errors
     /// If the recording does not replay, or a counter is missing.
     pub fn run(&self, machine: &Config) -> Result<Outcome> {
-        self.run_stored(machine, true)
+        self.run_stored(machine, Window::default())
     }
 
-    /// As [`Case::run`]; `upward` is false where the window's rows are stored highest first, as ATTILA does not.
-    fn run_stored(&self, machine: &Config, upward: bool) -> Result<Outcome> {
+    /// As [`Case::run`], with the window stored in another way.
+    fn run_stored(&self, machine: &Config, Window { upward, alpha }: Window) -> Result<Outcome> {
         let frames = self.frame..self.frame + 1;
-        let reading = Reading { limits: Limits::default(), keep_draws: true, upward, ..Reading::default() };
+        let reading =
+            Reading { limits: Limits::default(), keep_draws: true, upward, window_alpha: alpha, ..Reading::default() };
         let wanted = u64::from(frames.start)..u64::from(frames.end);
         let (trace, report) = import::open_frames(&self.recording, &reading, wanted)?;
         if let Some(refusal) = report.and_then(|report| report.refusal()) {

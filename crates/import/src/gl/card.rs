@@ -43,7 +43,7 @@ pub struct Card {
     /// The recorder of the commands.
     pub recorder: Recorder,
     window: Option<Window>,
-    /// Whether the program has asked for a window with alpha.
+    /// Whether the window has alpha: the program has asked for it, or the reader of the trace.
     pub window_alpha: bool,
     target: Option<Target>,
     /// The pass that waits.

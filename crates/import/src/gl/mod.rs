@@ -345,7 +345,7 @@ fn import(
     gl.keep_draws = reading.keep_draws;
     (gl.elements_omitted, gl.as_mesa) = (apitrace, apitrace);
     gl.card.all_levels = reading.keep_draws;
-    gl.card.upward = reading.upward;
+    (gl.card.upward, gl.card.window_alpha) = (reading.upward, reading.window_alpha);
     let mut kept = true;
     if let Keep::Parts { .. } = keep {
         gl.card.recorder.keep_each();

@@ -131,7 +131,7 @@ impl Builder<'_> {
             (known, ports.map(|(questions, answers)| QuestionPorts { questions, answers }).collect())
         } else {
             let copy = |n: usize| {
-                let compression = Compression { enabled: d.compression, codec: d.codec };
+                let compression = Compression { enabled: d.compression, codec: d.codec, again: d.recompress };
                 let memory = self.port("early", n, id.early[n]);
                 Known::Copy(Box::new(BlockCache::new(d.cache_blocks, d.cache_ways, d.misses, compression, memory)))
             };

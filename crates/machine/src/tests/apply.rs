@@ -72,8 +72,15 @@ fn the_same(config: &Config, scene: &str, events: &[Event]) {
 fn functional_warming_leaves_what_a_simulation_leaves() {
     let told = ["traverse.hierarchical_accept=true", "traverse.hierarchical_update=write", "color.skip_reads=true"];
     let owners = ["sort=sort-last-fragment", "order.early=remote"];
-    let references =
-        ["color.codec=references", "depth.codec=references", "color.cache_sets=position", "depth.cache_sets=position"];
+    let references = [
+        "color.codec=references",
+        "depth.codec=references",
+        "color.recompress=false",
+        "depth.recompress=false",
+        "color.cache_sets=position",
+        "depth.cache_sets=position",
+        "memory.l2.cached=false",
+    ];
     let machines = [
         config("baseline", &[]),
         config("baseline", &told),

@@ -24,6 +24,7 @@ fn l2() -> L2Config {
     L2Config {
         slices: 1,
         interleave: 256,
+        cached: true,
         lines: 256,
         ways: 8,
         line_bytes: 64,
@@ -156,6 +157,34 @@ fn atomics_are_answered_and_leave_the_line_dirty() {
     assert_eq!(dirty, 1);
 }
 
+fn uncached(slices: u32, channels: u32) -> MemoryConfig {
+    let MemoryConfig::Dram { l2, dram } = dram_memory(slices, channels) else { unreachable!() };
+    MemoryConfig::Dram { l2: L2Config { cached: false, ..l2 }, dram }
+}
+
+#[test]
+fn without_a_cache_all_that_is_asked_for_is_asked_of_dram() {
+    let read = |from| Order::read(from, 0, 64);
+    let machine = go(uncached(1, 1), vec![vec![read(0), read(500), Order::write(1000, 0, 64), read(1500)]]);
+    let counts = machine.l2[0].counts();
+    assert_eq!((counts.fetched_bytes, counts.written_back_bytes, counts.merged), (192, 64, 0));
+    let dram = machine.dram[0].counts();
+    assert_eq!((dram.read_bytes, dram.write_bytes), (192, 64));
+    assert_eq!(machine.l2[0].cache_counts(), crate::CacheCounts::default());
+    // As long as a miss, and from an open row each time.
+    let c = ddr4();
+    let miss = HIT + 1 + 3 + Cycle::from(c.t_rcd + c.cl + c.burst_cycles);
+    let client = &machine.client[0];
+    let row_hit = miss - Cycle::from(c.t_rcd);
+    assert_eq!([0, 1, 3].map(|order| client.latency(order)), [miss, row_hit, row_hit]);
+    // Whole sectors go, line by line, and an atomic goes both ways: one sector for 4 bytes, and three for the 72 from byte 8 on.
+    let atomic = Order { from: 0, kind: Kind::Atomic, address: 8, bytes: 4 };
+    let machine = go(uncached(1, 1), vec![vec![atomic, Order::write(500, 4096 + 8, 72)]]);
+    let counts = machine.l2[0].counts();
+    assert_eq!((counts.fetched_bytes, counts.written_back_bytes), (32, 32 + 96));
+    assert_eq!(machine.client[0].answers, 1);
+}
+
 #[test]
 fn clients_take_turns_at_a_slice() {
     // All ask the same line again and again: the slice looks one up a cycle, and nobody gets more than his share.
@@ -184,6 +213,7 @@ fn random_traffic_is_conserved_over_slices_and_channels() {
                     .collect()
             })
             .collect();
+        let without = go(uncached(slices, channels), orders.clone());
         let machine = go(dram_memory(slices, channels), orders.clone());
         let asked = |kinds: &[Kind]| {
             orders.iter().flatten().filter(|o| kinds.contains(&o.kind)).map(|o| u64::from(o.bytes)).sum::<u64>()
@@ -197,6 +227,11 @@ fn random_traffic_is_conserved_over_slices_and_channels() {
         assert!(dram(|d| d.counts().read_bytes) >= l2(|s| s.counts().fetched_bytes), "bursts are whole");
         assert!(dram(|d| d.counts().read_bytes) <= 2 * l2(|s| s.counts().fetched_bytes));
         assert!(machine.dram.iter().all(|d| d.counts().read_bytes > 0), "every channel has its share");
+        // A queue keeps nothing back.
+        let sum = |of: fn(&L2Slice) -> u64| without.l2.iter().map(of).sum::<u64>();
+        assert_eq!(sum(|s| s.counts().read_bytes), asked(&[Kind::Read, Kind::Atomic]));
+        assert!(sum(|s| s.counts().fetched_bytes) >= asked(&[Kind::Read, Kind::Atomic]));
+        assert!(sum(|s| s.counts().written_back_bytes) >= asked(&[Kind::Write, Kind::Atomic]));
     }
 }
 

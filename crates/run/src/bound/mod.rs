@@ -185,6 +185,7 @@ impl<'c> Bound<'c> {
                 config.color.codec != Codec::Planes || config.depth.codec != Codec::Planes,
                 "blocks compressed by references",
             ),
+            ("recompress=false", !config.color.recompress || !config.depth.recompress, "blocks that stay raw"),
             (
                 "cache_sets=\"position\"",
                 config.color.cache_sets != BlockSets::Hashed || config.depth.cache_sets != BlockSets::Hashed,
@@ -193,6 +194,7 @@ impl<'c> Bound<'c> {
             ("color.masked_writes=true", config.color.masked_writes, "blocks that are written in part"),
             ("fetch.line_bytes other than 64", config.fetch.line_bytes != 64, "longer lines of attributes"),
             ("texture.line_bytes other than 64", config.texture.line_bytes != 64, "longer lines of textures"),
+            ("memory.l2.cached=false", !config.l2.cached, "memory without a second-level cache"),
             ("fetch.port_bytes", config.fetch.port_bytes != 0, "a port of the attribute cache"),
             (
                 "fetch.deal other than \"round-robin\"",

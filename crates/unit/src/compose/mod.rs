@@ -268,7 +268,7 @@ impl Compose {
         let Some(&Step { receive: Some((from, _)), ref send, forward, last }) = self.steps.front() else { return did };
         let on = send.as_ref().map(|&(to, _)| to).filter(|_| forward);
         let rate = u64::from(self.config.samples_per_cycle);
-        let compression = Compression { enabled: self.config.compression, codec: Codec::Planes };
+        let compression = Compression { enabled: self.config.compression, codec: Codec::Planes, again: true };
         while let Some(&Asked { block, needs }) = self.composes.front() {
             if self.ports.receiver.front(wires, from).is_none() {
                 return did;

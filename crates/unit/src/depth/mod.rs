@@ -63,6 +63,8 @@ knob::knobs! {
         compression: bool ["", Allowed::Switch, "ATTILA bGPU.ini DisableCompression = FALSE"],
         /// How they are: estimates of the bytes that they take (`--fidelity bound`) know `planes` only.
         codec: Codec ["", Allowed::Choice(Codec::NAMES), "cards since 2005 have planes of depth (Hasselgren and Akenine-Moller 2006); ATTILA CompressionAlgorithm = 0: two references"],
+        /// Whether a block that is stored raw is compressed when it is written again; if not, it is raw until its surface is cleared.
+        recompress: bool ["", Allowed::Switch, "a compressor sees whole blocks; ATTILA's ROPCache writes a block that is uncompressed in memory uncompressed"],
         /// Cycles from here to interpolation.
         output_latency: u32 ["cycles", Allowed::Range(1, 64), "wires"],
         /// Groups of quads queued before interpolation.
@@ -143,7 +145,7 @@ pub struct Depth {
 impl Depth {
     /// An empty one, for one pipeline.
     pub fn new(config: DepthConfig, pipeline: u8, mut ports: DepthPorts, memory: MemoryPort) -> Depth {
-        let compression = Compression { enabled: config.compression, codec: config.codec };
+        let compression = Compression { enabled: config.compression, codec: config.codec, again: config.recompress };
         Depth {
             cache: BlockCache::new(config.cache_blocks, config.cache_ways, config.misses, compression, memory)
                 .with(Policy { sets: config.cache_sets, ..Policy::default() }),

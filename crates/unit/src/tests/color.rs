@@ -31,6 +31,7 @@ sim::circuit! {
 fn config() -> ColorConfig {
     ColorConfig {
         codec: Codec::Planes,
+        recompress: true,
         cache_sets: BlockSets::Hashed,
         masked_writes: false,
         quads_per_cycle: 4,
@@ -257,6 +258,25 @@ fn a_block_that_is_one_colour_leaves_smaller() {
     assert_eq!((got.counts.write_backs, got.counts.compressed), (1, 1));
     assert_eq!(got.counts.bytes_saved + got.bytes, 256);
     assert!(got.bytes < 256, "{}", got.bytes);
+}
+
+#[test]
+fn a_block_that_is_raw_stays_raw_where_nothing_compresses_again() {
+    let visit = |again| {
+        let config = ColorConfig { compression: true, codec: Codec::References, recompress: again, ..config() };
+        let groups = (0..4).map(|n| Quads { first: 4 * n, ..quads(0, 4) }).collect();
+        written(&Scene { config, cleared: false, groups, mark: Kind::PASS, ..Scene::default() })
+    };
+    // The surface was in memory, raw.
+    let (again, raw) = (visit(true), visit(false));
+    assert_eq!((again.counts.compressed, again.bytes), (1, 64));
+    assert_eq!((raw.counts.compressed, raw.bytes), (0, 256));
+    assert_eq!(raw.colors, again.colors);
+    // What a flag clears is compressed the first time.
+    let config = ColorConfig { compression: true, codec: Codec::References, recompress: false, ..config() };
+    let groups = (0..4).map(|n| Quads { first: 4 * n, ..quads(0, 4) }).collect();
+    let cleared = written(&Scene { config, groups, mark: Kind::PASS, ..Scene::default() });
+    assert_eq!((cleared.counts.compressed, cleared.bytes), (1, 64));
 }
 
 #[test]

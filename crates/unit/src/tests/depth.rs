@@ -37,6 +37,7 @@ sim::circuit! {
 fn config() -> DepthConfig {
     DepthConfig {
         codec: Codec::Planes,
+        recompress: true,
         cache_sets: BlockSets::Hashed,
         quads_per_cycle: 4,
         cache_blocks: 16,

@@ -84,7 +84,7 @@ fn tested(scene: &Scene) -> (Vec<Cycle>, Cycle, EarlyCounts) {
                         16,
                         16,
                         16,
-                        Compression { enabled: false, codec: Codec::Planes },
+                        Compression { enabled: false, codec: Codec::Planes, again: true },
                         memory,
                     )))
                 }
