@@ -5,7 +5,7 @@ use super::network::{Sender, SenderCounts};
 use super::sorting::SortCounts;
 use super::token::{Kind, Run, TriangleToken, Turn, bytes};
 use knob::Allowed;
-use num::prefetch;
+use num::{Cycle, prefetch};
 use sim::{Budget, Counted, In, Tick, Unit, Wires};
 use stats::Heading;
 use work::{End, Triangle};
@@ -33,6 +33,8 @@ knob::knobs! {
         overlap: Overlap ["", Allowed::Choice(Overlap::NAMES), "hardware tests bounding boxes (Molnar et al. 1994)"],
         /// Triangles routed a cycle by each geometry unit.
         triangles_per_cycle: u32 ["triangles/cycle", Allowed::Range(1, 16), "as the clipper delivers them"],
+        /// Cycles between two triangles of one unit; 1 is fully pipelined.
+        interval: u32 ["cycles", Allowed::Range(1, 64), "pipelined; ATTILA sets triangles up before it distributes them: bGPU.ini SetupStartLatency = 4 of TrianglesCycle = 2"],
     }
 }
 
@@ -48,6 +50,8 @@ pub struct Distribute {
     /// Which draw may be rasterised, where one waits for the one before it; and the last that may.
     turns: Option<In<Turn>>,
     turn: Option<u32>,
+    /// When the next triangle may be sent, where they have an interval.
+    free_at: Cycle,
     /// Triangles of the run at the head that are done.
     done: u32,
     /// Rasterisers that the current triangle, or the mark, has still to be sent to; there is none if this is empty.
@@ -75,7 +79,20 @@ impl Distribute {
     pub fn new(config: DistributeConfig, number: usize, input: In<Run>, network: Sender<TriangleToken>) -> Distribute {
         let (counts, facing) = (SortCounts::default(), FacingCounts::default());
         let (turns, turn) = (None, None);
-        Distribute { config, number, input, network, turns, turn, done: 0, pending: 0, shared: false, counts, facing }
+        Distribute {
+            config,
+            number,
+            input,
+            network,
+            turns,
+            turn,
+            free_at: 0,
+            done: 0,
+            pending: 0,
+            shared: false,
+            counts,
+            facing,
+        }
     }
 
     /// Waits with the triangles of a draw for its turn.
@@ -235,6 +252,10 @@ impl Unit<Card> for Distribute {
             if data && self.turns.is_some() && self.turn != Some(card.work(run.slot).draw_number) {
                 return wires.stop(Tick::moved_or(moved, Tick::Blocked), Tick::Blocked);
             }
+            if data && self.free_at > wires.now() {
+                wires.sleep_until(self.free_at);
+                return Tick::moved_or(moved, Tick::Working);
+            }
             if data && !budget.spend() {
                 return Tick::Moved;
             }
@@ -268,6 +289,9 @@ impl Unit<Card> for Distribute {
                 self.facing.back += u64::from(card.work(run.slot).segment.triangles[triangle as usize].back);
                 card.funnel[run.slot].triangles_setup += 1;
                 self.done += 1;
+                if self.config.interval > 1 {
+                    self.free_at = wires.now() + Cycle::from(self.config.interval);
+                }
             }
             if self.done == run.count {
                 self.done = 0;

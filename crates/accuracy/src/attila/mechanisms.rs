@@ -40,6 +40,7 @@ const ALL: &[Without] = &[
     without(&["fetch.reuse_until=replaced"]),
     without(&["fetch.deal=round-robin"]),
     without(&["command.drain=false"]),
+    without(&["distribute.interval=1"]),
     without(&["traverse.gather=false"]),
     without(&["core.overlap=true"]),
     without(&["dispatch.patience=16"]),

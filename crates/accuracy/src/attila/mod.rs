@@ -132,7 +132,7 @@ impl Case {
         if let Some(refusal) = report.and_then(|report| report.refusal()) {
             anyhow::bail!("{}: not supported: {refusal}", self.recording.display());
         }
-        let options = Options { frames, ..Options::new(machine.clone(), Fidelity::Cycle) };
+        let options = Options { frames, per_draw: true, ..Options::new(machine.clone(), Fidelity::Cycle) };
         let replayed = replay(&trace, &options, &|_| ()).with_context(|| self.name.clone())?;
         let frame = replayed
             .frames

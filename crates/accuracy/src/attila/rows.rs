@@ -127,8 +127,9 @@ pub(super) fn rows(theirs: &Counters, frame: &Frame) -> Result<Vec<Row>> {
     row("upload bytes", written - copied, theirs.one("BytesWritten_CP")?, Bound::Traffic);
     row("scan-out bytes", client("scanout")?[0] + copied, theirs.one("DAC_ReadBytes_MC")?, Bound::Traffic);
 
-    // 4. Time.
-    let cycles: u64 = frame.phases.iter().filter(|phase| phase.phase.kind == PhaseKind::Pass).map(|phase| phase.cycles).sum();
+    // 4. Time. Drawing ends there when the last fragment is in the colour cache, which is written back at the swap.
+    let passes = frame.phases.iter().filter(|phase| phase.phase.kind == PhaseKind::Pass);
+    let cycles: u64 = passes.flat_map(|pass| &pass.draws).filter(|draw| draw.number.is_some()).map(|draw| draw.cycles).sum();
     let drawing = theirs.one("Draw_CP")? + theirs.one("EndGeometry_CP")? + theirs.one("EndFragment_CP")?;
     row("cycles of drawing", cycles as f64, drawing, Bound::Cycles);
 

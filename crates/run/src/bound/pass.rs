@@ -326,7 +326,7 @@ impl Bound<'_> {
             ("fetch port", fetched / f64::from(c.memory.port_width)),
             ("assembly", per(draw.primitives, c.assembly.primitives_per_cycle)),
             ("clip", clipping / units),
-            ("distribute", per(draw.triangles, c.distribute.triangles_per_cycle) / units),
+            ("distribute", per(draw.triangles, c.distribute.triangles_per_cycle) * f64::from(c.distribute.interval) / units),
         ];
         // Where primitives are routed it is not known here how many come to which.
         let shares = if self.sorted == Sorted::Primitives { 0.0 } else { 1.0 / fronts };

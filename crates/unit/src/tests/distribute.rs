@@ -24,7 +24,14 @@ sim::circuit! {
 }
 
 fn config(overlap: Overlap, tile: u32) -> DistributeConfig {
-    DistributeConfig { tile, pattern: Pattern::Skewed, overlap, triangles_per_cycle: 1, ..DistributeConfig::default() }
+    DistributeConfig {
+        tile,
+        pattern: Pattern::Skewed,
+        overlap,
+        triangles_per_cycle: 1,
+        interval: 1,
+        ..DistributeConfig::default()
+    }
 }
 
 /// When each of so many rasterisers receives triangles, and what is counted, for a run of all triangles of a segment.
@@ -134,6 +141,12 @@ fn so_many_are_routed_a_cycle_and_the_links_take_their_width() {
     assert_eq!(times(2, 2), [4, 4, 5, 5, 6, 6]);
     assert_eq!(times(1, 2), [4, 5, 6, 7, 8, 9]);
     assert_eq!(times(2, 1), [4, 5, 6, 7, 8, 9]);
+    // Where a triangle takes some cycles, that decides.
+    let apart = |interval| {
+        let config = DistributeConfig { interval, ..config(Overlap::Exact, 64) };
+        linked(2, &config, 1, &segment).0[0].clone()
+    };
+    assert_eq!(apart(4), [4, 8, 12, 16, 20, 24]);
 }
 
 #[test]
