@@ -20,7 +20,7 @@ pub(crate) fn light(key: &ShaderKey, out: &mut String) {
             line!(out, "        let way = u.light{k}[3].xyz - eye;\n        let square = max(dot(way, way), 1e-37);");
             line!(out, "        let near = inverseSqrt(square);\n        let l = way * near;");
             if of.attenuated {
-                line!(out, "        let distance = select(1e30, 1.0 / near, near > 0.0);");
+                line!(out, "        let distance = select(1e30, square * near, near > 0.0);");
                 line!(out, "        let terms = u.light{k}[5];");
                 line!(out, "        let attenuation = 1.0 / (terms.y + distance * (terms.z + distance * terms.w));");
             }

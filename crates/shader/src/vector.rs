@@ -10,13 +10,17 @@
 //! components of one register, so that another instruction moves the exponent there. What leaves a program as it came in is moved to its
 //! output, by an instruction for each output.
 //!
+//! An instruction reads one register of constants: what it needs of another one is moved before it. Nothing is computed once for a draw:
+//! sums of constants are instructions, but products of two are constants too, as those of a light and a material (`state.lightprod`).
+//!
 //! An instruction is issued together with the next one if the next one does not need its result and one of the two has a single
 //! component: the machine has a unit for four components and a unit for one (ATTILA's `simd4+scalar`).
 
-use std::collections::HashMap;
+use std::collections::{HashMap, HashSet};
 
 use super::code::Code;
 use super::ir::{Builder, Inst, NONE, V};
+use super::program::Space;
 use work::Class;
 
 /// Components that an instruction works on.
@@ -101,6 +105,10 @@ struct Packer {
     /// Those with room, as places in `packs`.
     open: Vec<usize>,
     reciprocals: HashMap<V, u32>,
+    /// The place of each constant that is read as it is: its register.
+    registers: HashMap<V, (Space, u64)>,
+    /// Constants that are in a register for other values.
+    moved: HashSet<V>,
     /// What begins with each operation.
     begins: Vec<Counts>,
 }
@@ -138,6 +146,43 @@ impl Packer {
         let ready = self.begin(inst, code, needs, cost, (true, false));
         self.packs.last_mut().expect("one was begun").joined = true;
         ready
+    }
+
+    /// Adds up what is the same for all invocations.
+    fn add_constants(&mut self, b: &Builder) {
+        for inst in b.prologue.iter().filter(|inst| inst.code != Code::Undef) {
+            if inst.code == Code::Load {
+                let memory = &b.memory[inst.imm as usize];
+                let places = inst.dst.iter().zip((u64::from(memory.offset)..).step_by(4));
+                self.registers.extend(places.map(|(&v, offset)| (v, (memory.space, offset / 16))));
+            }
+            if matches!(inst.code, Code::FAdd | Code::FSub | Code::MulAdd | Code::MulSub | Code::NegMulAdd) {
+                let needs = inst.src.iter().filter(|&&v| v != NONE).map(|&v| self.ready[v as usize]).max().unwrap_or(0);
+                let ready = self.join(inst, inst.code, Class::Float, needs);
+                for &v in &inst.dst {
+                    self.ready[v as usize] = ready;
+                    self.moved.insert(v);
+                }
+            }
+        }
+    }
+
+    /// Moves constants that an operation needs of more registers than one.
+    fn move_constants(&mut self, b: &Builder, inst: &Inst) {
+        let constant = |v: V| v != NONE && b.is_uniform(v) && b.known(v).is_none();
+        let mut first = None;
+        for &v in inst.src.iter().filter(|&&v| constant(v)) {
+            let register = self.registers.get(&v).copied();
+            match first {
+                _ if self.moved.contains(&v) => {}
+                None => first = Some((v, register)),
+                Some((known, at)) if known == v || register.is_some() && register == at => {}
+                Some(_) => {
+                    self.ready[v as usize] = self.join(&MOVE, Code::Copy, Class::Float, 0);
+                    self.moved.insert(v);
+                }
+            }
+        }
     }
 
     fn single(&mut self, inst: &Inst, class: Class, count: u32, needs: u32) -> u32 {
@@ -253,6 +298,8 @@ pub(super) fn counts(b: &Builder, insts: &[Inst], outputs: &[Vec<V>]) -> Vec<Cou
         base: 0,
         open: Vec::new(),
         reciprocals: HashMap::new(),
+        registers: HashMap::new(),
+        moved: HashSet::new(),
         begins: Vec::with_capacity(insts.len() + 1),
     };
     let parts = lights(b, insts);
@@ -260,6 +307,13 @@ pub(super) fn counts(b: &Builder, insts: &[Inst], outputs: &[Vec<V>]) -> Vec<Cou
     let mut made = vec![false; b.defs.len()];
     for (at, inst) in insts.iter().enumerate().filter(|(_, inst)| inst.code != Code::Undef) {
         packer.begins.push([0; Class::COUNT]);
+        if packer.begins.len() == 1 {
+            packer.add_constants(b);
+        }
+        // The rows of a matrix are in registers of their own, whatever its layout in memory.
+        if matches!(cost(inst.code), Cost::Shared(_)) {
+            packer.move_constants(b, inst);
+        }
         let needs = inst.src.iter().filter(|&&v| v != NONE).map(|&v| packer.ready[v as usize]).max().unwrap_or(0);
         let cost = cost(inst.code);
         let leaves = !matches!(cost, Cost::Free) || inst.src.iter().any(|&v| v != NONE && made[v as usize]);
@@ -317,6 +371,7 @@ pub(super) fn counts(b: &Builder, insts: &[Inst], outputs: &[Vec<V>]) -> Vec<Cou
 #[cfg(test)]
 mod tests {
     use super::super::ir::Def;
+    use super::super::program::{AtomicOp, MemoryOp, NO_REG, Width};
     use super::*;
 
     fn inst(code: Code, dst: V, src: &[V]) -> Inst {
@@ -376,6 +431,49 @@ mod tests {
             inst(Code::FMul, 23, &[3, 3]),
         ];
         assert_eq!(last(&pairs), [2, 0, 0, 0]);
+    }
+
+    #[test]
+    fn an_instruction_reads_one_register_of_constants() {
+        // Constants: 64 to 66 and 67 to 69 computed for the draw, 70 and 71 read from one place of 16 bytes, 72 from the next.
+        let mut b = builder();
+        (64..73).for_each(|v| assert_eq!(b.define(Def::Uniform), v));
+        let load = |offset| MemoryOp {
+            space: Space::Buffer(0),
+            element: NO_REG,
+            data: [NO_REG; 4],
+            count: 1,
+            width: Width::Word,
+            address: NO_REG,
+            offset,
+            uniform: true,
+            atomic: AtomicOp::Add,
+        };
+        b.memory = vec![load(0), load(4), load(16)];
+        b.prologue = (0..3).map(|k| Inst { imm: k, ..inst(Code::Load, 70 + k as V, &[]) }).collect();
+        let scaled = |by: V, plus: V| inst(Code::MulAdd, 20, &[0, by, plus]);
+        let both: Vec<_> = (0..3).map(|k| inst(Code::MulAdd, 20 + k, &[k, 64 + k, 67 + k])).collect();
+        assert_eq!(with_outputs(&b, &both, &[]), [2, 0, 0, 0]);
+        // It is moved once.
+        let mut again = both.clone();
+        again.extend((0..3).map(|k| inst(Code::MulAdd, 30 + k, &[20 + k, 64 + k, 67 + k])));
+        assert_eq!(with_outputs(&b, &again, &[]), [3, 0, 0, 0]);
+        assert_eq!(with_outputs(&b, &[scaled(70, 71)], &[]), [1, 0, 0, 0]);
+        assert_eq!(with_outputs(&b, &[scaled(70, 72)], &[]), [2, 0, 0, 0]);
+        assert_eq!(with_outputs(&b, &[scaled(64, 64)], &[]), [1, 0, 0, 0]);
+    }
+
+    #[test]
+    fn sums_of_constants_are_instructions_and_products_are_not() {
+        let mut b = builder();
+        (64..80).for_each(|v| assert_eq!(b.define(Def::Uniform), v));
+        let of = |code, at: V, of: V| (0..3).map(move |k| inst(code, at + k, &[of + k, of + k]));
+        let body: Vec<_> = of(Code::FMul, 20, 0).chain(of(Code::FMul, 23, 20)).collect();
+        assert_eq!(with_outputs(&b, &body, &[]), [2, 0, 0, 0]);
+        b.prologue = of(Code::FMul, 67, 64).collect();
+        assert_eq!(with_outputs(&b, &body, &[]), [2, 0, 0, 0]);
+        b.prologue.extend(of(Code::FAdd, 70, 67));
+        assert_eq!(with_outputs(&b, &body, &[]), [3, 0, 0, 0]);
     }
 
     #[test]

@@ -39,6 +39,7 @@ const ALL: &[Without] = &[
     without(&["memory.l2.cached=true"]),
     without(&["fetch.reuse_until=replaced"]),
     without(&["fetch.deal=round-robin"]),
+    without(&["fetch.vertices_per_cycle=0"]),
     without(&["command.drain=false"]),
     without(&["distribute.interval=1"]),
     without(&["traverse.gather=false"]),

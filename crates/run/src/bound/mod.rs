@@ -195,7 +195,7 @@ impl<'c> Bound<'c> {
             ("fetch.line_bytes other than 64", config.fetch.line_bytes != 64, "longer lines of attributes"),
             ("texture.line_bytes other than 64", config.texture.line_bytes != 64, "longer lines of textures"),
             ("memory.l2.cached=false", !config.l2.cached, "memory without a second-level cache"),
-            ("fetch.port_bytes", config.fetch.port_bytes != 0, "a port of the attribute cache"),
+            ("fetch.vertices_per_cycle", config.fetch.vertices_per_cycle != 0, "a rate of vertices to the cores"),
             (
                 "fetch.deal other than \"round-robin\"",
                 config.fetch.deal != VertexDeal::RoundRobin,

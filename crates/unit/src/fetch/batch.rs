@@ -9,14 +9,6 @@ use num::Cycle;
 use sim::{Tick, Wires};
 
 impl Fetch {
-    /// Bytes go through the cache's port behind those that are under way.
-    #[inline(always)]
-    pub(super) fn pass_port(&mut self, now: Cycle, bytes: u32) {
-        if self.config.port_bytes > 0 {
-            self.port_free = self.port_free.max(now) + Cycle::from(bytes.div_ceil(self.config.port_bytes));
-        }
-    }
-
     /// Looks up the lines of the current vertex's attributes.
     #[inline(always)]
     pub(super) fn look_up(&mut self, wires: &mut Wires, work: &Work, budget: &mut u32) -> Result<(), Tick> {
@@ -25,10 +17,6 @@ impl Fetch {
         // A power of two: divisions of 64 bits are slow.
         let line_shift = self.config.line_bytes.trailing_zeros();
         for fetch in work.draw.attributes.get(self.attribute..).unwrap_or_default() {
-            if self.port_free > wires.now() {
-                wires.sleep_until(self.port_free);
-                return Err(Tick::Working);
-            }
             let element = match fetch.step {
                 StepMode::Vertex => vertex.index,
                 StepMode::Instance => vertex.instance,
@@ -50,7 +38,6 @@ impl Fetch {
                 }
                 line += 1;
             }
-            self.pass_port(wires.now(), fetch.bytes);
             self.attribute += 1;
             self.attribute_line = 0;
         }
@@ -153,11 +140,18 @@ impl Fetch {
         if batch.needs.is_some_and(|needs| !self.misses.reached(needs)) {
             return Err(Tick::Memory);
         }
+        if self.way_free > wires.now() {
+            wires.sleep_until(self.way_free);
+            return Err(Tick::Working);
+        }
         let cores = &self.ports.cores;
         let Some(core) = self.deal.choose(wires.now(), |core| wires.can_push(&cores[core].1)) else {
             return Err(Tick::Blocked);
         };
         self.deal.dealt(wires.now(), core);
+        if self.config.vertices_per_cycle > 0 {
+            self.way_free = wires.now() + Cycle::from(batch.count.div_ceil(self.config.vertices_per_cycle));
+        }
         let (cluster, output) = &self.ports.cores[core];
         let Card { work, warps, .. } = card;
         let work = work[usize::from(batch.slot)].as_ref().expect("a batch's segment is in flight");

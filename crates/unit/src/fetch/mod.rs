@@ -63,8 +63,6 @@ knob::knobs! {
         skip_attributes: bool ["", Allowed::Switch, "drivers tell the fetch what the compiled shader reads; off shows what that is worth"],
         /// Bytes of a line of the attribute cache, which is fetched whole.
         line_bytes: u32 ["bytes", Allowed::PowerOfTwo(64, 256), "a memory line; ATTILA bGPU.ini SLInputCacheLineSize = 256"],
-        /// Bytes a cycle of the attribute cache's one port, which lines that arrive and attributes that are read share; 0: as many as there are.
-        port_bytes: u32 ["bytes/cycle", Allowed::Range(0, 256), "assumed to be no limit; ATTILA bGPU.ini SLInputCachePortWidth = 16"],
         /// Lines of the attribute cache.
         cache_lines: u32 ["lines", Allowed::PowerOfTwo(2, 65536), "8 KB: ATTILA bGPU.ini SLInputCacheLines = 32 of 256 bytes"],
         /// Ways of the attribute cache.
@@ -80,6 +78,8 @@ knob::knobs! {
         deal: VertexDeal ["", Allowed::Choice(VertexDeal::NAMES), "in turn; ATTILA has one pointer for vertices and fragments (FragmentFIFO, TiledShaderDistribution = TRUE)"],
         /// Warps of vertices and fragments that one core gets, where vertices follow fragments, before the turn goes to the next core.
         deal_warps: u32 ["warps", Allowed::Range(1, 4096), "ATTILA bGPU.ini ShaderInputBatchSize = 64 invocations: four warps"],
+        /// Vertices that go to the cores in a cycle; 0: a whole batch.
+        vertices_per_cycle: u32 ["vertices/cycle", Allowed::Range(0, 64), "assumed to be no limit; ATTILA bGPU.ini SLIndicesCycle = 2"],
         /// Cycles from here to the cores.
         latency: u32 ["cycles", Allowed::Range(1, 64), "wires and input registers"],
         /// Batches queued before each core.
@@ -203,8 +203,8 @@ pub struct Fetch {
     closed: VecDeque<Gathered>,
     deal: Deal,
     epoch: u32,
-    /// When the cache's port is free, where it has a width.
-    port_free: Cycle,
+    /// When the way to the cores is free, where it has a width.
+    way_free: Cycle,
     items: u64,
 }
 
@@ -246,7 +246,7 @@ impl Fetch {
             closed: VecDeque::new(),
             deal: Deal::new(&config, ports.cores.len(), ports.fragments.len()),
             epoch: 0,
-            port_free: 0,
+            way_free: 0,
             items: 0,
             config,
             width,
@@ -267,7 +267,6 @@ impl Fetch {
         // 1. What memory has brought, and what assembly no longer needs.
         while let Some(tag) = self.ports.vertex.answer(wires) {
             self.misses.answer(tag);
-            self.pass_port(wires.now(), self.config.line_bytes);
             did = Tick::Moved;
         }
         if !self.ports.input.in_runs() {

@@ -32,7 +32,7 @@ sim::circuit! {
 fn config() -> FetchConfig {
     FetchConfig {
         line_bytes: 64,
-        port_bytes: 0,
+        vertices_per_cycle: 0,
         deal: VertexDeal::RoundRobin,
         deal_warps: 64,
         patience: 16,
@@ -396,6 +396,18 @@ fn batches_of_vertices_follow_warps_of_fragments() {
     let warps = [(2, 1, started), (4, 1, started), (8, 0, started)];
     let got = fetched_beside(&follow, (2, slow), &[], &[fresh(24)], (&[], &[]), &[&warps]).warps;
     assert_eq!((&got[0][..1], &got[1][..2]), (&[24 + 20][..], &[3 + 20, 24 + 20][..]));
+}
+
+#[test]
+fn so_many_vertices_go_to_the_cores_in_a_cycle() {
+    // Batches of four come every second cycle where nothing else holds them up.
+    let times = |vertices_per_cycle| {
+        let config = FetchConfig { vertices_per_cycle, ..config() };
+        fetched_beside(&config, (1, FREE), &[], &[fresh(16)], (&[], &[]), &[]).warps[0].clone()
+    };
+    assert_eq!(times(0), [4, 6, 8, 10]);
+    assert_eq!(times(2), [4, 6, 8, 10]);
+    assert_eq!(times(1), [4, 8, 12, 16]);
 }
 
 #[test]
