@@ -254,7 +254,7 @@ impl Unit<Card> for Distribute {
             }
             if data && self.free_at > wires.now() {
                 wires.sleep_until(self.free_at);
-                return Tick::moved_or(moved, Tick::Working);
+                return wires.stop(Tick::moved_or(moved, Tick::Working), Tick::Working);
             }
             if data && !budget.spend() {
                 return Tick::Moved;

@@ -4,7 +4,7 @@ use super::super::card::Card;
 use super::super::distribute::{Overlap, owners};
 use super::super::token::{Kind, TriangleToken};
 use sim::{In, Wires};
-use work::End;
+use work::{End, Triangle};
 
 /// The batch at the head.
 #[derive(Clone)]
@@ -15,13 +15,14 @@ pub(super) struct Gather {
     overlap: Overlap,
     rasterisers: usize,
     number: u8,
-    /// Triangles that wait.
+    /// Triangles that wait, and the last one of their batch that comes here.
     held: Vec<TriangleToken>,
+    last: u32,
 }
 
 impl Gather {
     pub fn new(triangles: u32, overlap: Overlap, rasterisers: usize, number: u8) -> Gather {
-        Gather { triangles, overlap, rasterisers, number, held: Vec::with_capacity(triangles as usize) }
+        Gather { triangles, overlap, rasterisers, number, held: Vec::with_capacity(triangles as usize), last: 0 }
     }
 
     /// How many triangles wait.
@@ -37,7 +38,7 @@ impl Gather {
     /// Takes in the triangles of the batch; whether they are all there, or something else is at the head.
     pub fn fill(&mut self, wires: &mut Wires, input: &In<TriangleToken>, card: &Card, moved: &mut bool) -> bool {
         loop {
-            if self.held.last().is_some_and(|&last| !self.follows(card, last)) {
+            if self.held.last().is_some_and(|held| held.triangle >= self.last) {
                 return true;
             }
             let Some(token) = wires.front(input) else { return false };
@@ -46,18 +47,23 @@ impl Gather {
                 return true;
             }
             wires.take(input);
+            if self.held.is_empty() {
+                self.last = self.last_of(card, token);
+            }
             self.held.push(token);
             *moved = true;
         }
     }
 
-    /// Whether another triangle of the batch comes here behind this one.
-    fn follows(&self, card: &Card, token: TriangleToken) -> bool {
+    /// The last triangle of the batch of this one that comes here.
+    fn last_of(&self, card: &Card, token: TriangleToken) -> u32 {
         let work = card.work(token.slot);
-        let last = (token.triangle / self.triangles + 1).saturating_mul(self.triangles);
-        let rest = work.segment.triangles.iter().take(last as usize).skip(token.triangle as usize + 1);
+        let triangles = &work.segment.triangles;
+        let end = (token.triangle / self.triangles + 1).saturating_mul(self.triangles).min(triangles.len() as u32);
         // Of those that end in setup nothing comes.
-        let mut rest = rest.filter(|triangle| triangle.end != End::Setup);
-        rest.any(|triangle| owners(card, work, triangle, self.overlap, self.rasterisers) >> self.number & 1 != 0)
+        let comes = |triangle: &Triangle| {
+            triangle.end != End::Setup && owners(card, work, triangle, self.overlap, self.rasterisers) >> self.number & 1 != 0
+        };
+        (token.triangle + 1..end).rev().find(|&triangle| comes(&triangles[triangle as usize])).unwrap_or(token.triangle)
     }
 }

@@ -21,6 +21,7 @@ use stats::Heading;
 use walk::Pace;
 use work::{BLOCK, Block, End, Quad, Triangle};
 
+use territory::BlockAt;
 pub use territory::Territory;
 pub use walk::Walk;
 
@@ -131,6 +132,8 @@ struct Place {
     hidden: u64,
     /// Blocks of the bounding box still to be found empty.
     empty: u32,
+    /// Of a triangle that is traversed together with others, where its next block is; none without one.
+    next: Option<BlockAt>,
 }
 
 /// Traversal. Its items are quads with coverage, those culled included.
@@ -143,7 +146,7 @@ pub struct Traverse {
     updates: Option<In<DepthBounds>>,
     output: Out<GroupToken>,
     place: Place,
-    /// Triangles that are traversed together with the current one, in their order.
+    /// Triangles that are traversed together with the current one.
     together: Vec<Place>,
     /// The batch that is gathered, where batches are traversed together.
     gather: Option<Gather>,
@@ -307,6 +310,13 @@ impl Traverse {
         }
     }
 
+    /// Takes a triangle in hand that is traversed together with others.
+    fn begin_together(&mut self, card: &Card, token: TriangleToken) {
+        self.begin(card, token);
+        self.place.next = self.skip_foreign(card);
+        self.together.push(self.place);
+    }
+
     /// Takes the triangles that wait and may be traversed together with the current one.
     fn join(&mut self, wires: &mut Wires, card: &Card) {
         let first = self.place;
@@ -316,8 +326,7 @@ impl Traverse {
             };
             let Some(token) = wires.front(&self.input).filter(same) else { break };
             wires.take(&self.input);
-            self.begin(card, token);
-            self.together.push(self.place);
+            self.begin_together(card, token);
         }
         self.place = first;
     }
@@ -328,8 +337,7 @@ impl Traverse {
         let complete = gather.fill(wires, &self.input, card, moved);
         if complete {
             for token in gather.batch() {
-                self.begin(card, token);
-                self.together.push(self.place);
+                self.begin_together(card, token);
                 *moved = true;
             }
             self.place = self.together.pop().unwrap_or_default();
@@ -341,20 +349,13 @@ impl Traverse {
     /// Of the triangles that are traversed together, takes the one in hand whose next block is the first on the screen; of several that
     /// have it, the first one. A triangle without more blocks ends before any other goes on.
     fn choose(&mut self, card: &Card) {
-        let mut all = std::mem::take(&mut self.together);
-        all.push(self.place);
-        all.sort_unstable_by_key(|place| place.triangle);
-        let mut best = (None, 0);
-        for (i, place) in all.iter_mut().enumerate() {
-            self.place = *place;
-            let next = self.skip_foreign(card);
-            *place = self.place;
-            if i == 0 || next < best.0 {
-                best = (next, i);
+        self.place.next = self.skip_foreign(card);
+        let order = |place: &Place| (place.next, place.triangle);
+        for other in &mut self.together {
+            if order(other) < order(&self.place) {
+                std::mem::swap(other, &mut self.place);
             }
         }
-        self.place = all.remove(best.1);
-        self.together = all;
     }
 
     /// Whether hierarchical Z hides a block.
@@ -467,10 +468,12 @@ impl Unit<Card> for Traverse {
                 self.place = place;
             }
             if !self.place.active && !self.begin_gathered(wires, card, &mut moved) {
-                return Tick::moved_or(moved, Tick::Starved);
+                return wires.stop(Tick::moved_or(moved, Tick::Starved), Tick::Starved);
             }
             if !self.place.active {
-                let Some(token) = wires.front(&self.input) else { return Tick::moved_or(moved, Tick::Starved) };
+                let Some(token) = wires.front(&self.input) else {
+                    return wires.stop(Tick::moved_or(moved, Tick::Starved), Tick::Starved);
+                };
                 if token.kind != Kind::DATA {
                     let TriangleToken { slot, sequence, kind, .. } = token;
                     let fence = GroupToken { group: u32::from(slot), sequence, kind, quads: 0, pool: self.pipeline };

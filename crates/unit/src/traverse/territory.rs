@@ -17,6 +17,9 @@ pub enum Territory {
     Bins(u32),
 }
 
+/// Where a block is, in the order of traversal: tile, row and column.
+pub(super) type BlockAt = (u32, u16, u16);
+
 impl Traverse {
     /// Whether this unit traverses what a pipeline owns.
     #[inline(always)]
@@ -61,8 +64,8 @@ impl Traverse {
         (u32::from(tile.x), u32::from(tile.y)) != (x, y)
     }
 
-    /// Goes on to the next block of the current triangle that is this unit's; where it is: tile, row and column.
-    pub(super) fn skip_foreign(&mut self, card: &Card) -> Option<(u32, u16, u16)> {
+    /// Goes on to the next block of the current triangle that is this unit's; where it is.
+    pub(super) fn skip_foreign(&mut self, card: &Card) -> Option<BlockAt> {
         let work = card.work(self.place.slot);
         let triangle = &work.segment.triangles[self.place.triangle as usize];
         let bins = matches!(self.territory, Territory::Bins(_));
