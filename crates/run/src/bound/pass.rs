@@ -326,7 +326,7 @@ impl Bound<'_> {
             ("fetch port", fetched / f64::from(c.memory.port_width)),
             ("assembly", per(draw.primitives, c.assembly.primitives_per_cycle)),
             ("clip", clipping / units),
-            ("distribute", per(draw.triangles, c.distribute.triangles_per_cycle) * f64::from(c.distribute.interval) / units),
+            ("distribute", draw.triangles as f64 * apart(c.distribute.triangles_per_cycle, c.distribute.interval) / units),
         ];
         // Where primitives are routed it is not known here how many come to which.
         let shares = if self.sorted == Sorted::Primitives { 0.0 } else { 1.0 / fronts };
@@ -349,7 +349,7 @@ impl Bound<'_> {
             vertex_texture: shading.texture * asking / cores / primitives,
             latency: shading.latency + fragment.latency,
             shaded: fragment.latency,
-            setup: f64::from(c.setup.interval) / f64::from(c.setup.triangles_per_cycle),
+            setup: apart(c.setup.triangles_per_cycle, c.setup.interval),
             test: 1.0 / f64::from(c.traverse.tests_per_cycle),
             block: 1.0 / f64::from(c.traverse.blocks_per_cycle),
             group: 4.0 / f64::from(c.traverse.quads_per_cycle),
@@ -427,4 +427,19 @@ fn interpolated<const N: usize>(sizes: &[usize; N], counts: &[u64; N], size: usi
     }
     let part = (size - sizes[below]) as f64 / (sizes[above] - sizes[below]) as f64;
     counts[below] as f64 + part * (counts[above] as f64 - counts[below] as f64)
+}
+
+/// Cycles for each triangle in a unit that takes so many in a cycle or, with an interval of more than one cycle, one in each interval.
+fn apart(per_cycle: u32, interval: u32) -> f64 {
+    if interval > 1 { f64::from(interval) } else { 1.0 / f64::from(per_cycle) }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::apart;
+
+    #[test]
+    fn an_interval_lets_one_triangle_through_whatever_a_cycle_takes() {
+        assert_eq!([apart(1, 1), apart(2, 1), apart(1, 4), apart(2, 4)], [1.0, 0.5, 4.0, 4.0]);
+    }
 }
