@@ -1,16 +1,15 @@
 //! Tiled traversal with hierarchical Z, one unit a rasteriser: finds the blocks of a triangle in its own tiles, throws away those
 //! that hierarchical Z proves hidden, and sends the quads of the others on in groups.
 
-mod gather;
 mod hierarchical;
 mod territory;
+mod together;
 mod walk;
 
 use super::card::notes::note;
 use super::card::{Ahead, Card, Group, PassState, Work};
 use super::distribute::Overlap;
 use super::token::{DepthBounds, GroupToken, Kind, TriangleToken, bits, bytes, fragments};
-use gather::Gather;
 use gfx::hierarchical::{accepts, depth_key, may_raise_lower};
 use gfx::rop::DepthStencilState;
 use hierarchical::{Bounds, HierarchicalZ, Lines};
@@ -23,6 +22,7 @@ use work::{BLOCK, Block, End, Quad, Triangle};
 
 use territory::BlockAt;
 pub use territory::Territory;
+use together::Gather;
 pub use walk::Walk;
 
 knob::choices! {
@@ -307,54 +307,6 @@ impl Traverse {
             self.counts.tested += u64::from(empty + covered);
         } else {
             self.begin_walk(card, work, triangle);
-        }
-    }
-
-    /// Takes a triangle in hand that is traversed together with others.
-    fn begin_together(&mut self, card: &Card, token: TriangleToken) {
-        self.begin(card, token);
-        self.place.next = self.skip_foreign(card);
-        self.together.push(self.place);
-    }
-
-    /// Takes the triangles that wait and may be traversed together with the current one.
-    fn join(&mut self, wires: &mut Wires, card: &Card) {
-        let first = self.place;
-        while (self.together.len() as u32) + 1 < self.config.triangles {
-            let same = |token: &TriangleToken| {
-                token.kind == Kind::DATA && (token.slot, token.sequence) == (first.slot, first.sequence)
-            };
-            let Some(token) = wires.front(&self.input).filter(same) else { break };
-            wires.take(&self.input);
-            self.begin_together(card, token);
-        }
-        self.place = first;
-    }
-
-    /// Where batches are gathered, begins the triangles of one; false while some that come here are not there.
-    fn begin_gathered(&mut self, wires: &mut Wires, card: &Card, moved: &mut bool) -> bool {
-        let Some(mut gather) = self.gather.take() else { return true };
-        let complete = gather.fill(wires, &self.input, card, moved);
-        if complete {
-            for token in gather.batch() {
-                self.begin_together(card, token);
-                *moved = true;
-            }
-            self.place = self.together.pop().unwrap_or_default();
-        }
-        self.gather = Some(gather);
-        complete
-    }
-
-    /// Of the triangles that are traversed together, takes the one in hand whose next block is the first on the screen; of several that
-    /// have it, the first one. A triangle without more blocks ends before any other goes on.
-    fn choose(&mut self, card: &Card) {
-        self.place.next = self.skip_foreign(card);
-        let order = |place: &Place| (place.next, place.triangle);
-        for other in &mut self.together {
-            if order(other) < order(&self.place) {
-                std::mem::swap(other, &mut self.place);
-            }
         }
     }
 

@@ -1,8 +1,9 @@
-//! Batches of triangles that are traversed together when all triangles of one that come here are there.
+//! Triangles that are traversed together: those that wait, or batches of which all triangles that come here are there.
 
-use super::super::card::Card;
-use super::super::distribute::{Overlap, owners};
-use super::super::token::{Kind, TriangleToken};
+use super::{Place, Traverse};
+use crate::card::Card;
+use crate::distribute::{Overlap, owners};
+use crate::token::{Kind, TriangleToken};
 use sim::{In, Wires};
 use work::{End, Triangle};
 
@@ -65,5 +66,55 @@ impl Gather {
             triangle.end != End::Setup && owners(card, work, triangle, self.overlap, self.rasterisers) >> self.number & 1 != 0
         };
         (token.triangle + 1..end).rev().find(|&triangle| comes(&triangles[triangle as usize])).unwrap_or(token.triangle)
+    }
+}
+
+impl Traverse {
+    /// Takes a triangle in hand that is traversed together with others.
+    fn begin_together(&mut self, card: &Card, token: TriangleToken) {
+        self.begin(card, token);
+        self.place.next = self.skip_foreign(card);
+        self.together.push(self.place);
+    }
+
+    /// Takes the triangles that wait and may be traversed together with the current one.
+    pub(super) fn join(&mut self, wires: &mut Wires, card: &Card) {
+        let first = self.place;
+        while (self.together.len() as u32) + 1 < self.config.triangles {
+            let same = |token: &TriangleToken| {
+                token.kind == Kind::DATA && (token.slot, token.sequence) == (first.slot, first.sequence)
+            };
+            let Some(token) = wires.front(&self.input).filter(same) else { break };
+            wires.take(&self.input);
+            self.begin_together(card, token);
+        }
+        self.place = first;
+    }
+
+    /// Where batches are gathered, begins the triangles of one; false while some that come here are not there.
+    pub(super) fn begin_gathered(&mut self, wires: &mut Wires, card: &Card, moved: &mut bool) -> bool {
+        let Some(mut gather) = self.gather.take() else { return true };
+        let complete = gather.fill(wires, &self.input, card, moved);
+        if complete {
+            for token in gather.batch() {
+                self.begin_together(card, token);
+                *moved = true;
+            }
+            self.place = self.together.pop().unwrap_or_default();
+        }
+        self.gather = Some(gather);
+        complete
+    }
+
+    /// Of the triangles that are traversed together, takes the one in hand whose next block is the first on the screen; of several that
+    /// have it, the first one. A triangle without more blocks ends before any other goes on.
+    pub(super) fn choose(&mut self, card: &Card) {
+        self.place.next = self.skip_foreign(card);
+        let order = |place: &Place| (place.next, place.triangle);
+        for other in &mut self.together {
+            if order(other) < order(&self.place) {
+                std::mem::swap(other, &mut self.place);
+            }
+        }
     }
 }
