@@ -136,6 +136,7 @@ fn main() {
     let skips = Skips {
         overwritten: !has("no-skips") && !has("no-overwritten"),
         full_blocks: !has("no-skips") && !has("no-full-blocks"),
+        repeated: !has("no-skips") && !has("no-repeated"),
     };
     for path in arguments.iter().filter(|a| a.contains('/')) {
         render_trace(Path::new(path), frames, skips);

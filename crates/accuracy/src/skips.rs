@@ -240,6 +240,14 @@ pub const SKIPS: &[Skip] = &[
         changes: nothing,
         work: Work::Colors,
     },
+    Skip {
+        name: "repeated colours",
+        what: "colours of a triangle whose inputs are the same everywhere are computed once in a tile",
+        switch: "Skips::repeated",
+        how: Switch::Renderer(|skips| skips.repeated = false),
+        changes: nothing,
+        work: Work::Uncounted,
+    },
 ];
 
 /// A skip on a trace, on and off.

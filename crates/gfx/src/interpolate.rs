@@ -391,6 +391,17 @@ impl Weights {
     }
 }
 
+/// Whether the weights of a triangle are finite numbers in all quads, those that it does not cover too. A weight is `E_i / w_i` by a sum which is
+/// a sixteenth of the least 1/w times the area at least ([`perspective`]). Edge functions are below 2^49, so that vertices whose 1/w differ by
+/// factors up to 2^64 have weights below 2^(49 + 64 + 4).
+#[inline(always)]
+pub fn has_finite_weights(triangle: &Triangle) -> bool {
+    let [a, b, c] = triangle.inv_w.map(f32::to_bits);
+    let (least, most) = (a.min(b).min(c), a.max(b).max(c));
+    // As bits numbers without sign are in order, and 64 exponents are so many steps of 2^23. Normal numbers only.
+    least >= 1 << 23 && most < INFINITY && most - least <= 64 << 23 && triangle.area() >= 1
+}
+
 /// The sign of the bits of a number.
 const SIGN: u32 = 1 << 31;
 /// The bits of infinity: those of finite numbers without a sign are less.

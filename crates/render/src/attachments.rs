@@ -99,6 +99,7 @@ pub(super) fn take_tiles(res: &mut Resources, place: Place, clearing: Clearing) 
     let [width, height, _] = texture.image.level_size(place.level);
     let shape = Shape { width, height, samples: texture.image.samples, format: texture.image.format };
     let partial = !clearing.whole && clearing.mask != [0; 4];
+    state.stored = false;
     let mut tiles = match state.tiles.take() {
         Some(Tiles::Here(tiles)) => tiles,
         Some(Tiles::Away(away)) => {
@@ -116,6 +117,7 @@ pub(super) fn take_tiles(res: &mut Resources, place: Place, clearing: Clearing) 
             ledger.bytes.charge(shape.tiled_bytes())?;
             let mut tiles = TileSurface::new(shape);
             if !clearing.whole {
+                state.loaded = true;
                 tiles.load(&texture.words, texture.image.offset(place.level, place.layer));
             }
             tiles
@@ -142,7 +144,7 @@ pub(super) fn put_tiles(
     let texture = renderer.res.textures.get_mut(place.texture.0)?;
     texture.version += 1;
     let state = texture.images.get_or_insert_with((place.level, place.layer), ImageState::default);
-    state.tiles = Some(tiles);
+    (state.tiles, state.stored) = (Some(tiles), false);
     if claim.is_some() {
         state.working = claim;
     }

@@ -15,6 +15,7 @@ use super::compute::ComputePipeline;
 use super::flight::{Flights, Tiles};
 use super::ledger::{Claim, Ledger};
 use super::memory::target_offset;
+use super::parallel;
 use super::pipeline::RenderPipeline;
 
 /// Objects of one kind by id.
@@ -141,8 +142,12 @@ impl Buffer {
 /// State of one image (a layer or slice of a level) of a texture.
 #[derive(Debug, Default)]
 pub struct ImageState {
-    /// The newest contents, where a pass left them, if they are not in the words.
+    /// The newest contents, where a pass left them.
     pub tiles: Option<Tiles>,
+    /// The words have these contents too.
+    pub stored: bool,
+    /// A pass began with what the words had: the next one will too, so that tiles are kept when they are stored.
+    pub loaded: bool,
     /// Memory of the tiles, there or in the pass that draws in them.
     pub working: Option<Claim>,
     /// A machine that follows the event stream has these contents in its own frame buffers.
@@ -172,16 +177,23 @@ impl Texture {
         let image = self.image;
         let mut written = 0;
         // Asked for each draw that reads it; keys in order are a list that is made.
-        if self.images.values_mut().all(|state| state.tiles.is_none()) {
+        if self.images.values_mut().all(|state| state.stored || state.tiles.is_none()) {
             return written;
         }
         for (level, layer) in self.images.keys() {
             let Some(state) = self.images.get_mut((level, layer)) else { continue };
+            if state.stored {
+                continue;
+            }
             if let Some(tiles) = state.tiles.take() {
-                let tiles = tiles.landed();
+                let mut tiles = tiles.landed();
                 tiles.store(&self.words, image.offset(level, layer));
                 written += tiles.shape().bytes();
-                state.working = None;
+                if state.loaded {
+                    (state.tiles, state.stored) = (Some(Tiles::Here(tiles)), true);
+                } else {
+                    state.working = None;
+                }
             }
         }
         written
@@ -191,7 +203,8 @@ impl Texture {
     pub fn overwritten(&mut self, level: u32, layer: u32) {
         self.version += 1;
         if let Some(state) = self.images.get_mut((level, layer)) {
-            debug_assert!(state.tiles.is_none(), "the newest contents were in tiles");
+            debug_assert!(state.stored || state.tiles.is_none(), "the newest contents were in tiles");
+            (state.tiles, state.working, state.stored) = (None, None, false);
             state.machine_knows = false;
             state.drawn = false;
         }
@@ -508,7 +521,8 @@ impl Resources {
         }
         self.ledger.bytes.charge(bytes).map_err(|error| error.to_string())?;
         let claim = self.ledger.claim("a view that is ready for sampling", bytes)?;
-        let made = texture::View::new(&texture.words, &texture.image, &view.range, texture.address);
+        let each = |parts: usize, part: &(dyn Fn(usize) + Sync)| parallel::each_number(parts, parallel::ANY, part);
+        let made = texture::View::new_in_parts(&texture.words, &texture.image, &view.range, texture.address, &each);
         let prepared = Arc::new(made.map_err(|error| error.to_string())?);
         view.prepared = Some((texture.version, prepared.clone(), claim));
         Ok(prepared)

@@ -5,12 +5,11 @@
 //! run of memory in the order of coverage bits (`4 sample + pixel`), and those of a block with one sample are a batch of 64 lanes.
 //! A texel of up to four bytes takes one word here, whatever its size in memory.
 
-use std::sync::atomic::Ordering::Relaxed;
+mod linear;
 
 use crate::parallel;
 use gfx::format::Format;
 use gfx::rop;
-use num::Words;
 use work::{BLOCK, TILE};
 
 /// Blocks in a tile.
@@ -95,14 +94,17 @@ pub struct TileMut<'a> {
     pub codes: &'a mut [u32],
     /// Whether it still holds nothing but the clear value, not yet written to `codes`.
     pub clear: &'a mut bool,
+    /// Whether its texels may differ from those of the linear image ([`TileSurface::store`]).
+    pub changed: &'a mut bool,
     /// The clear value.
     pub value: [u32; 4],
 }
 
 impl TileMut<'_> {
-    /// Writes the clear value if that is still to be done.
+    /// Before it is drawn into: writes the clear value if that is still to be done.
     #[inline(always)]
     pub fn materialise(&mut self, words: usize) {
+        *self.changed = true;
         if *self.clear {
             fill(self.codes, words, self.value);
             *self.clear = false;
@@ -132,6 +134,8 @@ pub struct TileSurface {
     shape: Shape,
     codes: Vec<u32>,
     clear: Vec<bool>,
+    /// Tiles that may differ from the linear image to which the surface was last stored, or from which it was loaded.
+    changed: Vec<bool>,
     value: [u32; 4],
     /// Bits that every texel has as `value` has them. OpenGL programs that have a stencil buffer and leave it alone clear depths beside it
     /// every frame: what is known of it spares the pass over memory.
@@ -147,6 +151,7 @@ impl TileSurface {
             shape,
             codes: vec![0; tiles * shape.tile_words()],
             clear: vec![true; tiles],
+            changed: vec![true; tiles],
             value: [0; 4],
             known: ALL,
         };
@@ -164,6 +169,7 @@ impl TileSurface {
         self.value = value;
         self.known = ALL;
         self.clear.fill(true);
+        self.changed.fill(true);
     }
 
     /// Whether no tile holds anything but the clear value.
@@ -210,97 +216,26 @@ impl TileSurface {
     pub fn tiles_mut(&mut self, written: [u32; 4]) -> impl Iterator<Item = TileMut<'_>> {
         let value = self.value;
         self.forget(written);
-        self.codes.chunks_exact_mut(self.shape.tile_words()).zip(&mut self.clear).map(move |(codes, clear)| TileMut {
-            codes,
-            clear,
-            value,
-        })
+        let tiles = self.codes.chunks_exact_mut(self.shape.tile_words()).zip(&mut self.clear).zip(&mut self.changed);
+        tiles.map(move |((codes, clear), changed)| TileMut { codes, clear, changed, value })
     }
 
     /// One tile, to draw into. `written` are the bits of texels that may be written.
     pub fn tile_mut(&mut self, index: usize, written: [u32; 4]) -> TileMut<'_> {
         self.forget(written);
         let n = self.shape.tile_words();
-        TileMut { codes: &mut self.codes[index * n..(index + 1) * n], clear: &mut self.clear[index], value: self.value }
+        TileMut {
+            codes: &mut self.codes[index * n..(index + 1) * n],
+            clear: &mut self.clear[index],
+            changed: &mut self.changed[index],
+            value: self.value,
+        }
     }
 
     fn forget(&mut self, written: [u32; 4]) {
         for (known, written) in self.known.iter_mut().zip(written) {
             *known &= !written;
         }
-    }
-
-    /// Takes the texels from a linear image that starts at byte `offset`.
-    ///
-    /// # Panics
-    /// If the image does not lie in `from`.
-    pub fn load(&mut self, from: &Words, offset: u64) {
-        let shape = self.shape;
-        let across = shape.tiles()[0] as usize;
-        parallel::each(self.tiles_mut(ALL), parallel::ANY, |index, tile| {
-            *tile.clear = false;
-            let geometry = TileGeometry::new(shape, index, across);
-            geometry.rows(|row| load_row(shape, &geometry, row, tile.codes, from, offset));
-        });
-    }
-
-    /// Writes the texels as a linear image that starts at byte `offset`.
-    ///
-    /// # Panics
-    /// If the image does not lie in `to`.
-    pub fn store(&self, to: &Words, offset: u64) {
-        let shape = self.shape;
-        let across = shape.tiles()[0] as usize;
-        // A word of the image is written by one tile only: tiles are 64 texels wide, and with rows that are no multiple of four
-        // bytes, whole rows go to one thread.
-        let aligned = offset.is_multiple_of(4) && (shape.bytes() / u64::from(shape.height)).is_multiple_of(4);
-        let rows_of_tiles = shape.tiles()[1] as usize;
-        let one_row = |ty: usize| {
-            for tx in 0..across {
-                let index = ty * across + tx;
-                let geometry = TileGeometry::new(shape, index, across);
-                geometry.rows(|row| store_row(shape, &geometry, row, self.tile(index), self.value, to, offset));
-            }
-        };
-        if aligned {
-            parallel::each_number(rows_of_tiles, parallel::ANY, &one_row);
-        } else {
-            (0..rows_of_tiles).for_each(one_row);
-        }
-    }
-
-    /// The texels as a linear image: rows top to bottom, pixels left to right, samples in order, tightly packed.
-    pub fn to_bytes(&self) -> Vec<u8> {
-        let mut out = vec![0; self.shape.bytes() as usize];
-        self.read(&mut out);
-        out
-    }
-
-    /// Copies the texels out as a linear image, as [`TileSurface::to_bytes`] gives it.
-    ///
-    /// # Panics
-    /// If there are fewer bytes than the image has.
-    pub fn read(&self, out: &mut [u8]) {
-        let shape = self.shape;
-        if !shape.is_plain() {
-            let words = Words::new(shape.bytes());
-            self.store(&words, 0);
-            return words.read(0, &mut out[..shape.bytes() as usize]);
-        }
-        let across = shape.tiles()[0] as usize;
-        let row = 4 * shape.width as usize;
-        let rows_of_tiles = out[..shape.bytes() as usize].chunks_mut(row * TILE as usize);
-        parallel::each(rows_of_tiles, parallel::ANY, |ty, out| {
-            for (y, out) in out.chunks_exact_mut(row).enumerate() {
-                for (tx, out) in out.chunks_mut(4 * TILE as usize).enumerate() {
-                    let (pixels, _) = out.as_chunks_mut::<4>();
-                    match self.tile(ty * across + tx) {
-                        None => pixels.fill(self.value[0].to_le_bytes()),
-                        Some(codes) => copy_row(codes, y as u32, pixels, u32::to_le_bytes),
-                    }
-                }
-            }
-        });
     }
 
     /// The words of one texel: pixel, sample.
@@ -357,126 +292,10 @@ impl TileSurface {
     }
 }
 
-/// The part of a tile that lies in the surface.
-struct TileGeometry {
-    x: u32,
-    y: u32,
-    width: u32,
-    height: u32,
-}
-
-impl TileGeometry {
-    fn new(shape: Shape, index: usize, across: usize) -> TileGeometry {
-        let (x, y) = ((index % across) as u32 * TILE, (index / across) as u32 * TILE);
-        TileGeometry { x, y, width: TILE.min(shape.width - x), height: TILE.min(shape.height - y) }
-    }
-
-    fn rows(&self, row: impl FnMut(u32)) {
-        (0..self.height).for_each(row);
-    }
-}
-
-/// Byte address of a texel row of a tile in the linear image.
-fn row_offset(shape: Shape, geometry: &TileGeometry, row: u32, offset: u64) -> usize {
-    let texel = u64::from(shape.format.block_bytes()) * u64::from(shape.samples);
-    (offset + (u64::from(geometry.y + row) * u64::from(shape.width) + u64::from(geometry.x)) * texel) as usize
-}
-
-fn load_row(shape: Shape, geometry: &TileGeometry, row: u32, codes: &mut [u32], from: &Words, offset: u64) {
-    let mut at = row_offset(shape, geometry, row, offset);
-    let (words, samples) = (shape.words(), shape.samples as usize);
-    if shape.is_plain() && at.is_multiple_of(4) {
-        let source = &from.words()[at / 4..at / 4 + geometry.width as usize];
-        let (blocks, rest) = source.as_chunks::<8>();
-        for (block, texels) in blocks.iter().enumerate() {
-            let quads = &mut codes[texel_at(BLOCK * block as u32, row)..][..14];
-            for (k, texel) in texels.iter().enumerate() {
-                quads[in_row(k)] = texel.load(Relaxed);
-            }
-        }
-        for (k, texel) in rest.iter().enumerate() {
-            codes[texel_at(BLOCK * blocks.len() as u32, row) + in_row(k)] = texel.load(Relaxed);
-        }
-        return;
-    }
-    for x in 0..geometry.width {
-        let quad = quad_of(x, row) as usize;
-        let pixel = (row % 2 * 2 + x % 2) as usize;
-        for sample in 0..samples {
-            let base = (quad * samples + sample) * words * 4 + pixel;
-            match shape.format.block_bytes() {
-                1 => codes[base] = u32::from(from.byte(at)),
-                2 => codes[base] = u32::from(from.u16_at(at)),
-                _ => {
-                    for w in 0..words {
-                        codes[base + 4 * w] = from.u32_at(at + 4 * w);
-                    }
-                }
-            }
-            at += shape.format.block_bytes() as usize;
-        }
-    }
-}
-
-/// Copies the start of a row of a tile of one word and one sample, a block's eight texels at a time.
-fn copy_row<T>(codes: &[u32], y: u32, out: &mut [T], texel: impl Fn(u32) -> T) {
-    let (blocks, rest) = out.as_chunks_mut::<8>();
-    for (block, texels) in blocks.iter_mut().enumerate() {
-        let quads = &codes[texel_at(BLOCK * block as u32, y)..][..14];
-        *texels = std::array::from_fn(|k| texel(quads[in_row(k)]));
-    }
-    let whole = blocks.len();
-    for (k, out) in rest.iter_mut().enumerate() {
-        *out = texel(codes[texel_at(BLOCK * whole as u32, y) + in_row(k)]);
-    }
-}
-
-/// Where the texels of a block's row are behind the first of them, in a tile of one word and one sample: two of each quad.
-#[inline(always)]
-fn in_row(k: usize) -> usize {
-    4 * (k / 2) + k % 2
-}
-
-/// Index of a pixel's code in a tile of one word and one sample.
-#[inline(always)]
-fn texel_at(x: u32, y: u32) -> usize {
-    (quad_of(x, y) * 4 + y % 2 * 2 + x % 2) as usize
-}
-
-fn store_row(shape: Shape, geometry: &TileGeometry, row: u32, codes: Option<&[u32]>, value: [u32; 4], to: &Words, offset: u64) {
-    let mut at = row_offset(shape, geometry, row, offset);
-    let (words, samples) = (shape.words(), shape.samples as usize);
-    if shape.is_plain() && at.is_multiple_of(4) {
-        let target = &to.words()[at / 4..at / 4 + geometry.width as usize];
-        let mut texels = [value[0]; TILE as usize];
-        let texels = &mut texels[..target.len()];
-        if let Some(codes) = codes {
-            copy_row(codes, row, texels, |code| code);
-        }
-        target.iter().zip(texels).for_each(|(word, texel)| word.store(*texel, Relaxed));
-        return;
-    }
-    for x in 0..geometry.width {
-        let quad = quad_of(x, row) as usize;
-        let pixel = (row % 2 * 2 + x % 2) as usize;
-        for sample in 0..samples {
-            let base = (quad * samples + sample) * words * 4 + pixel;
-            let word = |w: usize| codes.map_or(value[w], |c| c[base + 4 * w]);
-            let size = shape.format.block_bytes() as usize;
-            if size >= 4 && at.is_multiple_of(4) {
-                (0..words).for_each(|w| to.store(at / 4 + w, word(w)));
-            } else {
-                let stored: [u32; 4] = std::array::from_fn(|w| if w < words { word(w).to_le() } else { 0 });
-                to.write(at as u64, &bytemuck::bytes_of(&stored)[..size]);
-            }
-            at += size;
-        }
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
+    use num::Words;
 
     fn pattern(shape: Shape, offset: u64) -> (Words, Vec<u8>) {
         let mut bytes = vec![0; (offset + shape.bytes()) as usize];
@@ -509,11 +328,42 @@ mod tests {
                     surface.load(&words, 16);
                     assert_eq!(surface.to_bytes(), bytes[16..], "{shape:?}");
                     let back = Words::new(bytes.len() as u64);
+                    surface.tiles_mut(ALL).for_each(|mut tile| tile.materialise(shape.words()));
                     surface.store(&back, 16);
                     assert_eq!(back.to_vec()[16..], bytes[16..], "{shape:?}");
                 }
             }
         }
+    }
+
+    #[test]
+    fn only_tiles_that_have_changed_are_stored_again() {
+        let shape = Shape { format: Format::Rgba8Unorm, width: 200, height: 130, samples: 1 };
+        let (words, _) = pattern(shape, 0);
+        let mut surface = TileSurface::new(shape);
+        surface.load(&words, 0);
+        let stored = |surface: &mut TileSurface| {
+            // Zeros stay where a tile is not stored.
+            let words = Words::new(shape.bytes());
+            surface.store(&words, 0);
+            let at = |tile: u32| words.load((tile / 4 * 64 * 200 + tile % 4 * 64) as usize) != 0;
+            (0..12).filter(|&tile| at(tile)).collect::<Vec<_>>()
+        };
+        assert_eq!(stored(&mut surface), Vec::<u32>::new());
+        let mut tile = surface.tile_mut(6, ALL);
+        tile.materialise(1);
+        tile.codes[0] = 77;
+        assert_eq!(stored(&mut surface), [6]);
+        assert_eq!(stored(&mut surface), Vec::<u32>::new());
+        surface.clear_masked([7; 4], [0xff; 4]);
+        assert_eq!(stored(&mut surface), Vec::from_iter(0..12));
+        surface.clear([5; 4]);
+        assert_eq!(stored(&mut surface), Vec::from_iter(0..12));
+        // A new one was never stored.
+        let mut fresh = TileSurface::new(shape);
+        fresh.tile_mut(0, ALL).materialise(1);
+        fresh.store(&words, 0);
+        assert_eq!(words.to_vec(), vec![0; shape.bytes() as usize]);
     }
 
     #[test]

@@ -17,6 +17,7 @@ mod fast;
 mod fixed;
 mod general;
 mod lod;
+mod read;
 mod record;
 mod sampler;
 mod squares;
@@ -29,7 +30,7 @@ mod tests;
 
 pub use record::Footprint;
 pub use sampler::Sampler;
-pub use view::{View, ViewError, ViewRange};
+pub use view::{Each, View, ViewError, ViewRange};
 
 use num::{Lanes, Mask};
 

@@ -60,6 +60,22 @@ fn texel(words: &Words, image: &ImageDesc, level: u32, layer: u32, x: u32, y: u3
 }
 
 #[test]
+fn parts_of_a_view_may_be_made_in_any_order() {
+    for format in [Format::Rgba8Unorm, Format::Bgra8Unorm, Format::Rgba8UnormSrgb, Format::R8Unorm, Format::Depth32Float] {
+        for (size, levels, samples) in [([200, 301, 2], 4, 1), ([1, 1, 1], 1, 1), ([9, 98, 1], 1, 4)] {
+            let image = ImageDesc { samples, ..image(size, levels, format) };
+            let words = noise(&image, 3);
+            let range = whole(&image, ViewDimension::D2Array);
+            let backwards = |parts: usize, part: &(dyn Fn(usize) + Sync)| (0..parts).rev().for_each(part);
+            let (here, there) =
+                (View::new(&words, &image, &range, 0), View::new_in_parts(&words, &image, &range, 0, &backwards));
+            let (here, there) = (here.expect("a valid view"), there.expect("a valid view"));
+            assert!(here.texels == there.texels && here.levels == there.levels, "{format:?} of {size:?}");
+        }
+    }
+}
+
+#[test]
 fn every_format_loads_what_its_codec_decodes() {
     for &format in Format::ALL {
         if format.is_compressed() || format == Format::Stencil8 {

@@ -1,9 +1,9 @@
 //! Texture views made ready for sampling: a copy of the texels in a form that filters read directly.
 
+use super::read::Reader;
 use crate::format::{Format, TexelKind};
 use crate::image::ImageDesc;
 use crate::state::{Aspect, ViewDimension};
-use crate::texel::{Rgba8, decode, decode_block, decode_block_rgba8, decode_srgb8, depth_value, stencil_value};
 use crate::tiling::{LINE, Tiled, TiledLevel};
 use num::Words;
 
@@ -139,6 +139,9 @@ const MOST_TEXELS: u64 = (1 << 30) - 1;
 /// 1 as a 16-bit filter value: 255 * 128, so that an 8-bit code is a shift away and differences fit 16 bits.
 pub(super) const FIXED_ONE: f32 = 32640.0;
 
+/// A loop: calls a function once for each number below a count, on any threads and in any order.
+pub type Each<'a> = &'a dyn Fn(usize, &(dyn Fn(usize) + Sync));
+
 /// A texture view ready for sampling. It is a copy: make a new one when the texture changes.
 #[derive(Clone, Debug)]
 pub struct View {
@@ -163,6 +166,20 @@ impl View {
     /// # Errors
     /// If the range does not lie in the texture, or does not fit its dimension and format.
     pub fn new(words: &Words, image: &ImageDesc, range: &ViewRange, address: u64) -> Result<View, ViewError> {
+        View::new_in_parts(words, image, range, address, &|parts, part| (0..parts).for_each(part))
+    }
+
+    /// As [`View::new`], by a loop that may do parts of the work at once and in any order.
+    ///
+    /// # Errors
+    /// As [`View::new`].
+    pub fn new_in_parts(
+        words: &Words,
+        image: &ImageDesc,
+        range: &ViewRange,
+        address: u64,
+        each: Each<'_>,
+    ) -> Result<View, ViewError> {
         check(words, image, range)?;
         let volume = range.dimension == ViewDimension::D3;
         let mut levels = Vec::with_capacity(range.levels as usize);
@@ -183,7 +200,7 @@ impl View {
         }
         let places = places as usize;
         let stencil = range.aspect == Aspect::StencilOnly || range.format == Format::Stencil8;
-        let texels = Reader { words, image, range, levels: &levels, places, stencil }.read();
+        let texels = Reader { words, image, range, levels: &levels, places, stencil, each }.read();
         for level in &mut levels {
             let [base, _] = texels.geometry(level);
             let [w, h] = [level.size[0], level.size[1]].map(|n| (n as f32).to_bits());
@@ -313,179 +330,4 @@ fn check(words: &Words, image: &ImageDesc, range: &ViewRange) -> Result<(), View
         return Err(ViewError::Bytes { needed: image.bytes(), present: words.len() });
     }
     Ok(())
-}
-
-/// What is needed to copy the texels of a view.
-struct Reader<'a> {
-    words: &'a Words,
-    image: &'a ImageDesc,
-    range: &'a ViewRange,
-    levels: &'a [Level],
-    places: usize,
-    stencil: bool,
-}
-
-impl Reader<'_> {
-    fn read(&self) -> Texels {
-        // The texture's own format says what the bytes are; the view's format says whether colours are sRGB, or picks an aspect.
-        let stored = self.image.format;
-        let view = if stored.is_depth_stencil() { stored } else { self.range.format };
-        if self.stencil {
-            return Texels::U32x4(self.texels([0; 4], |bytes| [u32::from(stencil_value(stored, bytes)), 0, 0, 1]));
-        }
-        if let Some(layout) = Rgba8::of(view) {
-            let codes = self.codes(layout.bgra);
-            return self.four_channels(codes, layout.srgb);
-        }
-        match view {
-            Format::Bc1RgbaUnorm
-            | Format::Bc1RgbaUnormSrgb
-            | Format::Bc2RgbaUnorm
-            | Format::Bc2RgbaUnormSrgb
-            | Format::Bc3RgbaUnorm
-            | Format::Bc3RgbaUnormSrgb
-            | Format::Bc7RgbaUnorm
-            | Format::Bc7RgbaUnormSrgb => {
-                self.four_channels(self.blocks(0, |block| decode_block_rgba8(view, block)), view.is_srgb())
-            }
-            _ if view.is_compressed() => {
-                let block = |block: &[u8]| decode_block(view, block).map(|t| t.map(f32::from_bits));
-                Texels::F32x4(self.blocks([0.0; 4], block))
-            }
-            Format::R8Unorm => self.four_channels(self.texels(0, |b| u32::from(b[0]) | 0xff00_0000), false),
-            Format::Rg8Unorm => {
-                self.four_channels(self.texels(0, |b| u32::from(b[0]) | u32::from(b[1]) << 8 | 0xff00_0000), false)
-            }
-            Format::R32Float | Format::Depth32Float => Texels::F32(self.words_as(f32::from_bits)),
-            Format::Depth24Plus | Format::Depth24PlusStencil8 => Texels::F32(self.words_as(|code| depth_value(view, code))),
-            _ if view.has_depth() => Texels::F32(self.texels(0.0, |bytes| f32::from_bits(decode(view, bytes)[0]))),
-            _ => match view.kind() {
-                TexelKind::Float => Texels::F32x4(self.texels([0.0; 4], |bytes| decode(view, bytes).map(f32::from_bits))),
-                _ => Texels::U32x4(self.texels([0; 4], |bytes| decode(view, bytes))),
-            },
-        }
-    }
-
-    /// Calls `row(level, place of the row, first byte of the row)` for every row of texels (of blocks) of the view.
-    fn rows(&self, mut row: impl FnMut(&Level, usize, u64)) {
-        let dim = self.image.format.block_dim();
-        for (index, level) in self.levels.iter().enumerate() {
-            let in_image = self.range.base_level + index as u32;
-            for slice in 0..level.size[2] {
-                let layer = if self.range.dimension == ViewDimension::D3 { slice } else { self.range.base_layer + slice };
-                let first = self.image.offset(in_image, layer);
-                for y in (0..level.size[1]).step_by(dim as usize) {
-                    let place = level.offset as usize + (slice * level.slice + y * level.stride) as usize;
-                    row(level, place, first + u64::from(y / dim) * self.image.row_bytes(in_image));
-                }
-            }
-        }
-    }
-
-    /// Repeats the first texel of a row behind its last, where there is room for it.
-    fn close_row<T: Copy>(&self, row: &mut [T]) {
-        if self.image.samples == 1
-            && let [first, .., last] = row
-        {
-            *last = *first;
-        }
-    }
-
-    /// Texels of four bytes. Rows come in the order of their places.
-    fn words_as<T: Copy>(&self, f: impl Fn(u32) -> T) -> Vec<T> {
-        use std::sync::atomic::Ordering::Relaxed;
-        let mut out = Vec::with_capacity(self.places);
-        self.rows(|level, place, byte| {
-            let count = (level.size[0] * self.image.samples) as usize;
-            let words = &self.words.words()[byte as usize / 4..byte as usize / 4 + count];
-            out.extend(words.iter().map(|word| f(word.load(Relaxed))));
-            if self.image.samples == 1
-                && let Some(&first) = out.get(place)
-            {
-                out.push(first);
-            }
-        });
-        out
-    }
-
-    /// Texels of four 8-bit channels, red first.
-    fn codes(&self, bgra: bool) -> Vec<u32> {
-        if bgra { self.words_as(|c| c & 0xff00_ff00 | c >> 16 & 0xff | (c & 0xff) << 16) } else { self.words_as(|c| c) }
-    }
-
-    /// Texels of any size.
-    fn texels<T: Copy>(&self, zero: T, f: impl Fn(&[u8]) -> T) -> Vec<T> {
-        let mut out = vec![zero; self.places];
-        let size = self.image.format.block_bytes() as usize;
-        let mut bytes = Vec::new();
-        self.rows(|level, place, byte| {
-            let row = &mut out[place..place + level.stride as usize];
-            bytes.resize((level.size[0] * self.image.samples) as usize * size, 0);
-            self.words.read(byte, &mut bytes);
-            for (texel, bytes) in row.iter_mut().zip(bytes.chunks_exact(size)) {
-                *texel = f(bytes);
-            }
-            self.close_row(row);
-        });
-        out
-    }
-
-    /// Texels of blocks of 4x4.
-    fn blocks<T: Copy>(&self, zero: T, f: impl Fn(&[u8]) -> [T; 16]) -> Vec<T> {
-        let mut out = vec![zero; self.places];
-        let size = self.image.format.block_bytes() as usize;
-        let mut bytes = Vec::new();
-        self.rows(|level, place, byte| {
-            let (width, stride) = (level.size[0] as usize, level.stride as usize);
-            let in_slice = (place - level.offset as usize) % level.slice as usize;
-            let rows = (level.size[1] as usize - in_slice / stride).min(4);
-            bytes.resize(width.div_ceil(4) * size, 0);
-            self.words.read(byte, &mut bytes);
-            for (column, block) in bytes.chunks_exact(size).enumerate() {
-                let texels = f(block);
-                let columns = (width - 4 * column).min(4);
-                for y in 0..rows {
-                    let at = place + y * stride + 4 * column;
-                    out[at..at + columns].copy_from_slice(&texels[4 * y..4 * y + columns]);
-                }
-            }
-            for y in 0..rows {
-                self.close_row(&mut out[place + y * stride..place + (y + 1) * stride]);
-            }
-        });
-        out
-    }
-
-    /// The store of texels of four 8-bit channels.
-    fn four_channels(&self, codes: Vec<u32>, srgb: bool) -> Texels {
-        if srgb {
-            return Texels::Srgb8 { linear: linear_light(&codes), codes };
-        }
-        let count = self.levels.last().map_or(0, |l| l.columns[0] + l.columns[1] * l.size[2]);
-        // One more than there are: who reads a place of the last reads eight words.
-        let mut columns = Vec::with_capacity(count as usize + 1);
-        for level in self.levels {
-            let (height, stride) = (level.size[1] as usize, level.stride as usize);
-            for slice in 0..level.size[2] as usize {
-                let codes = &codes[level.offset as usize + slice * level.slice as usize..][..level.slice as usize];
-                for first in (0..height).step_by(ROWS as usize) {
-                    let row = |r: usize| &codes[(first + r) % height * stride..][..stride];
-                    let rows = row(0).iter().zip(row(1)).zip(row(2)).zip(row(3));
-                    columns.extend(rows.map(|(((a, b), c), d)| [*a, *b, *c, *d]));
-                }
-            }
-        }
-        columns.resize(count as usize + 1, [0; 4]);
-        Texels::Unorm8(columns)
-    }
-}
-
-/// sRGB texels in linear light.
-fn linear_light(codes: &[u32]) -> Vec<u64> {
-    let table: [u64; 256] = std::array::from_fn(|code| (decode_srgb8(code as u8) * FIXED_ONE + 0.5) as u64);
-    let one = |code: &u32| {
-        let [r, g, b, a] = code.to_le_bytes();
-        table[usize::from(r)] | table[usize::from(b)] << 16 | table[usize::from(g)] << 32 | u64::from(a) << (48 + 7)
-    };
-    codes.iter().map(one).collect()
 }

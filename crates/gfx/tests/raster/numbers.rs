@@ -381,3 +381,30 @@ fn clipped_lines_end_at_the_planes() {
     assert_eq!((clipped, out.vertices().len()), (Clipped::Cut, 2));
     assert!(out.vertices().iter().all(|v| v.position[3] > 0.0));
 }
+
+/// Weights of triangles that promise finite ones, in quads that are as far away as a screen is wide.
+#[test]
+fn weights_are_finite_where_they_are_said_to_be() {
+    let mut random = Random::new(21);
+    let (mut promised, mut wild) = (0, 0);
+    for _ in 0..4000 {
+        let spread = [1, 40, 90, 250][random.between(0, 4) as usize];
+        let inv_w = |random: &mut Random| {
+            f32::from_bits((random.between(127 - spread / 2, 127 + spread / 2).clamp(1, 254) as u32) << 23)
+        };
+        let corners = random_triangle(&mut random, 64, false).map(|v| ScreenVertex { inv_w: inv_w(&mut random), ..v });
+        let Ok(triangle) = setup::triangle(&state(1, [0, 0, 64, 64]), &corners) else { continue };
+        let sites: Vec<Site> = (0..QUADS)
+            .map(|_| Site { triangle: 0, x: 2 * random.between(0, 8192) as u16, y: 2 * random.between(0, 8192) as u16 })
+            .collect();
+        let (mut weights, mut inv_w) = (Weights::default(), Lanes::ZERO);
+        interpolate::perspective(&[triangle], &sites, Place::Center, &mut weights, &mut inv_w);
+        if interpolate::has_finite_weights(&triangle) {
+            promised += 1;
+            assert!(weights.are_finite(), "{corners:?}");
+        } else {
+            wild += 1;
+        }
+    }
+    assert!(promised > 500 && wild > 500, "{promised} {wild}");
+}

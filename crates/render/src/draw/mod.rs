@@ -100,17 +100,19 @@ pub struct Skips {
     pub overwritten: bool,
     /// Blocks that lie inside of all edges of a triangle are not tested sample by sample.
     pub full_blocks: bool,
+    /// A fragment program whose inputs are the same all over a triangle runs once for the triangle's whole batches in a tile.
+    pub repeated: bool,
 }
 
 impl Default for Skips {
     fn default() -> Self {
-        Skips { overwritten: true, full_blocks: true }
+        Skips { overwritten: true, full_blocks: true, repeated: true }
     }
 }
 
 impl Skips {
     /// Nothing is left out.
-    pub const NONE: Skips = Skips { overwritten: false, full_blocks: false };
+    pub const NONE: Skips = Skips { overwritten: false, full_blocks: false, repeated: false };
 }
 
 /// A draw call with everything resolved.

@@ -139,6 +139,8 @@ pub struct Settings {
     pub payload_words: usize,
     /// A later opaque fragment hides what was there: earlier ones need not be computed.
     pub overwrites: bool,
+    /// What the fragment program writes depends on its inputs alone, and on nothing that differs within a triangle but these.
+    pub repeats: bool,
     /// Shade what the early test rejects too, for its cost.
     pub shade_covered: bool,
     /// What costs have beside what counts always.
@@ -220,6 +222,14 @@ impl Settings {
         setup.lower_edges = pipeline.primitive.lower_edges;
         let flat = pipeline.varyings.iter().all(|v| v.interpolation == Interpolation::Flat);
         let no_builtins = fragment.is_none() || pipeline.builtins[1].is_empty();
+        let of_triangle = |&(_, builtin): &(usize, BuiltIn)| matches!(builtin, BuiltIn::FrontFacing | BuiltIn::PrimitiveIndex);
+        let repeats = call.skips.repeated
+            && !call.record
+            && samples == 1
+            && !side_effects
+            && !shrinks
+            && interface.is_some_and(|i| !i.subgroups)
+            && pipeline.builtins[1].iter().all(of_triangle);
         let all_samples = (1 << samples) - 1;
         Ok(Settings {
             key: Key::of(call),
@@ -253,6 +263,7 @@ impl Settings {
                 && !shrinks
                 && !call.count_samples
                 && pipeline.sample_mask & all_samples == all_samples,
+            repeats,
             targets,
             depth_payload,
             payload_words,

@@ -6,11 +6,12 @@ use gfx::interpolate::{self, Place, Weights};
 use num::{LANES, Lanes, QUADS};
 use shader::{Bound, BuiltIn, Interpolation, Sampling};
 
-use super::batch::MADE;
+use super::batch::{Batch, MADE};
 use super::frame::{FragmentWeights, PreparedDraw};
-use super::pending::{lanes, quads};
+use super::pending::{Pending, lanes, quads};
 use super::record::shaded;
-use super::tile::TileRun;
+use super::tile::{SegmentInput, TileRun};
+use crate::pipeline::VaryingClass;
 
 /// Triangles of a batch up to which attributes that are the same at all vertices are looked for.
 const FEW: usize = 4;
@@ -47,16 +48,26 @@ impl TileRun<'_, '_, '_> {
         self.counts.quads_shaded += n as u64;
         self.counts.fragments_shaded += u64::from(active.count_ones());
         self.counts.helper_fragments += u64::from((present & !active).count_ones());
-        self.interpolate::<S, WIDE>();
-        let helpers = if frame.helpers { present & !active } else { 0 };
-        let Some(bound) = &mut self.bound else { return };
-        let outcome = if RECORD { bound.run_recorded(active, helpers, self.recorder) } else { bound.run(active, helpers) };
-        let survivors = match outcome {
-            Ok(outcome) => outcome.mask,
-            Err(fault) => {
-                self.fault = Some(fault);
-                self.pending.clear();
-                return;
+        let owner = (!RECORD && S == 1 && frame.repeats && self.pending.owners == 1).then(|| self.pending.names[0]);
+        let survivors = if owner.is_some() && owner == self.shaded {
+            active
+        } else {
+            let constant = self.interpolate::<S, WIDE>();
+            // The batches that follow have the same outputs, whatever lanes they have.
+            self.shaded = owner.filter(|_| constant && n == QUADS);
+            let (active, helpers) = match self.shaded {
+                Some(_) => (u64::MAX, 0),
+                None => (active, if frame.helpers { present & !active } else { 0 }),
+            };
+            let Some(bound) = &mut self.bound else { return };
+            let outcome = if RECORD { bound.run_recorded(active, helpers, self.recorder) } else { bound.run(active, helpers) };
+            match outcome {
+                Ok(outcome) => outcome.mask,
+                Err(fault) => {
+                    self.fault = Some(fault);
+                    self.pending.clear();
+                    return;
+                }
             }
         };
         // A bit a lane says all of one sample.
@@ -137,16 +148,17 @@ impl TileRun<'_, '_, '_> {
         }
     }
 
-    /// Writes the inputs of the fragment program.
+    /// Writes the inputs of the fragment program; whether varyings are the same all over each triangle.
     #[inline(always)]
-    fn interpolate<const S: usize, const WIDE: bool>(&mut self) {
+    fn interpolate<const S: usize, const WIDE: bool>(&mut self) -> bool {
         let frame = self.frame;
         let pending = &*self.pending;
         let n = pending.n;
         let sites = &pending.sites[..n];
         let triangles = pending.triangles.as_slice();
         let ends = &pending.ends[..pending.owners];
-        let Some(bound) = &mut self.bound else { return };
+        let Some(bound) = &mut self.bound else { return false };
+        let mut all_constant = true;
         // Place of every lane for what is evaluated at samples, where the program runs once a sample.
         let mut at_sample = [0_u8; LANES];
         if S > 1 && frame.per_sample {
@@ -168,30 +180,25 @@ impl TileRun<'_, '_, '_> {
                     Place::PerLane(&centroid)
                 }
             };
-            if class.interpolation == Interpolation::Perspective {
+            // Colours of many programs are those of a whole triangle. Where triangles are small, to find that out takes longer than to interpolate.
+            let fills = !flat && pending.owners <= FEW;
+            let constant = fills && self.input.is_constant(pending, class);
+            all_constant &= flat || constant;
+            if constant {
+                // Weights are not needed.
+            } else if class.interpolation == Interpolation::Perspective {
                 has_inv_w = class.sampling == Sampling::Center;
                 interpolate::perspective(triangles, sites, place, weights, inv_w);
             } else if !flat {
                 interpolate::linear(triangles, sites, place, weights);
             }
-            // Colours of many programs are those of a whole triangle. Where triangles are small, to find that out takes longer than to interpolate.
-            let fills = !flat && pending.owners <= FEW;
-            let mut finite = None;
+            let mut finite = constant.then_some(true);
             let mut start = 0;
             for (&(batch, number), &end) in pending.names.iter().zip(ends) {
                 let end = usize::from(end);
                 let batch = &self.input.batches[batch as usize];
                 let corners = batch.corners[number as usize];
-                // The varyings of a vertex.
-                let words = |v: u32| {
-                    let stride = self.input.vertices.varying_stride;
-                    let (from, v) = if v & MADE == 0 {
-                        (&self.input.vertices.varyings, v as usize)
-                    } else {
-                        (&batch.made, (v & !MADE) as usize)
-                    };
-                    &from[v * stride..(v + 1) * stride]
-                };
+                let words = |v: u32| self.input.varyings(batch, v);
                 if flat {
                     let words = words(corners.flat);
                     for &(register, word) in &class.inputs {
@@ -222,6 +229,7 @@ impl TileRun<'_, '_, '_> {
             let place = if S > 1 && frame.per_sample { Place::PerLane(&at_sample) } else { Place::Center };
             self.builtins::<S>(place, has_inv_w);
         }
+        all_constant
     }
 
     /// Writes the built-in inputs.
@@ -268,12 +276,22 @@ impl TileRun<'_, '_, '_> {
                         }
                     }
                 }
+                BuiltIn::FrontFacing => {
+                    let Some(input) = bound.input_mut(slot, 0) else { continue };
+                    let backs = pending.back & u16::MAX >> (QUADS - n);
+                    if backs == 0 || backs.count_ones() as usize == n {
+                        input.0.fill(u32::from(backs == 0));
+                        continue;
+                    }
+                    for (q, quad) in input.0.chunks_exact_mut(4).enumerate() {
+                        quad.fill(u32::from(backs >> q & 1 == 0));
+                    }
+                }
                 _ => {
                     let Some(input) = bound.input_mut(slot, 0) else { continue };
                     for q in 0..n {
                         let site = &sites[q];
                         let value = match builtin {
-                            BuiltIn::FrontFacing => u32::from(pending.back >> q & 1 == 0),
                             BuiltIn::SampleIndex if S > 1 => u32::from(pending.sample[q]),
                             BuiltIn::PrimitiveIndex => {
                                 let (batch, number) = pending.names[site.triangle as usize];
@@ -342,6 +360,33 @@ impl TileRun<'_, '_, '_> {
         }
         record.work.payload.resize(first + 4 * frame.payload_words * pending.n, 0);
         put_payload::<S>(frame, bound, &mut record.work.payload[first..]);
+    }
+}
+
+impl SegmentInput<'_, '_> {
+    /// The varyings of a vertex of a batch.
+    #[inline(always)]
+    fn varyings<'b>(&'b self, batch: &'b Batch, v: u32) -> &'b [u32] {
+        let stride = self.vertices.varying_stride;
+        let (from, v) = if v & MADE == 0 { (&self.vertices.varyings, v as usize) } else { (&batch.made, (v & !MADE) as usize) };
+        &from[v * stride..(v + 1) * stride]
+    }
+
+    /// Whether the inputs of a class are the same all over each triangle, whatever its weights are: those are finite then.
+    #[inline(always)]
+    fn is_constant(&self, pending: &Pending, class: &VaryingClass) -> bool {
+        let names = pending.names.iter().take(pending.owners).zip(pending.triangles.as_slice());
+        for (&(batch, number), triangle) in names {
+            let batch = &self.batches[batch as usize];
+            let [a, b, c] = batch.corners[number as usize].vertices.map(|v| self.varyings(batch, v));
+            let mut words = class.inputs.iter().map(|&(_, word)| word);
+            if !words.all(|word| interpolate::is_constant([a[word], b[word], c[word]]))
+                || !interpolate::has_finite_weights(triangle)
+            {
+                return false;
+            }
+        }
+        true
     }
 }
 

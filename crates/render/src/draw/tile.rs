@@ -76,6 +76,8 @@ pub struct TileRun<'a, 'f, 'j> {
     pub batch: u32,
     pub number: u32,
     pub slot: u32,
+    /// The triangle, by batch and number there, for all of which the outputs of the fragment program hold.
+    pub shaded: Option<(u32, u32)>,
 }
 
 /// Draws a tile.
@@ -170,6 +172,7 @@ where
         batch: 0,
         number: 0,
         slot: u32::MAX,
+        shaded: None,
     };
     let blocks = worker.blocks.as_mut();
     blocks.takes_whole = frame.skips.full_blocks;

@@ -3,6 +3,7 @@
 mod common;
 mod compute;
 mod draw;
+mod feedback;
 mod flights;
 mod language;
 mod modules;

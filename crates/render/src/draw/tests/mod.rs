@@ -71,7 +71,7 @@ struct How {
 
 const USUAL: How = How {
     threads: 2,
-    skips: Skips { overwritten: true, full_blocks: true },
+    skips: Skips { overwritten: true, full_blocks: true, repeated: true },
     record: false,
     key: RenderKey {
         early_z: true,

@@ -191,6 +191,47 @@ fn what_is_overwritten_is_counted_and_not_computed() {
     }
 }
 
+/// Triangles of all sizes, each of one colour, that are added to what is there.
+fn panes(source: String) -> Scene {
+    let mut vertices = [soup(200, 15, true), soup(40, 16, false)].concat();
+    for triangle in vertices.chunks_exact_mut(3) {
+        let color = triangle[0][4..].to_vec();
+        triangle.iter_mut().for_each(|vertex| vertex[4..].copy_from_slice(&color));
+    }
+    let mut scene = Scene { source, ..Scene::new(vertices) };
+    let add = BlendComponent { src: BlendFactor::SrcAlpha, dst: BlendFactor::One, op: BlendOp::Add };
+    scene.target().blend = Some(Blend { color: add, alpha: add });
+    scene
+}
+
+#[test]
+fn a_triangle_of_one_colour_is_shaded_once_in_a_tile() {
+    let one = Skips { repeated: false, ..USUAL.skips };
+    let steps = |image: &Image| image.ledger.sums()[4];
+    let with = |from: &str, to: &str| PLAIN.replace(from, to);
+    let sided = with("fs(v: V)", "fs(v: V, @builtin(front_facing) front: bool)")
+        .replace("return v.c;", "return select(v.c.bgra, v.c, front);");
+    let derived = with("return v.c;", "return v.c + 16.0 * fwidth(v.c);");
+    for (name, source) in [("plain", PLAIN.to_string()), ("two sides", sided), ("derivatives", derived)] {
+        let scene = panes(source);
+        for scene in [scene.clone(), scene.with_depth(Format::Depth32Float, Compare::LessEqual, true, 1.0)] {
+            let (usual, each) = (scene.draw(), scene.draw_as(How { skips: one, ..USUAL }));
+            same(name, "where colours are repeated", &usual, &each);
+            assert_eq!(usual.drawn.funnel, each.drawn.funnel, "{name}");
+            assert!(steps(&usual) < steps(&each), "{name}: {} and {} steps", steps(&usual), steps(&each));
+        }
+    }
+    // Where fragments differ for another reason, each is shaded; where colours differ, too.
+    let placed = with("return v.c;", "return v.c + vec4(fract(v.p.x * 0.37));");
+    let discarded = with("return v.c;", "if v.c.x > 0.6 { discard; } return v.c;");
+    let many = Scene { vertices: soup(200, 15, true), ..panes(PLAIN.into()) };
+    for (name, scene) in [("place", panes(placed)), ("discard", panes(discarded)), ("many colours", many)] {
+        let (usual, each) = (scene.draw(), scene.draw_as(How { skips: one, ..USUAL }));
+        same(name, "without repeated colours", &usual, &each);
+        assert_eq!(steps(&usual), steps(&each), "{name}");
+    }
+}
+
 #[test]
 fn the_funnel_adds_up() {
     for (name, scene) in variety() {
