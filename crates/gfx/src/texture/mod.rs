@@ -17,6 +17,7 @@ mod fast;
 mod fixed;
 mod general;
 mod lod;
+mod nearest;
 mod read;
 mod record;
 mod sampler;

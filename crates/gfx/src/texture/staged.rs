@@ -9,7 +9,7 @@ use super::general::reference;
 use super::lod;
 use super::sampler::{BORDER, fold};
 use super::view::{Texels, word_in_columns};
-use super::{Lod, Sample, Sampler, View, ellipse};
+use super::{Lod, Sample, Sampler, View, ellipse, nearest};
 use crate::simd::wide;
 use crate::state::{AddressMode, ViewDimension};
 use crate::texel::srgb_table;
@@ -35,6 +35,9 @@ pub(super) fn sample(view: &View, sampler: &Sampler, args: &Sample<'_>, mask: Ma
         || ellipse::applies(view, sampler, args)
     {
         return false;
+    }
+    if nearest::sample(view, sampler, args, out) {
+        return true;
     }
     match Stores::of(view) {
         Some(Stores::Unorm(store)) => sample_wide(view, store, sampler, args, out),
@@ -448,7 +451,7 @@ fn linear_along(mode: AddressMode, u: &[f32; LANES], size: &[f32; LANES], out: &
 /// [`super::sampler::wrap`] without a division, for places of a folded coordinate: from -1 to `n` (mirrored: to `2 n`) where they
 /// repeat, any others.
 #[inline(always)]
-fn wrap(mode: AddressMode, i: i32, n: i32) -> i32 {
+pub(super) fn wrap(mode: AddressMode, i: i32, n: i32) -> i32 {
     match mode {
         // No `clamp`: its check of the bounds would keep the loop from becoming vectors.
         AddressMode::ClampToEdge => i.max(0).min(n - 1),

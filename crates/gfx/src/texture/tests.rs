@@ -490,6 +490,30 @@ proptest! {
     }
 
     #[test]
+    fn nearest_texels_of_one_level_have_the_bits_of_the_general_filter(
+        address in proptest::array::uniform2(proptest::sample::select(AddressMode::ALL.to_vec())),
+        size in [1_u32..40, 1_u32..40],
+        format in proptest::sample::select(vec![Format::Rgba8Unorm, Format::Bgra8Unorm, Format::R8Unorm, Format::Bc1RgbaUnorm]),
+        odd in proptest::collection::vec(any::<u32>(), LANES),
+        coords in proptest::collection::vec(-3.0_f32..3.0, 2 * LANES),
+    ) {
+        let view = view_of(&image([size[0], size[1], 1], 1, format), ViewDimension::D2);
+        let desc = SamplerDesc { address: [address[0], address[1], AddressMode::Repeat], ..SamplerDesc::default() };
+        // Every seventh lane has any bits.
+        let [u, v]: [Lanes; 2] = std::array::from_fn(|c| {
+            Lanes(std::array::from_fn(|i| if i % 7 == c { odd[i] } else { coords[2 * i + c].to_bits() }))
+        });
+        let args = operands([&u, &v, &v], Lod::Auto);
+        let (mut found, mut exact) = ([Lanes::ZERO; 4], [Lanes::ZERO; 4]);
+        let bordered = address.contains(&AddressMode::ClampToBorder);
+        prop_assert_eq!(nearest::sample(&view, &Sampler::new(&desc), &args, &mut found), !bordered);
+        if !bordered {
+            general::sample(&view, &Sampler::new(&desc), &args, !0, &mut exact);
+            prop_assert!(found.iter().zip(&exact).all(|(a, b)| a.0 == b.0));
+        }
+    }
+
+    #[test]
     fn averages_over_all_lanes_have_the_bits_of_the_general_filter(
         address in proptest::array::uniform2(proptest::sample::select(AddressMode::ALL.to_vec())),
         size in [1_u32..90, 1_u32..90],
