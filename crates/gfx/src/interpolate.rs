@@ -392,8 +392,8 @@ impl Weights {
 }
 
 /// Whether the weights of a triangle are finite numbers in all quads, those that it does not cover too. A weight is `E_i / w_i` by a sum which is
-/// a sixteenth of the least 1/w times the area at least ([`perspective`]). Edge functions are below 2^49, so that vertices whose 1/w differ by
-/// factors up to 2^64 have weights below 2^(49 + 64 + 4).
+/// a sixteenth of the least 1/w times the area at least ([`perspective`]). Edge functions are below 2^49. So vertices whose 1/w differ by factors
+/// below 2^65 have weights below 2^(49 + 65 + 4), and 2^127 is a finite `f32`.
 #[inline(always)]
 pub fn has_finite_weights(triangle: &Triangle) -> bool {
     let [a, b, c] = triangle.inv_w.map(f32::to_bits);
