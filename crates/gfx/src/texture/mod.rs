@@ -17,7 +17,6 @@ mod fast;
 mod fixed;
 mod general;
 mod lod;
-mod nearest;
 mod read;
 mod record;
 mod sampler;

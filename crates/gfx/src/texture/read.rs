@@ -35,8 +35,8 @@ impl Reader<'_> {
                 (true, bgra) => {
                     self.four_channels(if bgra { self.words_as(red_first) } else { self.words_as(|code| code) }, true)
                 }
-                (false, true) => self.columns(red_first),
-                (false, false) => self.columns(|code| code),
+                (false, true) => self.words_in_columns(red_first),
+                (false, false) => self.words_in_columns(|code| code),
             };
         }
         match view {
@@ -161,45 +161,38 @@ impl Reader<'_> {
         if srgb {
             return Texels::Srgb8 { linear: linear_light(&codes), codes };
         }
-        let mut columns = self.no_columns();
-        let mut rest = &mut columns[..];
-        for level in self.levels {
-            let (height, stride) = (level.size[1] as usize, level.stride as usize);
-            for slice in 0..level.size[2] as usize {
-                let codes = &codes[level.offset as usize + slice * level.slice as usize..][..level.slice as usize];
-                for first in (0..height).step_by(ROWS as usize) {
-                    let row = |r: usize| &codes[(first + r) % height * stride..][..stride];
-                    let rows = row(0).iter().zip(row(1)).zip(row(2)).zip(row(3));
-                    let (group, behind) = rest.split_at_mut(stride);
-                    group.iter_mut().zip(rows).for_each(|(out, (((a, b), c), d))| *out = [*a, *b, *c, *d]);
-                    rest = behind;
-                }
-            }
-        }
-        Texels::Unorm8(columns)
-    }
-
-    /// Room for the columns of all levels, and for one more: who reads a place of the last reads eight words.
-    fn no_columns(&self) -> Vec<[u32; 4]> {
-        let count = self.levels.last().map_or(0, |l| l.columns[0] + l.columns[1] * l.size[2]);
-        vec![[0; 4]; count as usize + 1]
+        let slice_of = |level: usize, slice: u32| {
+            let level = &self.levels[level];
+            &codes[(level.offset + slice * level.slice) as usize..][..level.slice as usize]
+        };
+        self.columns(slice_of, |code| *code)
     }
 
     /// The same of texels that are words: out of these at once, since what passes draw is read so in each frame.
-    fn columns(&self, code: impl Fn(u32) -> u32 + Sync) -> Texels {
-        let mut columns = self.no_columns();
+    fn words_in_columns(&self, code: impl Fn(u32) -> u32 + Sync) -> Texels {
+        let slice_of = |level: usize, slice: u32| {
+            let first = self.image.offset(self.range.base_level + level as u32, self.layer(slice)) / 4;
+            let [width, height, _] = self.levels[level].size;
+            &self.words.words()[first as usize..][..(width * self.image.samples * height) as usize]
+        };
+        self.columns(slice_of, |word: &AtomicU32| code(word.load(Relaxed)))
+    }
+
+    /// Columns of the texels of each slice of a level, row by row, by what makes codes of them.
+    fn columns<'t, T: Sync + 't>(&self, slice_of: impl Fn(usize, u32) -> &'t [T], code: impl Fn(&T) -> u32 + Sync) -> Texels {
+        let count = self.levels.last().map_or(0, |l| l.columns[0] + l.columns[1] * l.size[2]);
+        // One more than there are: who reads a place of the last reads eight words.
+        let mut columns = vec![[0; 4]; count as usize + 1];
         let mut rest = &mut columns[..];
         let mut parts = Vec::new();
         for (index, level) in self.levels.iter().enumerate() {
-            let in_image = self.range.base_level + index as u32;
             for slice in 0..level.size[2] {
-                let first = (self.image.offset(in_image, self.layer(slice)) / 4) as usize;
-                let words = &self.words.words()[first..][..(level.size[0] * self.image.samples * level.size[1]) as usize];
+                let texels = slice_of(index, slice);
                 for first in (0..level.size[1]).step_by(PART_ROWS as usize) {
                     let groups = (level.size[1] - first).min(PART_ROWS).div_ceil(ROWS);
                     let (out, behind) = rest.split_at_mut((groups * level.stride) as usize);
                     rest = behind;
-                    parts.push(Mutex::new(Part { level, words, first: first as usize, out }));
+                    parts.push(Mutex::new(Part { level, texels, first: first as usize, out }));
                 }
             }
         }
@@ -213,26 +206,26 @@ impl Reader<'_> {
 const PART_ROWS: u32 = 32 * ROWS;
 
 /// Some rows of a slice of a level, and where their columns go.
-struct Part<'a> {
+struct Part<'a, T> {
     level: &'a Level,
-    /// The slice's words.
-    words: &'a [AtomicU32],
+    /// Those of the slice.
+    texels: &'a [T],
     /// The first row.
     first: usize,
     out: &'a mut [[u32; 4]],
 }
 
-impl Part<'_> {
-    fn fill(&mut self, code: impl Fn(u32) -> u32) {
+impl<T> Part<'_, T> {
+    fn fill(&mut self, code: impl Fn(&T) -> u32) {
         let (height, stride) = (self.level.size[1] as usize, self.level.stride as usize);
-        let width = self.words.len() / height;
+        let width = self.texels.len() / height;
         for (group, out) in self.out.chunks_exact_mut(stride).enumerate() {
-            let row = |r: usize| &self.words[(self.first + group * ROWS as usize + r) % height * width..][..width];
+            let row = |r: usize| &self.texels[(self.first + group * ROWS as usize + r) % height * width..][..width];
             let rows = row(0).iter().zip(row(1)).zip(row(2)).zip(row(3));
             for (out, (((a, b), c), d)) in out.iter_mut().zip(rows) {
-                *out = [a, b, c, d].map(|word| code(word.load(Relaxed)));
+                *out = [a, b, c, d].map(&code);
             }
-            // The first texel of a row once more, where there is room for it.
+            // The first texel of a row once more, where it is not there and there is room for it.
             if let ([first, ..], Some(last)) = (&*out, width.lt(&stride).then_some(width)) {
                 out[last] = *first;
             }

@@ -8,8 +8,8 @@ use super::fast::{Geometry, following, integer, split};
 use super::general::reference;
 use super::lod;
 use super::sampler::{BORDER, fold};
-use super::view::{Texels, word_in_columns};
-use super::{Lod, Sample, Sampler, View, ellipse, nearest};
+use super::view::{Level, Texels, word_in_columns};
+use super::{Lod, Sample, Sampler, View, ellipse};
 use crate::simd::wide;
 use crate::state::{AddressMode, ViewDimension};
 use crate::texel::srgb_table;
@@ -36,10 +36,12 @@ pub(super) fn sample(view: &View, sampler: &Sampler, args: &Sample<'_>, mask: Ma
     {
         return false;
     }
-    if nearest::sample(view, sampler, args, out) {
-        return true;
-    }
+    let plain = matches!(view.levels[..], [_]) && !sampler.mag_linear && !sampler.min_linear && !bordered(sampler);
     match Stores::of(view) {
+        // Textures of older programs: what only levels, layers, filters and comparisons need takes most of the time of the others.
+        Some(Stores::Unorm(store)) if plain && args.layer.is_none() && args.compare.is_none() => {
+            plain_wide(&view.levels[0], store, sampler, args, out);
+        }
         Some(Stores::Unorm(store)) => sample_wide(view, store, sampler, args, out),
         Some(Stores::Srgb(store)) => sample_wide(view, store, sampler, args, out),
         Some(Stores::Single(store)) => sample_wide(view, store, sampler, args, out),
@@ -171,6 +173,24 @@ fn read<T: Copy + Default>(store: &[T], places: &[u32; LANES], out: &mut [T; LAN
     for i in 0..LANES {
         out[i] = store.get(places[i] as usize).copied().unwrap_or_default();
     }
+}
+
+wide! {
+    fn plain_wide(level: &Level, store: Unorm<'_>, sampler: &Sampler, args: &Sample<'_>, out: &mut [Lanes; 4]) = plain_body;
+}
+
+/// The nearest texels of the only level, without a border.
+#[inline(always)]
+fn plain_body(level: &Level, store: Unorm<'_>, sampler: &Sampler, args: &Sample<'_>, out: &mut [Lanes; 4]) {
+    let mut along = [[0; LANES]; 2];
+    for (axis, to) in along.iter_mut().enumerate() {
+        nearest_along(sampler.address[axis], args.coords[axis].f32(), &[level.size[axis] as f32; LANES], to);
+    }
+    let ([x, y], mut places) = (&along, [0; LANES]);
+    for i in 0..LANES {
+        places[i] = word_in_columns(level.columns[0], level.stride, x[i] as u32, y[i] as u32);
+    }
+    store.texels(&places, bytemuck::cast_mut(out));
 }
 
 wide! {
@@ -451,7 +471,7 @@ fn linear_along(mode: AddressMode, u: &[f32; LANES], size: &[f32; LANES], out: &
 /// [`super::sampler::wrap`] without a division, for places of a folded coordinate: from -1 to `n` (mirrored: to `2 n`) where they
 /// repeat, any others.
 #[inline(always)]
-pub(super) fn wrap(mode: AddressMode, i: i32, n: i32) -> i32 {
+fn wrap(mode: AddressMode, i: i32, n: i32) -> i32 {
     match mode {
         // No `clamp`: its check of the bounds would keep the loop from becoming vectors.
         AddressMode::ClampToEdge => i.max(0).min(n - 1),
