@@ -32,6 +32,7 @@ mod optimize;
 mod options;
 mod program;
 mod resources;
+mod spirv;
 mod tokens;
 mod types;
 mod vector;

@@ -7,6 +7,7 @@ use naga::valid::{Capabilities, ModuleInfo, ValidationFlags, Validator};
 use super::extent;
 use super::interface::Stage;
 use super::nesting;
+use super::spirv;
 use host::{guarded, one_line, ron_reason, with_room_for};
 use num::Limits;
 
@@ -92,8 +93,8 @@ pub struct Module {
 pub(super) enum Places {
     /// Bytes of a text.
     Text(Arc<str>),
-    /// Bytes of a SPIR-V binary.
-    Binary,
+    /// Bytes of a SPIR-V binary. If it was rewritten: where each instruction begins, and where it began before.
+    Binary(Arc<[(u32, u32)]>),
     /// Nothing.
     None,
 }
@@ -104,10 +105,16 @@ impl Places {
         let at = span.to_range()?.start;
         match self {
             Places::Text(text) => (at <= text.len()).then(|| place_of(span.location(text))),
-            Places::Binary => Some(Place::Word((at / 4) as u32)),
+            Places::Binary(origins) => Some(Place::Word(origin(origins, (at / 4) as u32))),
             Places::None => None,
         }
     }
+}
+
+/// The word at which an instruction began before its module was rewritten.
+fn origin(origins: &[(u32, u32)], word: u32) -> u32 {
+    let after = origins.partition_point(|&(at, _)| at <= word);
+    after.checked_sub(1).map_or(word, |last| origins[last].1)
 }
 
 /// naga's form of a module.
@@ -177,7 +184,7 @@ fn undefined_function(words: &[u32]) -> Option<(u32, u32)> {
 }
 
 /// Reads a SPIR-V module. naga's errors have no place, but naga reads one word after the other, so that the last one read is known.
-fn read_spirv(words: &[u32], options: &naga::front::spv::Options) -> Result<naga::Module, (Option<Place>, String)> {
+fn read_spirv(words: &[u32], options: &naga::front::spv::Options) -> Result<naga::Module, (Option<u32>, String)> {
     let taken = std::cell::Cell::new(0);
     let parsed = guarded(|| {
         let parsed = ir_text::read_spirv(words, options, &taken);
@@ -188,7 +195,7 @@ fn read_spirv(words: &[u32], options: &naga::front::spv::Options) -> Result<naga
         let within = is_cut || taken.get() < words.len();
         let begins = |&(at, _): &(usize, u32)| at < taken.get();
         let at = extent::instructions(words).take_while(begins).last().map_or(0, |(at, _)| at as u32);
-        (within.then_some(Place::Word(at)), message)
+        (within.then_some(at), message)
     })
 }
 
@@ -256,7 +263,11 @@ impl Module {
                 if let Some((id, at)) = undefined_function(&words) {
                     return Err(fail(place(at), format!("a call of %{id}, which is no function of the module")));
                 }
-                (read_spirv(&words, &options).map_err(|(place, message)| fail(place, message))?, Places::Binary)
+                let mended = spirv::mend(&words).map_err(|(at, message)| fail(place(at), message))?;
+                let (words, origins) = mended.map_or((words, Vec::new()), |mended| (mended.words, mended.origins));
+                let ir = read_spirv(&words, &options)
+                    .map_err(|(word, message)| fail(word.map(|word| Place::Word(origin(&origins, word))), message))?;
+                (ir, Places::Binary(origins.into()))
             }
             Source::NagaIr(ron) => {
                 let ir = ir_text::read(ron).map_err(|e| {

@@ -469,16 +469,22 @@ impl<'a> Lowerer<'a> {
                 return Ok(if flow == Flow::Broke { Flow::Next } else { flow });
             } else {
                 let mut inner = Flow::Next;
+                let mut broke = false;
                 self.branch(
                     c,
                     |s| {
                         let flow = s.block(&case.body)?;
-                        inner = if flow == Flow::Broke { Flow::Next } else { flow };
+                        broke = flow == Flow::Broke;
+                        inner = if broke { Flow::Next } else { flow };
                         Ok(inner)
                     },
                     |_| Ok(Flow::Next),
                     false,
                 )?;
+                // Its end is a `break`, under a condition that is known to hold: no invocation falls through.
+                if broke {
+                    carry = None;
+                }
                 inner
             };
             self.regions[region].depth -= 1;

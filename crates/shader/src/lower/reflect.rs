@@ -50,7 +50,7 @@ pub(crate) fn lower(
         span: naga::Span::UNDEFINED,
         lines: match &origin.places {
             Places::Text(text) => line_starts(text),
-            Places::Binary | Places::None => Vec::new(),
+            Places::Binary(_) | Places::None => Vec::new(),
         },
         range_top: 0,
         unroll_budget: UNROLL_BUDGET,

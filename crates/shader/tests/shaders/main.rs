@@ -8,3 +8,4 @@ mod oracle;
 mod oracle_tests;
 mod refusals;
 mod suite;
+mod trees;
