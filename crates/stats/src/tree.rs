@@ -109,9 +109,17 @@ impl Serialize for Leaf {
 }
 
 /// Text as one field of a CSV row, quoted where it must be (RFC 4180).
+///
+/// Spreadsheets run a cell that begins with `=`, `+`, `-`, `@`, a tab or a carriage return as a formula, and labels come from traces that nobody
+/// vouches for. Such a field gets an apostrophe in front, which spreadsheets take as the mark of text. Numbers stay as they are.
 pub fn csv_field(text: &str) -> Cow<'_, str> {
-    let quoted = text.bytes().any(|byte| matches!(byte, b',' | b'"' | b'\n' | b'\r'));
-    if quoted { Cow::Owned(format!("\"{}\"", text.replace('"', "\"\""))) } else { Cow::Borrowed(text) }
+    let formula = text.starts_with(['=', '+', '-', '@', '\t', '\r']) && text.parse::<f64>().is_err();
+    let quoted = formula || text.bytes().any(|byte| matches!(byte, b',' | b'"' | b'\n' | b'\r'));
+    if !quoted {
+        return Cow::Borrowed(text);
+    }
+    let mark = if formula { "'" } else { "" };
+    Cow::Owned(format!("\"{mark}{}\"", text.replace('"', "\"\"")))
 }
 
 fn quotient(numerator: u64, denominator: u64) -> f64 {
@@ -481,6 +489,18 @@ mod tests {
         setup.ratio("mean_occupancy", area, cycles);
         setup.level("capacity", 8);
         tree
+    }
+
+    #[test]
+    fn a_text_is_one_field_that_no_spreadsheet_runs() {
+        let plain = ["shadow pass", "", "1-2", "-0.5", "+3", "-1e9", "a=b", "-inf"];
+        assert_eq!(plain.map(csv_field), plain);
+        assert_eq!(csv_field("a \"b\", c"), "\"a \"\"b\"\", c\"");
+        let formulas = ["=HYPERLINK(\"http://x\",\"y\")|cmd", "-1+1", "+a", "@SUM(1)", "\t=1", "\r=1", "="];
+        for text in formulas {
+            let expected = format!("\"'{}\"", text.replace('"', "\"\""));
+            assert_eq!(csv_field(text), expected);
+        }
     }
 
     #[test]

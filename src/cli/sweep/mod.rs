@@ -422,7 +422,8 @@ fn finish(folder: &Path, mut results: Results, inputs: &Inputs, plan: &Plan, scr
     let page = report::page(&sweep, plan, screened);
     for (name, text) in [("report.md", &page), ("report.html", &html::page(&sweep))] {
         let path = folder.join(name);
-        host::write_file(&path, text.as_bytes()).with_context(|| format!("cannot write {}", path.display()))?;
+        host::write_file(&path, host::printable(text).as_bytes())
+            .with_context(|| format!("cannot write {}", path.display()))?;
     }
     print!("\n{page}");
     println!("\nwritten to {}", folder.display());

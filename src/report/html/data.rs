@@ -2,6 +2,7 @@
 
 use serde_json::{Map, Value};
 
+use crate::host::is_obeyed;
 use crate::report::files::VERSION;
 
 /// Frames up to which each is kept with its funnel and its phases; of more, only the cycles are.
@@ -165,12 +166,14 @@ pub fn at<'v>(value: &'v Value, path: &str) -> Option<&'v Value> {
     })
 }
 
-/// JSON that may stand in a `script` of a page: nothing in it ends the script or begins a tag.
+/// JSON that may stand in a `script` of a page: nothing in it ends the script, begins a tag, or changes how the page's text is shown.
 pub fn script(value: &Value) -> String {
     let mut out = String::new();
     for c in value.to_string().chars() {
         match c {
-            '<' | '>' | '&' | '\u{2028}' | '\u{2029}' => out.push_str(&format!("\\u{:04x}", c as u32)),
+            c if is_obeyed(c) || matches!(c, '<' | '>' | '&') => {
+                c.encode_utf16(&mut [0; 2]).iter().for_each(|unit| out.push_str(&format!("\\u{unit:04x}")));
+            }
             c => out.push(c),
         }
     }
@@ -194,9 +197,9 @@ mod tests {
 
     #[test]
     fn a_script_holds_no_tag_and_is_the_same_value() {
-        let value = json!({ "label": "</script><!--<script>&\u{2028}\"" });
+        let value = json!({ "label": "</script><!--<script>&\u{2028}\u{202e}\u{e0041}\"" });
         let text = script(&value);
-        assert!(!text.contains(['<', '>', '&', '\u{2028}']), "{text}");
+        assert!(!text.contains(['<', '>', '&']) && !text.contains(is_obeyed), "{text}");
         assert_eq!(serde_json::from_str::<Value>(&text).expect("JSON"), value);
     }
 

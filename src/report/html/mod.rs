@@ -1,6 +1,7 @@
 //! Pages that open from a disk: one file each, with its style, its script, its pictures and its numbers in it.
 //!
-//! Templates are Rust (`maud`): every text that is put into one is escaped, in elements and in attributes. What is put in without that is
+//! Templates are Rust (`maud`): every text that is put into one is escaped, in elements and in attributes, and in the finished page so is every
+//! character that changes the direction of text or has no width. What is put in without that is
 //! written here or drawn by [`plots`](super::plots) and [`diagram`](super::diagram), which escape by themselves. Numbers stand in the page
 //! twice: in tables, each with the path of the statistic in `data-path`, and as the JSON that they are from.
 
@@ -20,9 +21,13 @@ use maud::{DOCTYPE, Markup, PreEscaped, html};
 use serde_json::Value;
 
 use super::summary::{bytes, grouped};
+use crate::host::printable;
 
 const STYLE: &str = include_str!("page.css");
 const SCRIPT: &str = include_str!("page.js");
+
+/// What tells a page from other files.
+pub const MARK: &[u8] = br#"<meta name="generator" content="fillrate">"#;
 
 /// A section of a page.
 pub struct Part {
@@ -51,6 +56,8 @@ pub fn page(title: &str, head: &Markup, parts: &[Part], values: &[(&str, &Value)
         html lang="en" {
             head {
                 meta charset="utf-8";
+                // `MARK` is this element as it is written.
+                meta name="generator" content="fillrate";
                 meta name="viewport" content="width=device-width, initial-scale=1";
                 meta name="color-scheme" content="light dark";
                 title { (title) }
@@ -76,7 +83,8 @@ pub fn page(title: &str, head: &Markup, parts: &[Part], values: &[(&str, &Value)
             }
         }
     };
-    markup.into_string()
+    // Labels of a trace may hold characters that turn the direction of the text behind them, or that have no width.
+    printable(&markup.into_string()).into_owned()
 }
 
 /// Bytes as a part of the page itself.
@@ -177,9 +185,12 @@ mod tests {
     #[test]
     fn a_page_is_whole_and_asks_for_nothing() {
         let body = html! { p { "<b> & \"" } };
-        let text = page("a </title><script>", &html! { h1 { "x" } }, &[Part { id: "one", title: "One".into(), body }], &[]);
+        let text =
+            page("a </title><script>", &html! { h1 { "x\u{202e}y" } }, &[Part { id: "one", title: "One".into(), body }], &[]);
         assert!(text.starts_with("<!DOCTYPE html>") && text.ends_with("</html>"));
+        assert!(text.as_bytes().windows(MARK.len()).take(1024).any(|bytes| bytes == MARK), "{text}");
         assert!(text.contains("a &lt;/title&gt;&lt;script&gt;") && text.contains("&lt;b&gt; &amp; &quot;"), "{text}");
+        assert!(text.contains("<h1>x\\u{202e}y</h1>"), "{text}");
         for asked in ["http://", "https://", "src=\"/", "@import", "url("] {
             assert!(!text.contains(asked), "{asked}");
         }
