@@ -268,7 +268,7 @@ impl Album {
     fn put(&mut self, what: &str, number: u64, surface: &Surface, bytes: &[u8]) -> Result<()> {
         let again = |(shown, known, _): &(Surface, Vec<u8>, Vec<u8>)| shown == surface && known == bytes;
         if !self.last.as_ref().is_some_and(again) {
-            let image = picture::opaque(surface, bytes).map_err(|reason| anyhow!("{what} {number}: {reason}"))?;
+            let image = picture::picture(surface, bytes).map_err(|reason| anyhow!("{what} {number}: {reason}"))?;
             self.last = Some((*surface, bytes.to_vec(), picture::png(&image)?));
         }
         let Some((.., png)) = &self.last else { return Ok(()) };

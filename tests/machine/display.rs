@@ -28,7 +28,15 @@ fn free(changes: &[&str]) -> Config {
 /// Frames that first copy a number of bytes from one place to another, and are then shown: all bytes of frame f are f.
 fn frames(count: u32, bytes: u64) -> Vec<Event> {
     let key = SurfaceKey { texture: 1, level: 0, layer: 0 };
-    let surface = Surface { key, format: Format::Rgba8Unorm, width: 64, height: LINES as u32, samples: 1, address: 1 << 20 };
+    let surface = Surface {
+        key,
+        format: Format::Rgba8Unorm,
+        width: 64,
+        height: LINES as u32,
+        samples: 1,
+        address: 1 << 20,
+        opaque: false,
+    };
     let of = |number: u32| {
         let transfer = Transfer { kind: TransferKind::Copy, from: Some(1 << 24), to: Some(1 << 25), bytes, surfaces: None };
         let reference = vec![number as u8; (LINES * ROW) as usize].into();

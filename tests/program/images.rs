@@ -7,11 +7,16 @@
 use std::path::{Path, PathBuf};
 use std::sync::{Mutex, PoisonError};
 
+use assert_cmd::Command;
+use assert_cmd::cargo::cargo_bin;
+use fillrate::gfx::format::Format;
 use fillrate::import;
 use fillrate::machine::Config;
 use fillrate::picture::{Difference, TOLERANCE, picture};
 use fillrate::run::replay::{Fidelity, Frame, Options, Replay, replay};
 use fillrate::stats::Group;
+use fillrate::trace::command::TextureDesc;
+use fillrate::trace::record::{self, Recorder};
 use fillrate::work::Funnel;
 use image::RgbaImage;
 
@@ -276,4 +281,35 @@ fn fixtures_are_near_their_references_and_machines_draw_them_as_the_renderer_doe
 #[test]
 fn visible_traces_are_near_their_references_and_machines_draw_them_as_the_renderer_does() {
     compare_all(&peers(), machines_agree);
+}
+
+#[test]
+fn pictures_keep_alpha_unless_the_display_ignores_it() {
+    let home = tempfile::tempdir().expect("a folder");
+    for (opaque, alpha) in [(false, 64), (true, 255)] {
+        let mut card = Recorder::new("alpha");
+        let desc = TextureDesc { opaque, ..record::texture_2d(3, 2, Format::Rgba8Unorm) };
+        let texture = card.create_texture("shown", desc);
+        let view = card.create_view(texture);
+        drop(card.begin_render_pass([record::clear(view, [1.0, 0.0, 0.2, 0.25])], None));
+        card.present(texture);
+        let trace = home.path().join(format!("trace-{opaque}"));
+        std::fs::create_dir(&trace).expect("a folder");
+        card.save(&trace).expect("written");
+        for fidelity in ["functional", "cycle"] {
+            let out = home.path().join(format!("{opaque}-{fidelity}"));
+            let mut replay = Command::new(cargo_bin!("fillrate"));
+            replay.arg("replay").arg(&trace).args(["--config", "tiny", "--fidelity", fidelity, "--out"]).arg(&out);
+            replay.assert().success();
+            let image = image::open(out.join("frame-0000.png")).expect("a picture");
+            assert!(image.color().has_alpha());
+            let image = image.into_rgba8();
+            assert!(image.pixels().all(|pixel| pixel.0 == [255, 0, 51, alpha]), "{fidelity}: {:?}", image.get_pixel(0, 0));
+            // A picture without alpha is compared by its colours.
+            let reference = out.join("reference.png");
+            image::RgbImage::from_pixel(3, 2, image::Rgb([255, 0, 51])).save(&reference).expect("written");
+            let mut compare = Command::new(cargo_bin!("fillrate"));
+            compare.arg("compare").arg(out.join("frame-0000.png")).arg(&reference).assert().success();
+        }
+    }
 }

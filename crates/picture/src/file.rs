@@ -5,7 +5,8 @@ use std::io::{BufReader, Cursor};
 
 use image::codecs::png::PngEncoder;
 use image::{
-    DynamicImage, ExtendedColorType, ImageBuffer, ImageEncoder, ImageError, ImageFormat, ImageReader, Pixel, PixelWithColorType,
+    DynamicImage, ExtendedColorType, ImageBuffer, ImageEncoder, ImageError, ImageFormat, ImageReader, Pixel,
+    PixelWithColorType, RgbaImage,
 };
 
 /// A PNG file of a picture of 8 bits a channel, with alpha where its pixels have it.
@@ -23,6 +24,24 @@ where
 fn png_of(bytes: &[u8], [width, height]: [u32; 2], color: ExtendedColorType) -> Result<Vec<u8>, ImageError> {
     let mut file = Vec::new();
     PngEncoder::new(&mut file).write_image(bytes, width, height, color)?;
+    Ok(file)
+}
+
+/// What tells a PNG file that [`marked`] has written from others: a text chunk that names the program.
+pub const MARK: &[u8] = b"tEXtSoftware\0fillrate";
+
+/// A PNG file of a picture, with [`MARK`] in it.
+///
+/// # Errors
+/// If the picture has no pixels.
+pub fn marked(image: &RgbaImage) -> Result<Vec<u8>, ImageError> {
+    /// The signature and the header, which come first.
+    const HEADER: usize = 8 + 25;
+    let mut file = png(image)?;
+    let mut chunk = (MARK.len() as u32 - 4).to_be_bytes().to_vec();
+    chunk.extend_from_slice(MARK);
+    chunk.extend_from_slice(&crc32fast::hash(MARK).to_be_bytes());
+    file.splice(HEADER..HEADER, chunk);
     Ok(file)
 }
 
@@ -45,7 +64,7 @@ pub fn read_png(file: &[u8]) -> Result<DynamicImage, ImageError> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use image::{Rgb, RgbImage, Rgba, RgbaImage};
+    use image::{Rgb, RgbImage, Rgba};
     use std::io::{Seek, Write};
 
     fn on_disk(bytes: &[u8]) -> File {
@@ -61,6 +80,10 @@ mod tests {
         let file = png(&image).unwrap();
         assert_eq!(read(on_disk(&file)).unwrap().into_rgba8(), image);
         assert_eq!(read_png(&file).unwrap().into_rgba8(), image);
+        let marked = marked(&image).unwrap();
+        assert!(marked.windows(MARK.len()).any(|bytes| bytes == MARK));
+        // A reader checks the sum of each chunk.
+        assert_eq!(read_png(&marked).unwrap().into_rgba8(), image);
         let opaque = RgbImage::from_fn(5, 2, |x, y| Rgb([x as u8, y as u8, 200]));
         assert_eq!(read(on_disk(&png(&opaque).unwrap())).unwrap().into_rgb8(), opaque);
         let pnm = [&b"P6 2 1 255\n"[..], &[1, 2, 3, 4, 5, 6]].concat();

@@ -1,6 +1,6 @@
 //! A surface's bytes as an 8-bit picture.
 
-use image::RgbaImage;
+use image::{RgbImage, RgbaImage};
 
 use gfx::format::{Format, TexelKind};
 use gfx::texel;
@@ -10,7 +10,7 @@ use work::Surface;
 ///
 /// Formats of 8 bits a channel keep their stored values: sRGB ones stay encoded, BGRA is put in order, missing channels are 0 and
 /// missing alpha 255. Other formats are decoded and scaled to 255: unorm and float clamped to [0, 1], snorm from [-1, 1] by its
-/// positive half, integers cut at 255, depth as grey.
+/// positive half, integers cut at 255, depth as grey. Alpha is 255 where the display ignores it.
 ///
 /// # Errors
 /// If the surface is multisampled or block-compressed, or the bytes are not its size.
@@ -44,17 +44,20 @@ pub fn picture(surface: &Surface, bytes: &[u8]) -> Result<RgbaImage, String> {
             None => decoded(format, t),
         });
     }
+    if surface.opaque {
+        out.as_chunks_mut::<4>().0.iter_mut().for_each(|pixel| pixel[3] = 255);
+    }
     Ok(RgbaImage::from_raw(surface.width, surface.height, out).expect("four bytes a pixel"))
 }
 
-/// The same as a screen shows it: without alpha, which is 255.
+/// The same without alpha, for a page that has a background of its own.
 ///
 /// # Errors
 /// As [`picture`].
-pub fn opaque(surface: &Surface, bytes: &[u8]) -> Result<RgbaImage, String> {
-    let mut image = picture(surface, bytes)?;
-    image.as_chunks_mut::<4>().0.iter_mut().for_each(|pixel| pixel[3] = 255);
-    Ok(image)
+pub fn colors(surface: &Surface, bytes: &[u8]) -> Result<RgbImage, String> {
+    let image = picture(surface, bytes)?;
+    let out = image.pixels().flat_map(|pixel| [pixel[0], pixel[1], pixel[2]]).collect();
+    Ok(RgbImage::from_raw(surface.width, surface.height, out).expect("three bytes a pixel"))
 }
 
 /// Puts the stored bytes of a texel in order.
@@ -82,7 +85,15 @@ mod tests {
     use work::SurfaceKey;
 
     fn surface(format: Format) -> Surface {
-        Surface { key: SurfaceKey { texture: 1, level: 0, layer: 0 }, format, width: 2, height: 1, samples: 1, address: 0 }
+        Surface {
+            key: SurfaceKey { texture: 1, level: 0, layer: 0 },
+            format,
+            width: 2,
+            height: 1,
+            samples: 1,
+            address: 0,
+            opaque: false,
+        }
     }
 
     #[test]
@@ -90,8 +101,10 @@ mod tests {
         let bytes = [10, 20, 30, 40, 50, 60, 70, 80];
         assert_eq!(picture(&surface(Format::Rgba8UnormSrgb), &bytes).unwrap().into_raw(), bytes);
         assert_eq!(picture(&surface(Format::Bgra8Unorm), &bytes).unwrap().into_raw(), [30, 20, 10, 40, 70, 60, 50, 80]);
-        assert_eq!(opaque(&surface(Format::Bgra8Unorm), &bytes).unwrap().into_raw(), [30, 20, 10, 255, 70, 60, 50, 255]);
-        assert!(opaque(&surface(Format::Bgra8Unorm), &bytes[..7]).is_err());
+        let opaque = Surface { opaque: true, ..surface(Format::Bgra8Unorm) };
+        assert_eq!(picture(&opaque, &bytes).unwrap().into_raw(), [30, 20, 10, 255, 70, 60, 50, 255]);
+        assert!(picture(&opaque, &bytes[..7]).is_err());
+        assert_eq!(colors(&surface(Format::Bgra8Unorm), &bytes).unwrap().into_raw(), [30, 20, 10, 70, 60, 50]);
     }
 
     #[test]

@@ -125,7 +125,7 @@ impl Renderer<'_, '_> {
         self.ledger.bytes.charge(image.bytes())?;
         let address = self.addresses.texture(texture_bytes(&image))?;
         let words = Arc::new(Words::try_new(image.bytes())?);
-        let texture = Texture { image, words, address, version: 0, images: Default::default() };
+        let texture = Texture { image, words, address, version: 0, opaque: desc.opaque, images: Default::default() };
         Ok(self.res.textures.add(id.0, texture, claim)?)
     }
 

@@ -167,6 +167,8 @@ pub struct Texture {
     pub address: u64,
     /// Counts changes of the contents.
     pub version: u64,
+    /// Where it is shown, the display ignores its alpha.
+    pub opaque: bool,
     /// Images by (level, layer) that passes have touched.
     pub images: NumberMap<(u32, u32), ImageState>,
 }
@@ -228,6 +230,7 @@ impl Texture {
             height,
             samples: self.image.samples,
             address: self.address + target_offset(&self.image, level, layer),
+            opaque: self.opaque,
         }
     }
 

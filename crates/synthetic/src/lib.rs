@@ -159,8 +159,15 @@ impl Reference {
 pub fn events(scene: &Scene) -> Vec<Event> {
     let mut random = Random::new(scene.seed);
     let mut out = Vec::new();
-    let surface =
-        |key, format, samples, address| Surface { key, format, width: scene.width, height: scene.height, samples, address };
+    let surface = |key, format, samples, address| Surface {
+        key,
+        format,
+        width: scene.width,
+        height: scene.height,
+        samples,
+        address,
+        opaque: false,
+    };
     let color = surface(COLOR, Format::Rgba8Unorm, scene.samples, 1 << 20);
     let resolve = (scene.samples > 1).then(|| surface(RESOLVED, Format::Rgba8Unorm, 1, 1 << 26));
     let clear = [0.25_f32.to_bits(), 0, 0, 1.0_f32.to_bits()];

@@ -51,6 +51,9 @@ pub struct TextureDesc {
     pub samples: u32,
     /// Format.
     pub format: Format,
+    /// Where it is shown, the display ignores its alpha: pictures of it have an alpha of 255. So are the windows of OpenGL.
+    #[serde(default, skip_serializing_if = "is_default")]
+    pub opaque: bool,
 }
 
 // A field that has its default value is left out of the text, which keeps a trace readable.

@@ -30,6 +30,8 @@ pub struct Surface {
     pub samples: u32,
     /// Address of the first byte; blocks lie as in `gfx::tiling`.
     pub address: u64,
+    /// Where it is shown, the display ignores its alpha.
+    pub opaque: bool,
 }
 
 /// Bytes of a surface: rows top to bottom, pixels left to right, samples in order, `block_bytes` each, tightly packed.

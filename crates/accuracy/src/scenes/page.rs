@@ -53,10 +53,9 @@ pub fn pictures(outcomes: &[Outcome], folder: &Path) -> Result<()> {
     std::fs::create_dir_all(folder)?;
     for outcome in outcomes {
         let Some(image) = &outcome.played.picture else { continue };
-        // A page has a background of its own.
         let shown =
-            picture::opaque(&image.surface, &image.bytes).map_err(|reason| anyhow!("{}: {reason}", outcome.scene.name))?;
-        let png = picture::png(&image::DynamicImage::ImageRgba8(shown).to_rgb8())?;
+            picture::colors(&image.surface, &image.bytes).map_err(|reason| anyhow!("{}: {reason}", outcome.scene.name))?;
+        let png = picture::png(&shown)?;
         host::write_file(&folder.join(format!("{}.png", outcome.scene.name)), &png)?;
     }
     Ok(())

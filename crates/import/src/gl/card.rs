@@ -119,7 +119,17 @@ impl Card {
 
     /// Makes an image that can be drawn to.
     pub fn create_surface(&mut self, label: &str, size: [u32; 2], format: Format) -> Surface {
-        let texture = self.recorder.create_texture(label, record::texture_2d(size[0], size[1], format));
+        self.create_surface_of(label, record::texture_2d(size[0], size[1], format))
+    }
+
+    /// Makes a colour buffer of a window: the display ignores its alpha.
+    fn create_color_buffer(&mut self, label: &str, size: [u32; 2]) -> Surface {
+        self.create_surface_of(label, TextureDesc { opaque: true, ..record::texture_2d(size[0], size[1], COLOR) })
+    }
+
+    fn create_surface_of(&mut self, label: &str, desc: TextureDesc) -> Surface {
+        let format = desc.format;
+        let texture = self.recorder.create_texture(label, desc);
         Surface { texture, view: self.recorder.create_view(texture), format, level: 0, layer: 0, narrow: None }
     }
 
@@ -143,7 +153,7 @@ impl Card {
                 self.destroy_surface(surface);
             }
         }
-        let (back, depth) = (self.create_surface("window", size, COLOR), self.create_surface("depth", size, DEPTH));
+        let (back, depth) = (self.create_color_buffer("window", size), self.create_surface("depth", size, DEPTH));
         self.window = Some(Window { size, back, depth, front: None, encoded: None });
         if at_window {
             self.target = self.window_target(Buffer::Back);
@@ -166,7 +176,7 @@ impl Card {
             (Buffer::Front, Some(front)) => front,
             (Buffer::Front, None) => {
                 self.end_pass();
-                let front = self.create_surface("front", size, COLOR);
+                let front = self.create_color_buffer("front", size);
                 self.copy_surface(back, front, size);
                 self.window.as_mut()?.front = Some(front);
                 front

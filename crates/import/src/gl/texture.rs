@@ -283,7 +283,7 @@ impl Texture {
             let layers = if self.kind == Kind::D3 { largest.size[2] } else { self.faces() };
             let levels = count + base_level - lowest;
             let size = [largest.size[0], largest.size[1], layers];
-            let desc = TextureDesc { dimension, size, levels, samples: 1, format: first.format };
+            let desc = TextureDesc { dimension, size, levels, samples: 1, format: first.format, opaque: false };
             let id = card.recorder.create_texture("texture", desc);
             let (size, base, format) = (largest.size, first.base, first.format);
             let native = Native { id, first: lowest, size, levels, base, format, views: Vec::new(), images: Vec::new() };

@@ -42,6 +42,7 @@ impl Translator {
             levels: desc.mip_level_count,
             samples: desc.sample_count,
             format: desc.format.0,
+            opaque: false,
         };
         self.new_texture(id, native, desc.label);
         Ok(())

@@ -179,6 +179,7 @@ impl Translator {
             levels: 1,
             samples: 1,
             format: desc.format.0,
+            opaque: false,
         };
         let surface = self.objects.surfaces.surface(id);
         let old = std::mem::replace(surface, Surface { desc: Some(desc), acquired: None });

@@ -171,6 +171,9 @@ fn written(choose: &str, first: usize, list: &[f32]) -> Vec<u8> {
     let (trace, _) = imported(program_after(w).file(1 << 20)).expect("a recording");
     let mut masks = Vec::new();
     let read: Result<(), TraceError> = trace.for_each_command(|_, command| {
+        if let Command::CreateTexture { desc, label, .. } = command {
+            assert_eq!(desc.opaque, label.as_deref() == Some("window"), "a screen shows no alpha: {label:?}");
+        }
         if let Command::CreateRenderPipeline { desc, .. } = command {
             masks.extend(desc.targets.iter().flatten().map(|target| target.write_mask));
         }

@@ -328,7 +328,7 @@ fn binding_arrays() {
 fn dimensions() {
     let mut lab = Lab::new();
     let mut make = |dimension, size: [u32; 3], levels, view: ViewDimension| {
-        let desc = TextureDesc { dimension, size, levels, samples: 1, format: Format::R32Uint };
+        let desc = TextureDesc { dimension, size, levels, samples: 1, format: Format::R32Uint, opaque: false };
         let texture = lab.card.create_texture("", desc.clone());
         for level in 0..levels {
             let [w, h, d] = desc.level_size(level);

@@ -8,7 +8,7 @@ use super::super::command::*;
 
 /// A 2D texture with one level.
 pub fn texture_2d(width: u32, height: u32, format: Format) -> TextureDesc {
-    TextureDesc { dimension: TextureDimension::D2, size: [width, height, 1], levels: 1, samples: 1, format }
+    TextureDesc { dimension: TextureDimension::D2, size: [width, height, 1], levels: 1, samples: 1, format, opaque: false }
 }
 
 /// A 2D texture with this many levels.

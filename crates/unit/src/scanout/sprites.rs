@@ -93,7 +93,7 @@ mod tests {
 
     fn surface() -> Surface {
         let key = SurfaceKey { texture: 0, level: 0, layer: 0 };
-        Surface { key, format: Format::Rgba8Unorm, width: SIZE[0], height: SIZE[1], samples: 1, address: 0 }
+        Surface { key, format: Format::Rgba8Unorm, width: SIZE[0], height: SIZE[1], samples: 1, address: 0, opaque: false }
     }
 
     #[test]

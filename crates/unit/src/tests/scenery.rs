@@ -144,7 +144,7 @@ pub fn warp(card: &mut Card, program: Program, parts: u32, registers: u32, costs
 /// A surface of so many blocks in a row; its address leaves room for any before it.
 pub fn surface(texture: u32, format: Format, blocks: u32, samples: u32) -> Surface {
     let key = SurfaceKey { texture, level: 0, layer: 0 };
-    Surface { key, format, width: blocks * BLOCK, height: BLOCK, samples, address: u64::from(texture) << 24 }
+    Surface { key, format, width: blocks * BLOCK, height: BLOCK, samples, address: u64::from(texture) << 24, opaque: false }
 }
 
 /// An attachment that is loaded and stored.
