@@ -3,6 +3,7 @@
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Result, anyhow, bail};
+use image::DynamicImage;
 use serde_json::Value;
 
 use super::{Verdict, configs};
@@ -12,6 +13,7 @@ use crate::host::{Links, one_line};
 use crate::machine::config::BUILT_IN;
 use crate::picture::{self, Difference, TOLERANCE};
 use crate::report::compare::{self, Banks, Leaves, Size, StatisticDifference};
+use crate::report::owned::check_replaceable;
 
 /// Bytes of a statistics file at most: hours of frames.
 const TEXT_MAX: u64 = 1 << 30;
@@ -33,6 +35,9 @@ pub struct Arguments {
     /// Images: where to write the difference image; of two folders: the folder for those of all images that differ
     #[arg(long, value_name = "PNG|DIR")]
     difference: Option<PathBuf>,
+    /// With --difference: replace files that fillrate has not written
+    #[arg(long, requires = "difference")]
+    force: bool,
     /// Images: percentage of pixels that may be off [default: 0]
     #[arg(long, value_name = "PERCENT")]
     allow: Option<f64>,
@@ -126,6 +131,9 @@ pub fn run(arguments: &Arguments) -> Result<Verdict> {
         (Kind::Json, Kind::Json) | (Kind::Csv, Kind::Csv) => statistics(a, b, arguments)?,
         (Kind::Configuration, Kind::Configuration) => configurations(a, b, arguments)?,
         (Kind::Image, Kind::Image) => {
+            if let Some(path) = &arguments.difference {
+                check_replaceable(path, picture::MARK, arguments.force)?;
+            }
             let d = difference(a, b)?;
             println!("{}", found(&d));
             if let Some(path) = &arguments.difference {
@@ -223,7 +231,9 @@ fn folders(arguments: &Arguments) -> Result<bool> {
             println!("{name}: {}", found(&d));
             if let Some(folder) = &arguments.difference {
                 std::fs::create_dir_all(folder).with_context(|| format!("cannot make {}", folder.display()))?;
-                write(&folder.join(name), &d)?;
+                let path = folder.join(name);
+                check_replaceable(&path, picture::MARK, arguments.force)?;
+                write(&path, &d)?;
             }
         }
         same &= fits(&d, arguments);
@@ -232,13 +242,18 @@ fn folders(arguments: &Arguments) -> Result<bool> {
     Ok(same)
 }
 
+/// How two pictures differ: in their colours only, if one of them has no alpha.
 fn difference(a: &Path, b: &Path) -> Result<Difference> {
     let open = |path: &Path| {
         let fail = || format!("cannot read {}", path.display());
         let file = host::open(path, Links::Follow).with_context(fail)?;
-        anyhow::Ok(picture::read(file).with_context(fail)?.into_rgba8())
+        anyhow::Ok(picture::read(file).with_context(fail)?)
     };
     let images = (open(a)?, open(b)?);
+    let alpha = images.0.color().has_alpha() && images.1.color().has_alpha();
+    // Without alpha a picture is read as one whose alpha is 255.
+    let rgba = |image: DynamicImage| if alpha { image } else { image.into_rgb8().into() }.into_rgba8();
+    let images = (rgba(images.0), rgba(images.1));
     picture::compare(&images.0, &images.1).map_err(|reason| anyhow!("{} and {}: {reason}", a.display(), b.display()))
 }
 
@@ -256,7 +271,7 @@ fn found(d: &Difference) -> String {
 
 fn write(path: &Path, d: &Difference) -> Result<()> {
     let fail = || format!("cannot write {}", path.display());
-    let png = picture::png(&d.picture).with_context(fail)?;
+    let png = picture::marked(&d.picture).with_context(fail)?;
     host::write_file(path, &png).with_context(fail)
 }
 

@@ -17,8 +17,9 @@ use crate::render::Watch;
 use crate::report::compare::KnobDifference;
 use crate::report::files::About;
 use crate::report::folder::{Folder, Images};
+use crate::report::owned::check_replaceable;
 use crate::report::terminal::{self, Seen};
-use crate::report::timeline;
+use crate::report::{html, timeline};
 use crate::run::replay::{Fidelity, Frame, Options, frame_range, no_frames, replay_pictured, replay_to, replay_watched};
 use crate::run::sample::Sampling;
 use crate::run::timeline::Timeline;
@@ -42,9 +43,12 @@ pub struct Arguments {
     /// Frames to replay: one, as in 3, or half-open, as in 2..4, 2.. or ..4
     #[arg(long, value_name = "A..B", default_value = "..")]
     frames: Frames,
-    /// Where to leave images and statistics
+    /// Where to leave images and statistics. Files that an earlier replay has left there are removed
     #[arg(long, value_name = "DIR")]
     out: Option<PathBuf>,
+    /// Replace files in --out, --report and --timeline that fillrate has not written
+    #[arg(long)]
+    force: bool,
     /// Which pictures to leave in --out [default: all; with --fidelity sampled: simulated]
     #[arg(long, value_enum, requires = "out")]
     images: Option<ImagesName>,
@@ -239,6 +243,9 @@ fn refuse_ignored(arguments: &Arguments) -> Result<()> {
 
 pub fn run(arguments: &Arguments) -> Result<Verdict> {
     refuse_ignored(arguments)?;
+    for (file, mark) in [(&arguments.report, html::MARK), (&arguments.timeline, timeline::MARK)] {
+        file.as_ref().map_or(Ok(()), |file| check_replaceable(file, mark, arguments.force))?;
+    }
     let config = arguments.machine.load()?;
     let changed = arguments.machine.changed(&config)?;
     let warnings = config.warnings();
@@ -300,7 +307,7 @@ pub fn run(arguments: &Arguments) -> Result<Verdict> {
         changed: changed.clone(),
         fidelity: options.fidelity.name(),
     };
-    let create = |out| Folder::create(out, about.clone(), &options.config.resolved(), images);
+    let create = |out| Folder::create(out, about.clone(), &options.config.resolved(), images, arguments.force);
     let mut folder = arguments.out.as_deref().map(create).transpose()?;
     // Of sampled frames alone there are statistics; the survey draws the pictures of all, where they are asked for.
     let some = matches!(options.fidelity, Fidelity::Sampled(_) | Fidelity::BoundSampled(_));

@@ -9,13 +9,13 @@ use super::Verdict;
 use super::threads::MOST;
 use crate::host;
 use crate::machine::Config;
-use crate::picture::picture;
 use crate::report::counted::{Chosen, counted};
 use crate::report::files::{About, json_head};
 use crate::report::html::data::{Gather, Statistics};
 use crate::report::html::replay::{Input, limits, replay};
 use crate::report::html::series::COLUMNS;
-use crate::report::html::{plots, word};
+use crate::report::html::{self as pages, plots, word};
+use crate::report::owned::check_replaceable;
 use crate::rows::json_frame;
 use crate::run::maps::{FrameDetails, details};
 use crate::run::replay::Frame;
@@ -48,15 +48,18 @@ pub struct Arguments {
     /// The page [default: report.html in DIR]
     #[arg(long, value_name = "FILE.html")]
     out: Option<PathBuf>,
+    /// Replace a file that is no page of fillrate
+    #[arg(long)]
+    force: bool,
     /// Leave the plots as SVG in DIR/plots, too
     #[arg(long)]
     plots: bool,
     /// Make no page: print all that was counted in a phase (funnel, cycles of units, caches, bytes by client), named as `replay` names it:
     /// `pass 0`, `scan-out`; `all`: in each phase
-    #[arg(long, value_name = "NAME", conflicts_with_all = ["trace", "why", "out", "plots"])]
+    #[arg(long, value_name = "NAME", conflicts_with_all = ["trace", "why", "out", "force", "plots"])]
     phase: Option<String>,
     /// The same of a draw, by its number, of a replay with --per-draw
-    #[arg(long, value_name = "N", conflicts_with_all = ["phase", "trace", "why", "out", "plots"])]
+    #[arg(long, value_name = "N", conflicts_with_all = ["phase", "trace", "why", "out", "force", "plots"])]
     draw: Option<u64>,
     /// With --phase or --draw: of this frame [default: the one that costs most]
     #[arg(long, value_name = "N")]
@@ -100,7 +103,7 @@ impl Gathering {
         }
         self.picture = None;
         if let Some((surface, bytes)) = &frame.shown {
-            let image = picture(surface, bytes).map_err(|reason| anyhow!("frame {}: {reason}", frame.number))?;
+            let image = picture::colors(surface, bytes).map_err(|reason| anyhow!("frame {}: {reason}", frame.number))?;
             self.picture = Some(picture::png(&image)?);
         }
         Ok(())
@@ -211,15 +214,15 @@ impl Subject {
     }
 }
 
-/// The bytes of a picture that can be read.
+/// A picture of a replay, without alpha: the page has a background of its own.
 fn png(path: &Path) -> Result<Vec<u8>> {
     let name = path.display();
     let read = || format!("cannot read {name}");
     let mut bytes = Vec::new();
     let file = host::open(path, host::Links::Follow).with_context(read)?;
     std::io::Read::read_to_end(&mut std::io::Read::take(file, PICTURE_MAX), &mut bytes).with_context(read)?;
-    picture::read_png(&bytes).with_context(|| format!("{name} is no picture of a replay"))?;
-    Ok(bytes)
+    let image = picture::read_png(&bytes).with_context(|| format!("{name} is no picture of a replay"))?;
+    Ok(picture::png(&image.into_rgb8())?)
 }
 
 /// Writes plots as files.
@@ -228,7 +231,7 @@ fn write_plots(folder: &Path, plots: &[(String, String)]) -> Result<()> {
     std::fs::create_dir_all(&folder).with_context(|| format!("cannot create {}", folder.display()))?;
     for (name, svg) in plots {
         let path = folder.join(format!("{name}.svg"));
-        host::write_file(&path, svg.as_bytes()).with_context(|| format!("cannot write {}", path.display()))?;
+        host::write_file(&path, host::printable(svg).as_bytes()).with_context(|| format!("cannot write {}", path.display()))?;
     }
     println!("{} plots written to {}", plots.len(), folder.display());
     Ok(())
@@ -266,6 +269,7 @@ pub fn run(arguments: &Arguments) -> Result<Verdict> {
     if arguments.frame.is_some() {
         bail!("--frame applies to --phase and --draw only: a page shows the frame that costs most");
     }
+    check_replaceable(&out, pages::MARK, arguments.force)?;
     if folder.join("inputs.json").exists() {
         return sweep(arguments, &out);
     }

@@ -9,6 +9,7 @@ use super::threads::MOST;
 use crate::host;
 use crate::machine::Config;
 use crate::render::{self, FrameSet};
+use crate::report::owned::check_replaceable;
 use crate::report::summary::grouped;
 use crate::run::replay::frame_range;
 use crate::run::stored_work::slowest;
@@ -37,10 +38,16 @@ pub struct Arguments {
     /// Where to leave all of it as JSON
     #[arg(long, value_name = "FILE")]
     json: Option<PathBuf>,
+    /// With --json: replace a file that fillrate has not written
+    #[arg(long, requires = "json")]
+    force: bool,
     /// Threads; no result depends on it [default: all processors]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=i64::from(MOST)))]
     pub threads: Option<u16>,
 }
+
+/// What tells the file of `--json` from others.
+const MARK: &[u8] = br#""generator": "fillrate""#;
 
 /// The frame that takes most cycles by estimate.
 fn chosen(trace: &Trace, config: &Config) -> Result<u32> {
@@ -53,6 +60,9 @@ fn chosen(trace: &Trace, config: &Config) -> Result<u32> {
 }
 
 pub fn run(arguments: &Arguments) -> Result<Verdict> {
+    if let Some(path) = &arguments.json {
+        check_replaceable(path, MARK, arguments.force)?;
+    }
     let config = arguments.machine.load()?;
     let trace = arguments.reading.open(&arguments.trace)?;
     let frames = match &arguments.frames {
@@ -70,7 +80,11 @@ pub fn run(arguments: &Arguments) -> Result<Verdict> {
     let found = why(&trace, &config, frames.clone(), &told)?;
     bar.finish_and_clear();
     if let Some(path) = &arguments.json {
-        let text = serde_json::to_string_pretty(&found.json())?;
+        let mut json = found.json();
+        if let Some(json) = json.as_object_mut() {
+            json.shift_insert(0, "generator".into(), "fillrate".into());
+        }
+        let text = serde_json::to_string_pretty(&json)?;
         host::write_file(path, format!("{text}\n").as_bytes()).with_context(|| format!("cannot write {}", path.display()))?;
     }
     let last = frames.end.saturating_sub(1);

@@ -1,6 +1,6 @@
 //! The folder that a replay leaves: pictures and statistics, written beside the machine as frames end.
 
-use std::io::{ErrorKind, Write};
+use std::io::Write;
 use std::path::{Path, PathBuf};
 use std::thread::JoinHandle;
 
@@ -8,6 +8,7 @@ use anyhow::{Context, Error, Result, anyhow, bail};
 use crossbeam::channel::{self, Receiver, Sender};
 
 use super::files::{About, json_head};
+use super::owned::Owned;
 use crate::host::{self, Part};
 use crate::machine::Shown;
 use crate::picture;
@@ -19,6 +20,9 @@ use crate::work::Surface;
 
 /// The file that is written last.
 const STATISTICS: &str = "stats.json";
+
+/// The resolved configuration.
+const CONFIGURATION: &str = "config.ron";
 
 /// The table of the frames.
 const TABLE: &str = "stats.csv";
@@ -59,25 +63,24 @@ enum Leaving {
 
 impl Folder {
     /// A folder, which is made where it is missing. With the first frame it gets the resolved configuration, and the statistics and pictures of an
-    /// earlier replay go: they must not be taken for those of this one. A replay without a frame leaves them.
+    /// earlier replay go: they must not be taken for those of this one. A replay without a frame leaves them. With `force`, files of other programs
+    /// that are named as those of a replay go too.
     ///
     /// # Errors
-    /// If it cannot be made or written to.
-    pub fn create(out: &Path, about: About, config: &str, images: Images) -> Result<Folder> {
-        std::fs::create_dir_all(out).with_context(|| format!("cannot create {}", out.display()))?;
+    /// If it cannot be made or written to, if another replay writes to it, or without `force` if it has a file that is named as those of a replay and
+    /// that no replay has written.
+    pub fn create(out: &Path, about: About, config: &str, images: Images, force: bool) -> Result<Folder> {
+        let mut owned = Owned::lock(out, is_output, force)?;
+        let mut growing = |name| Growing::create(&mut owned, out, name);
         let pages = Pages {
             out: out.to_owned(),
             about,
             config: Some(config.to_owned()),
             frames: false,
-            tables: [
-                Growing::create(out, TABLES[0])?,
-                Growing::create(out, TABLES[1])?,
-                Growing::create(out, TABLES[2])?,
-                Growing::create(out, TABLES[3])?,
-            ],
-            json: Growing::create(out, STATISTICS)?,
-            album: (images == Images::All).then(|| Album { out: out.to_owned(), last: None }),
+            tables: [growing(TABLES[0])?, growing(TABLES[1])?, growing(TABLES[2])?, growing(TABLES[3])?],
+            json: growing(STATISTICS)?,
+            album: (images == Images::All).then_some(Album { last: None }),
+            owned,
         };
         let (send, receive) = channel::bounded(FRAMES_IN_FLIGHT);
         let named = std::thread::Builder::new().name("writer".into());
@@ -142,20 +145,10 @@ fn is_picture(name: &str) -> bool {
     number.is_some_and(|number| number.len() >= 4 && number.bytes().all(|digit| digit.is_ascii_digit()))
 }
 
-/// Removes what an earlier replay left.
-fn remove_earlier(out: &Path) -> Result<()> {
-    let pictures = std::fs::read_dir(out).with_context(|| format!("cannot read {}", out.display()))?;
-    let pictures = pictures.filter_map(|entry| entry.ok()?.file_name().into_string().ok()).filter(|name| is_picture(name));
-    for name in TABLES.into_iter().chain([STATISTICS]).map(str::to_owned).chain(pictures) {
-        let path = out.join(name);
-        match std::fs::remove_file(&path) {
-            Err(error) if error.kind() != ErrorKind::NotFound => {
-                return Err(error).with_context(|| format!("cannot replace {}", path.display()));
-            }
-            _ => {}
-        }
-    }
-    Ok(())
+/// Whether a replay writes files of this name.
+fn is_output(name: &str) -> bool {
+    let whole = name.strip_suffix(".part").unwrap_or(name);
+    is_picture(name) || name == CONFIGURATION || TABLES.contains(&whole) || whole == STATISTICS
 }
 
 /// A file of the folder that grows.
@@ -167,8 +160,9 @@ struct Growing {
 }
 
 impl Growing {
-    fn create(out: &Path, name: &str) -> Result<Growing> {
+    fn create(owned: &mut Owned, out: &Path, name: &str) -> Result<Growing> {
         let path = out.join(name);
+        owned.add(&format!("{name}.part"))?;
         let part = Part::create(&path).with_context(|| format!("cannot write {}", path.display()))?;
         Ok(Growing { path, part, empty: true })
     }
@@ -193,14 +187,18 @@ struct Pages {
     json: Growing,
     /// None: no pictures are wanted.
     album: Option<Album>,
+    /// The folder's files. Dropped last: until then no other replay writes there.
+    owned: Owned,
 }
 
 impl Pages {
     fn write(mut self, receive: &Receiver<Leaving>) -> Result<()> {
         for leaving in receive {
             if let Some(config) = self.config.take() {
-                remove_earlier(&self.out)?;
-                put(&self.out, "config.ron", config.as_bytes())?;
+                // It is replaced, and until then stays as it is.
+                self.owned.add(CONFIGURATION)?;
+                self.owned.remove_earlier()?;
+                put(&self.out, CONFIGURATION, config.as_bytes())?;
             }
             match leaving {
                 Leaving::Frame(frame) => self.frame(&frame)?,
@@ -217,7 +215,9 @@ impl Pages {
 
     fn picture(&mut self, frame: &Frame) -> Result<()> {
         let (Some(album), Some((surface, bytes))) = (&mut self.album, &frame.shown) else { return Ok(()) };
-        album.put("frame", frame.number.into(), surface, bytes)
+        let name = format!("frame-{:04}.png", frame.number);
+        self.owned.add(&name)?;
+        put(&self.out, &name, album.png(&name, surface, bytes)?)
     }
 
     fn frame(&mut self, frame: &Frame) -> Result<()> {
@@ -237,17 +237,22 @@ impl Pages {
         let Some(album) = &mut self.album else { return Ok(()) };
         shown.refreshes.iter().try_for_each(|refresh| {
             let (surface, bytes) = refresh.picture();
-            album.put("shown", refresh.number, &surface, &bytes)
+            let name = format!("shown-{:04}.png", refresh.number);
+            self.owned.add(&name)?;
+            put(&self.out, &name, album.png(&name, &surface, &bytes)?)
         })
     }
 
     fn end(self, total: &Tree) -> Result<()> {
-        let Pages { about, frames, tables, mut json, .. } = self;
+        // What is bound first is dropped last: the list is written when no file changes any more.
+        let Pages { mut owned, about, frames, tables, mut json, .. } = self;
         // A table that has no row is none.
-        for table in tables.into_iter().filter(|table| !table.empty) {
+        for (table, name) in tables.into_iter().zip(TABLES).filter(|(table, _)| !table.empty) {
+            owned.add(name)?;
             table.part.keep().with_context(|| format!("cannot write {}", table.path.display()))?;
         }
         let head = json_head(&about, total)?;
+        owned.add(STATISTICS)?;
         host::replace(&json.path, |file| {
             file.write_all(head.as_bytes())?;
             json.part.copy_to(file)?;
@@ -259,20 +264,21 @@ impl Pages {
 
 /// Pictures.
 struct Album {
-    out: PathBuf,
     /// What was shown last, and its file: the same again takes no time.
     last: Option<(Surface, Vec<u8>, Vec<u8>)>,
 }
 
 impl Album {
-    fn put(&mut self, what: &str, number: u64, surface: &Surface, bytes: &[u8]) -> Result<()> {
-        let again = |(shown, known, _): &(Surface, Vec<u8>, Vec<u8>)| shown == surface && known == bytes;
-        if !self.last.as_ref().is_some_and(again) {
-            let image = picture::picture(surface, bytes).map_err(|reason| anyhow!("{what} {number}: {reason}"))?;
-            self.last = Some((*surface, bytes.to_vec(), picture::png(&image)?));
-        }
-        let Some((.., png)) = &self.last else { return Ok(()) };
-        put(&self.out, &format!("{what}-{number:04}.png"), png)
+    /// The bytes of a file with a picture.
+    fn png(&mut self, name: &str, surface: &Surface, bytes: &[u8]) -> Result<&[u8]> {
+        let last = match self.last.take() {
+            Some(last) if last.0 == *surface && last.1 == bytes => last,
+            _ => {
+                let image = picture::picture(surface, bytes).map_err(|reason| anyhow!("{name}: {reason}"))?;
+                (*surface, bytes.to_vec(), picture::png(&image)?)
+            }
+        };
+        Ok(&self.last.insert(last).2)
     }
 }
 

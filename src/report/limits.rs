@@ -55,11 +55,17 @@ regular files.
 ## What is printed, and what is written
 
 Labels, names, paths and messages are printed with control characters escaped (`\\u{1b}`): C0, DEL and C1, changes of direction, and
-characters without width. JSON on the standard output escapes them as JSON does; files have them as they are.
+characters without width. JSON on the standard output escapes them as JSON does. Pages (HTML, Markdown, SVG) have them escaped, too; JSON and CSV
+files have them as they are. A cell of a CSV file that a spreadsheet would run as a formula begins with an apostrophe.
 
 Files are written under a temporary name (`.fillrate-….part`) in their folder and then moved to their place: under its name a file is
 complete, or it is what it was before. The tables of a replay grow frame by frame, as `stats.csv.part` and `stats.json.part`, and get
 their names at its end. A replay writes `stats.json` last, an import `trace.ron`: a folder that has it is complete.
+
+A replay removes what an earlier one has left in its `--out`, and nothing else: `.fillrate-files` in that folder lists the files. A folder with
+`frame-0000.png` or another file of such a name that no replay has written is refused, and so is a folder to which another replay writes.
+`--report`, `--timeline`, `--difference`, the `--json` of `why` and the `--out` of `report` replace files that Fillrate has written, and no others.
+`--force` allows all of these but the second.
 ";
 
 /// The page.

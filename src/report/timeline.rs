@@ -28,6 +28,9 @@ impl Frames {
     }
 }
 
+/// What tells a timeline from other files.
+pub const MARK: &[u8] = br#""generator":"fillrate""#;
+
 /// Tracks of the file, each with its number as a process.
 const TRACKS: [(u32, &str); 4] = [
     (1, "frames and phases"),
@@ -98,7 +101,7 @@ fn thousandths(value: f64) -> f64 {
 fn events(out: &mut dyn Write, frames: &Frames, timeline: &Timeline, mhz: u32) -> Result<()> {
     write!(
         out,
-        "{{\"displayTimeUnit\":\"ns\",\"otherData\":{{\"clock_mhz\":{mhz},\"interval_cycles\":{}}},\"traceEvents\":[",
+        "{{\"displayTimeUnit\":\"ns\",\"otherData\":{{\"generator\":\"fillrate\",\"clock_mhz\":{mhz},\"interval_cycles\":{}}},\"traceEvents\":[",
         timeline.interval()
     )?;
     let mut events = Events { out, first: true, mhz: f64::from(mhz) };

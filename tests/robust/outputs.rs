@@ -63,6 +63,79 @@ fn a_full_disk_leaves_no_half_written_file() {
 }
 
 #[test]
+fn one_replay_at_a_time_writes_to_a_folder() {
+    let home = tempfile::tempdir().expect("a folder");
+    let out = home.path().join("out");
+    let replay = ["replay", "traces/triangle", "--config", "tiny", "--fidelity", "functional", "--out"];
+    let replay = run(&replay).arg(&out);
+    done(&replay.run());
+    let complete = files(&out);
+    // As another replay does while it runs.
+    let held = std::fs::File::open(out.join(".fillrate-files")).expect("the list");
+    held.try_lock().expect("nobody writes there");
+    refused(&replay.run(), &["out", "another process writes to", "--out"]);
+    assert_eq!(files(&out), complete, "the refused replay changed the folder");
+    drop(held);
+    done(&replay.run());
+    assert_eq!(files(&out), complete);
+    // Several at once: those that are not refused leave whole outputs.
+    let together: Vec<_> = (0..4).map(|_| replay.spawn()).collect();
+    let ends: Vec<_> = together.into_iter().map(|child| child.wait_with_output().expect("it ends")).collect();
+    for end in &ends {
+        let message = String::from_utf8_lossy(&end.stderr);
+        assert!(end.status.success() || message.contains("another process writes to"), "{message}");
+    }
+    assert!(ends.iter().any(|end| end.status.success()), "{ends:?}");
+    assert_eq!(files(&out), complete);
+}
+
+#[test]
+fn files_of_others_stay() {
+    let home = tempfile::tempdir().expect("a folder");
+    let path = |name: &str| home.path().join(name);
+    let text = |name: &str| path(name).to_string_lossy().into_owned();
+    let out = text("out");
+    let replay = run(&["replay", "traces/triangle", "--config", "tiny", "--fidelity", "functional", "--out", &out]);
+    std::fs::create_dir(path("out")).expect("a folder");
+    let mine = ["frame-0000.png", "frame-0007.png", "notes.txt"].map(|name| path("out").join(name));
+    mine.iter().for_each(|file| std::fs::write(file, "mine").expect("written"));
+    refused(&replay.run(), &["frame-0000.png is there (and 1 more)", "no replay has written it", "--force"]);
+    assert_eq!(files(&path("out")), ["frame-0000.png", "frame-0007.png", "notes.txt"]);
+    assert!(mine.iter().all(|file| std::fs::read(file).is_ok_and(|bytes| bytes == b"mine")));
+    done(&replay.clone().arg("--force").run());
+    let left = files(&path("out"));
+    assert!(left.contains(&"notes.txt".to_owned()) && !left.contains(&"frame-0007.png".to_owned()), "{left:?}");
+    // A picture that somebody has put there since.
+    std::fs::write(path("out").join("frame-0007.png"), "mine").expect("written");
+    refused(&replay.run(), &["frame-0007.png is there,"]);
+
+    // Single files: others are kept, our own are replaced.
+    let bound = ["replay", "traces/triangle", "--config", "tiny", "--fidelity", "bound"];
+    let timed = ["replay", "traces/triangle", "--config", "tiny"];
+    let pictures = [path("out").join("frame-0000.png").to_string_lossy().into_owned(), text("other.png")];
+    std::fs::copy("tests/references/triangle-0000.png", path("other.png")).expect("copied");
+    let commands = [
+        (run(&bound).arg("--report"), "page.html"),
+        (run(&timed).arg("--timeline"), "time.json"),
+        (run(&["compare", "--allow", "100", &pictures[0], &pictures[1], "--difference"]), "difference.png"),
+        (run(&["why", "traces/triangle", "--config", "tiny", "--json"]), "why.json"),
+        (run(&["report", &out, "--out"]), "of-folder.html"),
+    ];
+    for (command, name) in commands {
+        let command = command.arg(path(name));
+        std::fs::write(path(name), "mine").expect("written");
+        refused(&command.run(), &[name, "is there, and fillrate has not written it", "--force"]);
+        assert_eq!(std::fs::read(path(name)).expect("there"), b"mine", "{name}");
+        done(&command.clone().arg("--force").run());
+        assert_ne!(std::fs::read(path(name)).expect("there"), b"mine", "{name}");
+        done(&command.run());
+    }
+    for special in ["/dev/null", &out] {
+        refused(&run(&bound).arg("--report").arg(special).run(), &["cannot write", special]);
+    }
+}
+
+#[test]
 fn a_full_standard_output_is_an_error() {
     for arguments in [
         &["--help"][..],
@@ -119,13 +192,15 @@ fn a_killed_program_leaves_nothing_that_looks_complete() {
     });
     let replay = run(&["replay", "traces/triangle", "--config", "tiny", "--fidelity", "functional", "--out", &text(&out)]);
     done(&replay.run());
-    let complete = files(&out);
+    // The list of files grows while they are written.
+    let outputs = || -> Vec<String> { files(&out).into_iter().filter(|name| name != ".fillrate-files").collect() };
+    let complete = outputs();
     let contents =
         |names: &[String]| -> Vec<Vec<u8>> { names.iter().map(|name| std::fs::read(out.join(name)).expect("there")).collect() };
     let expected = contents(&complete);
     clear(&out);
     killed(&replay, || {
-        let left: Vec<String> = files(&out).into_iter().filter(|name| !name.ends_with(".part")).collect();
+        let left: Vec<String> = outputs().into_iter().filter(|name| !name.ends_with(".part")).collect();
         if left.contains(&"stats.json".to_owned()) {
             assert_eq!(left, complete);
         }

@@ -93,7 +93,8 @@ impl Run {
         self
     }
 
-    /// Bounds each file that is written, in KiB (`ulimit -f`): writing beyond fails as on a full disk.
+    /// Bounds each file that is written, in KiB (`ulimit -f`): writing beyond fails as on a full disk, and sends a signal that ends a process which does
+    /// not ignore it.
     pub fn file_kib(mut self, kib: u64) -> Run {
         self.file_kib = Some(kib);
         self
@@ -101,8 +102,8 @@ impl Run {
 
     /// Starts it, and answers the process.
     pub fn spawn(&self) -> Child {
-        // Blocks of `ulimit -f` are 512 bytes. A signal that the shell ignores stays ignored: the write fails instead.
-        let files = self.file_kib.map(|kib| format!("trap '' XFSZ; ulimit -f {} &&", 2 * kib)).unwrap_or_default();
+        // Blocks of `ulimit -f` are 512 bytes.
+        let files = self.file_kib.map(|kib| format!("ulimit -f {} &&", 2 * kib)).unwrap_or_default();
         let script = format!(
             "ulimit -c 0; {files} ulimit -v {} && ulimit -t {} && exec \"$0\" \"$@\"",
             self.memory_mib * 1024,

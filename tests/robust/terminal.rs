@@ -66,8 +66,13 @@ fn labels_are_shown() {
         let listed = run(&["inspect", &trace, "--commands"]);
         done(&listed);
         assert!(listed.stdout.contains("owned"), "{listed:?}");
-        let replayed = run(&["replay", &trace, "--config", "tiny", "--fidelity", "bound", "--out", &out]);
+        let page = home.path().join("page.html").to_string_lossy().into_owned();
+        let replayed = run(&["replay", &trace, "--config", "tiny", "--fidelity", "bound", "--out", &out, "--report", &page]);
         done(&replayed);
+        let page = std::fs::read_to_string(&page).expect("written");
+        assert!(page.contains("\\u{202e}\\u{2066}"), "the label is on the page");
+        let obeyed = page.find(|c: char| host::is_obeyed(c) && c != '\n');
+        assert!(obeyed.is_none(), "{:?}", obeyed.map(|at| &page[at - 40..at + 4]));
         assert!(replayed.stdout.contains("\\u{1b}]0;owned"), "{replayed:?}");
         assert!(!replayed.stdout.lines().any(|line| line.trim_start().starts_with("forged line")), "{replayed:?}");
         // The output for scripts has the label unchanged.

@@ -1,6 +1,6 @@
 //! Opening files that others name: regular files only, and never so that opening one waits.
 
-use std::fs::{File, FileType, Metadata, OpenOptions};
+use std::fs::{File, FileType, Metadata, OpenOptions, TryLockError};
 use std::io::{self, Read};
 use std::path::Path;
 
@@ -39,6 +39,46 @@ pub fn open(path: &Path, links: Links) -> io::Result<File> {
     let file = options.open(path)?;
     check_regular(&file.metadata()?)?;
     Ok(file)
+}
+
+/// Opens a regular file for reading and writing and locks it, until it is closed or the process ends. It is made where it is missing; a symbolic link
+/// is not followed. None: another process has locked it. On a file system without locks it is not locked.
+///
+/// # Errors
+/// If it cannot be made or opened, or is no regular file.
+pub fn open_locked(path: &Path) -> io::Result<Option<File>> {
+    loop {
+        let mut options = OpenOptions::new();
+        options.read(true).write(true).create(true).truncate(false);
+        #[cfg(unix)]
+        {
+            use std::os::unix::fs::OpenOptionsExt;
+            options.custom_flags(libc::O_NOFOLLOW | libc::O_NONBLOCK | libc::O_NOCTTY);
+        }
+        let file = options.open(path)?;
+        check_regular(&file.metadata()?)?;
+        if matches!(file.try_lock(), Err(TryLockError::WouldBlock)) {
+            return Ok(None);
+        }
+        // The process that held the lock may have removed the file at its end: then what is locked here has no name any more.
+        if is_at(&file, path) {
+            return Ok(Some(file));
+        }
+    }
+}
+
+/// Whether an open file is the one at a path.
+#[cfg(unix)]
+fn is_at(file: &File, path: &Path) -> bool {
+    use std::os::unix::fs::MetadataExt;
+    let id = |of: &Metadata| (of.dev(), of.ino());
+    matches!((file.metadata(), path.symlink_metadata()), (Ok(open), Ok(named)) if id(&open) == id(&named))
+}
+
+/// Whether an open file is the one at a path: elsewhere a file that is open is not removed.
+#[cfg(not(unix))]
+fn is_at(_: &File, _: &Path) -> bool {
+    true
 }
 
 /// The text of a regular file of at most `most` bytes; the path is the user's own.
