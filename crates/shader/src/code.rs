@@ -158,39 +158,54 @@ pub(super) mod eval {
         p(0) + p(8) + p(16) + p(24)
     }
 
-    /// As `x as i32`, written with selects, so that the compiler makes vector instructions of it.
+    /// The greatest `f16`.
+    const HALF_MAX: f32 = 65_504.0;
+
+    /// A number between two others; 0 for NaN. Selections, of which the compiler makes vector instructions.
     #[inline(always)]
-    pub fn to_s(x: f32) -> i32 {
-        const LIMIT: f32 = 2_147_483_648.0;
-        let inside = if x.abs() < LIMIT { x } else { 0.0 };
-        // SAFETY: the magnitude is below 2^31 and it is not NaN, so the truncated value is an `i32`. (85 vector instructions for
-        // 64 lanes instead of 468 scalar ones.)
-        let n = unsafe { inside.to_int_unchecked::<i32>() };
-        let bound = if x > 0.0 {
-            i32::MAX
-        } else if x < 0.0 {
-            i32::MIN
-        } else {
-            0
-        };
-        if x.abs() < LIMIT { n } else { bound }
+    fn within(x: f32, low: f32, high: f32) -> f32 {
+        let x = if high < x { high } else { x };
+        let x = if low > x { low } else { x };
+        if x.is_nan() { 0.0 } else { x }
     }
 
-    /// As `x as u32`, without a choice that the compiler could make a branch of: ten vector instructions for eight lanes.
+    /// WGSL's conversion of an `f32`: towards zero, and beyond the range of the integers to the last of them that an `f32` can be.
+    /// That is less than `i32::MAX`, with which `x as i32` ends. NaN becomes 0.
+    #[inline(always)]
+    pub fn to_s(x: f32) -> i32 {
+        /// The greatest `f32` below 2^31.
+        const LAST: f32 = 2_147_483_520.0;
+        let x = within(x, -2_147_483_648.0, LAST);
+        // SAFETY: it is at least -2^31, below 2^31 and not NaN, so the truncated value is an `i32`.
+        unsafe { x.to_int_unchecked::<i32>() }
+    }
+
+    /// As [`to_s`], without a choice that the compiler could make a branch of.
     #[inline(always)]
     pub fn to_u(x: f32) -> u32 {
         const HALF: f32 = 2_147_483_648.0;
-        /// The largest below 2^32.
+        /// The greatest `f32` below 2^32.
         const LAST: f32 = 4_294_967_040.0;
         let x = if x > 0.0 { x } else { 0.0 };
-        let beyond = u32::from(x > LAST).wrapping_neg();
         let x = if x < LAST { x } else { LAST };
         let upper = u32::from(x >= HALF).wrapping_neg();
         // Exact: both are multiples of 128 there.
         let rest = x - f32::from_bits(upper & HALF.to_bits());
         // SAFETY: it is at least 0, below 2^31 and not NaN, so the truncated value is an `i32`.
         let n = unsafe { rest.to_int_unchecked::<i32>() } as u32;
-        (n ^ upper & 0x8000_0000) | beyond
+        n ^ upper & 0x8000_0000
+    }
+
+    /// WGSL's conversion of an `f16`: an infinity becomes the integer of the last finite `f16`.
+    #[inline(always)]
+    pub fn half_to_s(x: f32) -> i32 {
+        to_s(within(x, -HALF_MAX, HALF_MAX))
+    }
+
+    /// As [`half_to_s`].
+    #[inline(always)]
+    pub fn half_to_u(x: f32) -> u32 {
+        to_s(within(x, 0.0, HALF_MAX)) as u32
     }
 
     /// Nearest integer to `x` clamped to [low, high], scaled; NaN as the lower bound.
@@ -360,6 +375,8 @@ codes! {
         FrexpExponent Integer |x| eval::frexp_exponent(f(x)) as u32;
         FToS Float |x| eval::to_s(f(x)) as u32;
         FToU Float |x| eval::to_u(f(x));
+        HalfToS Float |x| eval::half_to_s(f(x)) as u32;
+        HalfToU Float |x| eval::half_to_u(f(x));
         SToF Float |x| u(x as i32 as f32);
         UToF Float |x| u(x as f32);
         FToBool Float |x| u32::from(f(x) != 0.0);

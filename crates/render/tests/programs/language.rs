@@ -329,8 +329,8 @@ fn parts_of_numbers_and_conversions() {
         assert_eq!(f64::from(f(2)) * 2f64.powi(g[3] as i32), f64::from(x), "frexp of {x}");
         assert_eq!(f(4), x, "ldexp of frexp of {x}");
         assert_eq!(f(5), 0.25 + x.trunc());
-        assert_eq!(g[6] as i32, x as i32, "i32({x})");
-        assert_eq!(g[7], x as u32, "u32({x})");
+        assert_eq!(g[6] as i32, (x as i32).min(2_147_483_520), "i32({x})");
+        assert_eq!(g[7], (x as u32).min(4_294_967_040), "u32({x})");
         assert_eq!(f(8), x.round_ties_even(), "round({x})");
         let (fl, ce, tr) = (x.floor(), x.ceil(), x.trunc());
         assert_eq!(f(9), (((x - fl) + fl * 0.5) + ce * 0.25) + tr * 0.125, "parts of {x}");

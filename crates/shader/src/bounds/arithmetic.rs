@@ -125,6 +125,8 @@ fn float(code: Code, a: Floats) -> Range {
         Code::Quantize => rising(a, |x| eval::from_half(eval::to_half(x))),
         Code::FToS => Range::integers(None, Some((eval::to_s(a.0), eval::to_s(a.1)))),
         Code::FToU => Range::unsigned(eval::to_u(a.0), eval::to_u(a.1)),
+        Code::HalfToS => Range::integers(None, Some((eval::half_to_s(a.0), eval::half_to_s(a.1)))),
+        Code::HalfToU => Range::unsigned(eval::half_to_u(a.0), eval::half_to_u(a.1)),
         _ => Range::ANY,
     }
 }

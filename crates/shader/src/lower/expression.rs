@@ -430,6 +430,8 @@ impl<'a> Lowerer<'a> {
             (K::Float, K::Float) => {
                 return Ok(Val::Data(d.iter().map(|&v| self.rounded(v, to)).collect()));
             }
+            (K::Float, K::Sint) if is_half(from) => Code::HalfToS,
+            (K::Float, K::Uint) if is_half(from) => Code::HalfToU,
             (K::Float, K::Sint) => Code::FToS,
             (K::Float, K::Uint) => Code::FToU,
             (K::Float, K::Bool) => Code::FToBool,

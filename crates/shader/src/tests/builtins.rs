@@ -186,8 +186,8 @@ fn integer_functions() {
         let b = |k: u32| i32::from((x >> k) as u8 as i8);
         (b(0) * 4 + b(8) * 3 + b(16) * 2 + b(24)) as u32
     });
-    check("i32(f32(s))", &|x| (x as i32 as f32) as i32 as u32);
-    check("u32(f32(x) * 4.0)", &|x| (x as f32 * 4.0) as u32);
+    check("i32(f32(s))", &|x| ((x as i32 as f32) as i32).min(2_147_483_520) as u32);
+    check("u32(f32(x) * 4.0)", &|x| ((x as f32 * 4.0) as u32).min(4_294_967_040));
     check("u32(-f32(x))", &|_| 0);
     check("u32(bool(x & 1u)) + u32(f32(true))", &|x| (x & 1) + 1);
     check("select(x, 9u, s < 0)", &|x| if (x as i32) < 0 { 9 } else { x });
@@ -253,8 +253,8 @@ fn half_conversions_are_exact() {
 }
 
 #[test]
-fn conversions_to_integers_saturate() {
-    use crate::code::eval::{to_s, to_u};
+fn conversions_to_integers_end_with_the_last_that_a_float_can_be() {
+    use crate::code::eval::{from_half, half_to_s, half_to_u, to_half, to_s, to_u};
     let special = [0.0, -0.0, 0.5, -0.5, 1.0, -1.0, 1.5, f32::NAN, f32::INFINITY, f32::NEG_INFINITY, f32::MAX, f32::MIN, 1e-40];
     let powers = (0..64).flat_map(|e| {
         let p = 2f32.powi(e - 4);
@@ -262,7 +262,63 @@ fn conversions_to_integers_saturate() {
     });
     let random = (0..100_000u32).map(|i| f32::from_bits(i.wrapping_mul(0x9e37_79b9)));
     for x in special.into_iter().chain(powers).chain(random) {
-        assert_eq!(to_s(x), x as i32, "{x}");
-        assert_eq!(to_u(x), x as u32, "{x}");
+        assert_eq!(to_s(x), (x as i32).min(2_147_483_520), "{x}");
+        assert_eq!(to_u(x), (x as u32).min(4_294_967_040), "{x}");
+        let half = from_half(to_half(x));
+        assert_eq!(half_to_s(half), (half as i32).clamp(-65_504, 65_504), "{half}");
+        assert_eq!(half_to_u(half), (half as u32).min(65_504), "{half}");
+    }
+}
+
+/// Floats that no integer of 32 bits is, and neighbours of the last that one is.
+const FAR: [f32; 12] = [
+    1e20,
+    -1e20,
+    3e38,
+    2_147_483_648.0,
+    2_147_483_520.0,
+    -2_147_483_648.0,
+    -2_147_483_904.0,
+    4_294_967_296.0,
+    4_294_967_040.0,
+    3e9,
+    -0.75,
+    65_504.0,
+];
+
+#[test]
+fn a_conversion_to_an_integer_has_one_value_wherever_it_is_computed() {
+    // By naga, which folds constants; by the compiler, which folds what naga leaves; in a batch; in vectors.
+    for x in FAR {
+        let (signed, unsigned) = ((x as i32).min(2_147_483_520) as u32, (x as u32).min(4_294_967_040));
+        for (to, expected) in [("i32", signed), ("u32", unsigned)] {
+            let word = if to == "i32" { "bitcast<u32>" } else { "" };
+            let forms = [
+                format!("const c = {to}({x:?}f); r = {word}(c);"),
+                format!("const c = vec2<{to}>(vec2f({x:?}f, 1)); r = {word}(c.x);"),
+                format!("var f = {x:?}f; r = {word}({to}(f));"),
+                format!("r = {word}({to}(bitcast<f32>(x)));"),
+                format!("let v = vec3<{to}>(vec3f(0, bitcast<f32>(x), 1)); r = {word}(v.y);"),
+                format!("r = {word}({to}(select(0f, bitcast<f32>(x), x != 1)));"),
+            ];
+            for form in forms {
+                assert_eq!(each_u32(&form, |_| x.to_bits()), [expected; 64], "{form}");
+            }
+        }
+    }
+    // The greatest f16 is what an infinite one becomes.
+    for (to, word, low) in [("i32", "bitcast<u32>", -65_504_i32 as u32), ("u32", "", 0)] {
+        let half = |body: &str, x: f32| {
+            let head = "enable f16; @group(0) @binding(0) var<storage, read_write> result: array<u32>;
+                @group(0) @binding(1) var<storage, read> input: array<u32>;
+                @compute @workgroup_size(64) fn main(@builtin(global_invocation_id) id: vec3u) { let x = input[id.x];";
+            each(&format!("{head} result[id.x] = {body}; }}"), |_| x.to_bits())
+        };
+        let overflow = format!("{word}({to}(f16(bitcast<f32>(x)) * 2h))");
+        assert_eq!(half(&overflow, 65_504.0), [65_504; 64]);
+        assert_eq!(half(&overflow, -65_504.0), [low; 64]);
+        assert_eq!(half(&overflow, 1234.0), [2468; 64]);
+        assert_eq!(half(&format!("{word}({to}(65504h))"), 0.0), [65_504; 64]);
+        assert_eq!(half(&format!("{word}(vec2<{to}>(vec2<f16>(f16(bitcast<f32>(x)) * 2h))).y"), 65_504.0), [65_504; 64]);
     }
 }

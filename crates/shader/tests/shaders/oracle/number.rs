@@ -181,7 +181,21 @@ fn unsigned(op: BinaryOperator, x: u32, y: u32) -> Result<Number, Fault> {
     })
 }
 
-/// A conversion that keeps the value where it can. Floats go to the nearest integer towards zero, saturated; NaN gives 0.
+/// WGSL's conversion of a float to an integer: of the integers from `least` to `most` that a float of this kind can be, the nearest to
+/// `x` without its fraction. NaN, for which any integer will do, gives 0. The type `f64` has all of these numbers.
+fn to_integer(x: f32, half: bool, least: i64, most: i64) -> i64 {
+    // The digits of a float: an integer that has more is none.
+    let (digits, greatest) = if half { (11, 65_504) } else { (24, i64::MAX) };
+    let towards_zero = |n: i64| {
+        let magnitude = n.abs();
+        let surplus = (64 - magnitude.leading_zeros()).saturating_sub(digits);
+        n.signum() * (magnitude >> surplus << surplus).min(greatest)
+    };
+    let whole = f64::from(x).trunc();
+    if whole.is_nan() { 0 } else { whole.clamp(towards_zero(least) as f64, towards_zero(most) as f64) as i64 }
+}
+
+/// A conversion that keeps the value where it can.
 pub fn convert(x: Number, kind: ScalarKind, width: u8) -> Result<Number, Fault> {
     use Number as N;
     Ok(match (kind, width) {
@@ -195,13 +209,15 @@ pub fn convert(x: Number, kind: ScalarKind, width: u8) -> Result<Number, Fault> 
             N::Bool(x) => i32::from(x),
             N::Sint(x) => x,
             N::Uint(x) => x as i32,
-            N::Float(x) | N::Half(x) => x as i32,
+            N::Float(x) => to_integer(x, false, i32::MIN.into(), i32::MAX.into()) as i32,
+            N::Half(x) => to_integer(x, true, i32::MIN.into(), i32::MAX.into()) as i32,
         }),
         (ScalarKind::Uint, 4) => N::Uint(match x {
             N::Bool(x) => u32::from(x),
             N::Sint(x) => x as u32,
             N::Uint(x) => x,
-            N::Float(x) | N::Half(x) => x as u32,
+            N::Float(x) => to_integer(x, false, 0, u32::MAX.into()) as u32,
+            N::Half(x) => to_integer(x, true, 0, u32::MAX.into()) as u32,
         }),
         (ScalarKind::Float, 2 | 4) => {
             let x = match x {
