@@ -81,7 +81,7 @@ pub fn draw_everything(data: &[u8]) {
                 let sum: f32 = v.weights.iter().sum();
                 assert!((sum - 1.0).abs() < 1e-3 && v.weights.iter().all(|w| (-1e-3..=1.001).contains(w)), "{v:?}");
             }
-            polygon.vertices().iter().map(|v| screen.vertex(v.position)).collect()
+            polygon.vertices().iter().map(|v| screen.clipped(v)).collect()
         }
     };
     // Snapping may make the outline of a cut sliver cross itself; its triangles are then more than the outline, and may overlap.

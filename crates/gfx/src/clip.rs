@@ -4,6 +4,9 @@
 //! primitives: outside one plane as a whole, rejected; inside everything that must be clipped, untouched. In x and y only
 //! what leaves the guard band ([`GUARD_PIXELS`]) is cut; the rest is left to the scissor, as on real cards. The cut itself
 //! runs in f64 and is symmetric in the direction of an edge, so that neighbours cut at the same point.
+//!
+//! Positions are homogeneous: multiplied by a power of two, all positions of a primitive give the same picture, bit for bit, as long
+//! as they and their `w` stay normal numbers. A `w` below the least normal number counts as 0, as WGSL allows, and is not visible.
 
 use num::{LANES, Lanes};
 
@@ -12,8 +15,12 @@ use super::state::Viewport;
 /// Half-width of the guard band in pixels: window coordinates inside it fit 16.8 fixed point with a pixel to spare.
 pub const GUARD_PIXELS: f32 = 32767.0;
 
-/// The least `w` that survives clipping; its reciprocal, and that times any sane attribute, stays finite.
+/// The least `w` that cutting leaves, so that no vertex comes so near to the eye that its reciprocal exceeds that of the others beyond all
+/// bounds. A primitive all of whose `w` are below [`W_SMALL`] is cut in a scale of its own ([`scale`]), where this holds likewise.
 pub const W_MIN: f32 = 1.0 / (1u128 << 64) as f32;
+
+/// The greatest `w` of a primitive below which it is cut in a scale of its own.
+const W_SMALL: f32 = 1.0 / (1u64 << 32) as f32;
 
 /// Vertices of a clipped triangle at most: each of the seven planes adds one, and so does each of eight clip distances.
 pub const MAX_VERTICES: usize = 18;
@@ -33,7 +40,7 @@ pub const TOP: Outcode = 1 << 3;
 pub const NEAR: Outcode = 1 << 4;
 /// z > w, where depth is clipped.
 pub const FAR: Outcode = 1 << 5;
-/// w < [`W_MIN`].
+/// w is not positive, or no normal number.
 pub const BEHIND: Outcode = 1 << 6;
 /// Beyond the left end of the guard band.
 pub const GUARD_LEFT: Outcode = 1 << 7;
@@ -45,28 +52,32 @@ pub const GUARD_BOTTOM: Outcode = 1 << 9;
 pub const GUARD_TOP: Outcode = 1 << 10;
 /// A component is NaN or infinite.
 pub const NOT_FINITE: Outcode = 1 << 11;
+/// w < [`W_MIN`]: behind the eye or very near to it, unless the primitive is small in all.
+pub const EYE: Outcode = 1 << 12;
 
 /// Planes of which all vertices being outside rejects a primitive.
 const REJECT: Outcode = LEFT | RIGHT | BOTTOM | TOP | NEAR | FAR | BEHIND;
 
 /// Planes of which any vertex being outside makes clipping necessary.
-const CLIP: Outcode = NEAR | FAR | BEHIND | GUARD_LEFT | GUARD_RIGHT | GUARD_BOTTOM | GUARD_TOP;
+const CLIP: Outcode = NEAR | FAR | EYE | GUARD_LEFT | GUARD_RIGHT | GUARD_BOTTOM | GUARD_TOP;
 
-/// The planes in the order in which they cut. Behind first: afterwards w > 0, and the others mean what they say.
-const PLANES: [Outcode; 7] = [BEHIND, NEAR, FAR, GUARD_LEFT, GUARD_RIGHT, GUARD_BOTTOM, GUARD_TOP];
+/// The planes in the order in which they cut. That of the eye first: afterwards w > 0, and the others mean what they say.
+const PLANES: [Outcode; 7] = [EYE, NEAR, FAR, GUARD_LEFT, GUARD_RIGHT, GUARD_BOTTOM, GUARD_TOP];
 
 /// A vertex of a clipped primitive.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ClipVertex {
-    /// Position in clip space; finite, `w >= W_MIN`, inside the guard band.
+    /// Position in clip space, times `unit`; finite, `w >= W_MIN`, inside the guard band.
     pub position: [f32; 4],
+    /// A power of two, by which the position was multiplied: 1 but for primitives whose `w` are all very small.
+    pub unit: f32,
     /// Weights of the original vertices: attributes of this vertex are that linear combination ([`ClipVertex::combine`]).
     /// They add up to 1 within rounding; a line uses the first two.
     pub weights: [f32; 3],
 }
 
 impl ClipVertex {
-    const ZERO: ClipVertex = ClipVertex { position: [0.0; 4], weights: [0.0; 3] };
+    const ZERO: ClipVertex = ClipVertex { position: [0.0; 4], unit: 1.0, weights: [0.0; 3] };
 
     /// The attribute here, from those of the original vertices; a constant attribute stays exactly what it is.
     #[inline]
@@ -100,8 +111,10 @@ impl Polygon {
     /// Makes it an uncut line or triangle.
     pub fn set(&mut self, position: &[[f32; 4]]) {
         self.len = position.len();
+        let unit = scale(position);
         for (i, (vertex, &position)) in self.vertices.iter_mut().zip(position).enumerate() {
-            *vertex = ClipVertex { position, weights: std::array::from_fn(|k| if k == i { 1.0 } else { 0.0 }) };
+            let weights = std::array::from_fn(|k| if k == i { 1.0 } else { 0.0 });
+            *vertex = ClipVertex { position: narrow(position.map(|v| f64::from(v) * unit)), unit: unit as f32, weights };
         }
     }
 
@@ -135,6 +148,7 @@ impl Polygon {
                 let t = if t.is_finite() { t } else { 0.0 };
                 let mix = |x: f32, y: f32| (f64::from(x) + t * (f64::from(y) - f64::from(x))) as f32;
                 self.push(ClipVertex {
+                    unit: from.unit,
                     position: std::array::from_fn(|k| mix(from.position[k], to.position[k])),
                     weights: std::array::from_fn(|k| mix(from.weights[k], to.weights[k])),
                 });
@@ -155,6 +169,24 @@ impl Polygon {
     pub fn vertices(&self) -> &[ClipVertex] {
         &self.vertices[..self.len]
     }
+}
+
+/// The power of two that brings the greatest `w` of a primitive to between 1 and 2 where it is below [`W_SMALL`]; else 1.
+///
+/// Intersections with planes would otherwise be rounded to subnormal numbers, or lie before the plane at [`W_MIN`].
+fn scale(position: &[[f32; 4]]) -> f64 {
+    let w = position.iter().fold(f32::MIN_POSITIVE, |most, p| if p[3] > most { p[3] } else { most });
+    if w >= W_SMALL {
+        return 1.0;
+    }
+    let exponent = u64::from(w.to_bits() >> 23 & 255);
+    // 2 to the power of 127 - exponent.
+    f64::from_bits((1023 + 127 - exponent) << 52)
+}
+
+/// A position in `f32`. Only depths that are not clipped can exceed its range.
+fn narrow(position: [f64; 4]) -> [f32; 4] {
+    position.map(|v| v.clamp(f64::from(f32::MIN), f64::from(f32::MAX)) as f32)
 }
 
 /// What clipping did.
@@ -216,7 +248,8 @@ impl ClipVolume {
             | bit(y > w, TOP)
             | bit(self.depth & (z < 0.0), NEAR)
             | bit(self.depth & (z > w), FAR)
-            | bit(w < W_MIN, BEHIND)
+            | bit(w < f32::MIN_POSITIVE, BEHIND)
+            | bit(w < W_MIN, EYE)
             // A product that overflows has the right sign and exceeds every coordinate: the comparison stays true to the reals.
             | bit(x < x0 * w, GUARD_LEFT)
             | bit(x > x1 * w, GUARD_RIGHT)
@@ -229,7 +262,7 @@ impl ClipVolume {
     /// [`ClipVolume::outcode`]: no primitive between such positions is drawn.
     pub fn rejects(&self, [x, y, z, w]: [(f32, f32); 4]) -> bool {
         // -w is least where w is greatest.
-        x.1 < -w.1 || x.0 > w.1 || y.1 < -w.1 || y.0 > w.1 || self.depth && (z.1 < 0.0 || z.0 > w.1) || w.1 < W_MIN
+        x.1 < -w.1 || x.0 > w.1 || y.1 < -w.1 || y.0 > w.1 || self.depth && (z.1 < 0.0 || z.0 > w.1) || w.1 < f32::MIN_POSITIVE
     }
 
     /// The outcodes of the first positions (x, y, z, w) of a batch.
@@ -268,7 +301,7 @@ impl ClipVolume {
     /// Whether a point is drawn: its position lies in the view volume, so points are not drawn in part at the border.
     #[inline]
     pub fn point(&self, code: Outcode) -> bool {
-        code & (REJECT | CLIP | NOT_FINITE) == 0
+        code & (REJECT | CLIP & !EYE | NOT_FINITE) == 0
     }
 
     /// Clips a triangle; `codes` are the outcodes of its vertices.
@@ -283,12 +316,12 @@ impl ClipVolume {
         Self::trivial(&codes).unwrap_or_else(|| self.cut(position, codes, out))
     }
 
-    /// How far inside of a plane a position lies; negative outside. Not normalised.
+    /// How far inside of a plane a position lies, where that of the eye is at the `least` w; negative outside. Not normalised.
     #[inline(always)]
-    fn distance(&self, plane: Outcode, [x, y, z, w]: [f64; 4]) -> f64 {
+    fn distance(&self, plane: Outcode, least: f64, [x, y, z, w]: [f64; 4]) -> f64 {
         let [x0, x1, y0, y1] = self.guard.map(f64::from);
         match plane {
-            BEHIND => w - f64::from(W_MIN),
+            EYE => w - least,
             NEAR => z,
             FAR => w - z,
             GUARD_LEFT => x - x0 * w,
@@ -300,10 +333,10 @@ impl ClipVolume {
 
     /// Moves a position that rounding left beside a plane onto it.
     #[inline(always)]
-    fn pin(&self, plane: Outcode, p: &mut [f64; 4]) {
+    fn pin(&self, plane: Outcode, least: f64, p: &mut [f64; 4]) {
         let [x0, x1, y0, y1] = self.guard.map(f64::from);
         match plane {
-            BEHIND => p[3] = f64::from(W_MIN),
+            EYE => p[3] = least,
             NEAR => p[2] = 0.0,
             FAR => p[2] = p[3],
             GUARD_LEFT => p[0] = x0 * p[3],
@@ -314,10 +347,10 @@ impl ClipVolume {
     }
 
     /// The vertex where the edge from `from`, inside of a plane, to `to`, outside, leaves it.
-    fn meet(&self, plane: Outcode, from: &Wide, to: &Wide) -> Wide {
+    fn meet(&self, plane: Outcode, least: f64, from: &Wide, to: &Wide) -> Wide {
         // Original vertices lie where their outcodes, computed in f32, say; in f64 they may lie a hair beyond.
-        let inside = self.distance(plane, from.p).max(0.0);
-        let outside = self.distance(plane, to.p).min(0.0);
+        let inside = self.distance(plane, least, from.p).max(0.0);
+        let outside = self.distance(plane, least, to.p).min(0.0);
         // Two weights: with one alone, a vertex that is very much farther away would swallow the other's part.
         let sum = inside - outside;
         let (f, t) = if inside > 0.0 { (-outside / sum, inside / sum) } else { (1.0, 0.0) };
@@ -328,10 +361,10 @@ impl ClipVolume {
         for k in 0..3 {
             v.b[k] = f * from.b[k] + t * to.b[k];
         }
-        self.pin(plane, &mut v.p);
+        self.pin(plane, least, &mut v.p);
         v.code = 0;
         for other in PLANES {
-            if other != plane && (self.depth || other & (NEAR | FAR) == 0) && self.distance(other, v.p) < 0.0 {
+            if other != plane && (self.depth || other & (NEAR | FAR) == 0) && self.distance(other, least, v.p) < 0.0 {
                 v.code |= other;
             }
         }
@@ -345,11 +378,20 @@ impl ClipVolume {
     /// [`ClipVolume::trivial`] alike.
     #[cold]
     fn cut<const N: usize>(&self, position: &[[f32; 4]; N], codes: [Outcode; N], out: &mut Polygon) -> Clipped {
+        let unit = scale(position);
+        let least = f64::from(W_MIN).max(f64::from(f32::MIN_POSITIVE) * unit);
+        let codes: [Outcode; N] = std::array::from_fn(|i| {
+            let near = f64::from(position[i][3]) * unit < least;
+            codes[i] & !EYE | if near { EYE } else { 0 }
+        });
+        if let Some(clipped) = Self::trivial(&codes) {
+            return clipped;
+        }
         let mut now = [Wide { p: [0.0; 4], b: [0.0; 3], code: 0 }; MAX_VERTICES];
         let mut next = now;
         let mut n = N;
         for i in 0..N {
-            now[i] = Wide { p: position[i].map(f64::from), b: [0.0; 3], code: codes[i] };
+            now[i] = Wide { p: position[i].map(|v| f64::from(v) * unit), b: [0.0; 3], code: codes[i] };
             now[i].b[i] = 1.0;
         }
         for plane in PLANES {
@@ -372,7 +414,7 @@ impl ClipVolume {
                 }
                 // A line has no edge back from its end.
                 if a_in != b_in && (N > 2 || i + 1 < n) {
-                    keep(if a_in { self.meet(plane, a, b) } else { self.meet(plane, b, a) });
+                    keep(if a_in { self.meet(plane, least, a, b) } else { self.meet(plane, least, b, a) });
                 }
             }
             std::mem::swap(&mut now, &mut next);
@@ -383,9 +425,9 @@ impl ClipVolume {
             }
         }
         for i in 0..n {
-            let mut position = now[i].p.map(|v| v as f32);
-            position[3] = position[3].max(W_MIN);
-            out.vertices[i] = ClipVertex { position, weights: now[i].b.map(|v| v as f32) };
+            let mut position = narrow(now[i].p);
+            position[3] = position[3].max(least as f32);
+            out.vertices[i] = ClipVertex { position, unit: unit as f32, weights: now[i].b.map(|v| v as f32) };
         }
         out.len = n;
         Clipped::Cut

@@ -11,7 +11,7 @@
 use bytemuck::{Pod, Zeroable};
 use num::{LANES, Lanes, QUADS, SUBPIXEL};
 
-use super::setup::{Edge, SAMPLES_4, Triangle};
+use super::setup::{DepthPlane, Edge, SAMPLES_4, Triangle};
 
 /// Where a quad of a batch lies, and of which primitive it is.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Pod, Zeroable)]
@@ -332,7 +332,34 @@ widest! {
 }
 
 widest! {
-    /// Depth of each lane, by [`super::setup::DepthPlane::at`].
+    /// Depth of each lane as the fragment stage sees it (`position.z`): [`depth`] without the clamp to the viewport's range.
+    ///
+    /// At most [`QUADS`] sites count; lanes beyond them are left as they are.
+    ///
+    /// # Panics
+    /// If a site names a primitive that is not there.
+    pub fn position_depth(triangles: &[Triangle], sites: &[Site], place: Place<'_>, out: &mut Lanes) {
+        for_each_quad!(sites, place, |q, site, offsets| {
+            let triangle = &triangles[site.triangle as usize];
+            let [min, max] = triangle.depth_ends;
+            depths(&DepthPlane { min, max, ..triangle.depth }, q, site, offsets, out);
+        });
+    }
+}
+
+/// Depths of a quad.
+#[inline(always)]
+fn depths(plane: &DepthPlane, q: usize, site: &Site, offsets: impl Offsets, out: &mut Lanes) {
+    let out = &mut out.f32_mut()[4 * q..4 * q + 4];
+    let (x, y) = (f32::from(site.x) + 0.5, f32::from(site.y) + 0.5);
+    for p in 0..4 {
+        let [dx, dy] = offsets.pixels(p);
+        out[p] = plane.at(x + ((p & 1) as f32 + dx), y + ((p >> 1) as f32 + dy));
+    }
+}
+
+widest! {
+    /// Depth of each lane as it is tested and written, by [`super::setup::DepthPlane::at`].
     ///
     /// At most [`QUADS`] sites count; lanes beyond them are left as they are.
     ///
@@ -340,13 +367,7 @@ widest! {
     /// If a site names a primitive that is not there.
     pub fn depth(triangles: &[Triangle], sites: &[Site], place: Place<'_>, out: &mut Lanes) {
         for_each_quad!(sites, place, |q, site, offsets| {
-            let plane = triangles[site.triangle as usize].depth;
-            let out = &mut out.f32_mut()[4 * q..4 * q + 4];
-            let (x, y) = (f32::from(site.x) + 0.5, f32::from(site.y) + 0.5);
-            for p in 0..4 {
-                let [dx, dy] = offsets.pixels(p);
-                out[p] = plane.at(x + ((p & 1) as f32 + dx), y + ((p >> 1) as f32 + dy));
-            }
+            depths(&triangles[site.triangle as usize].depth, q, site, offsets, out);
         });
     }
 }

@@ -21,6 +21,7 @@ pub fn state(samples: u32, [x0, y0, x1, y1]: [i32; 4]) -> SetupState {
         cull: CullMode::None,
         samples,
         lower_edges: false,
+        unclipped_depth: false,
     }
 }
 
@@ -144,7 +145,7 @@ impl Image {
             Clipped::Rejected => {}
             Clipped::Whole => one(position.map(|p| screen.vertex(p))),
             Clipped::Cut => {
-                let vertices: Vec<ScreenVertex> = polygon.vertices().iter().map(|v| screen.vertex(v.position)).collect();
+                let vertices: Vec<ScreenVertex> = polygon.vertices().iter().map(|v| screen.clipped(v)).collect();
                 for t in setup::fan(&vertices) {
                     one(t.map(|i| vertices[i]));
                 }

@@ -130,7 +130,7 @@ fn run(position: &[[f32; 4]; 3], unclipped: bool, inject_fault: bool) -> Run {
         for v in polygon.vertices() {
             check(v.position.iter().chain(&v.weights).all(|x| x.is_finite()));
             check(v.position[3] > 0.0);
-            let snapped = screen.vertex(v.position);
+            let snapped = screen.clipped(v);
             check(snapped.x.abs() <= 32_768 * 256 && snapped.y.abs() <= 32_768 * 256);
             check(snapped.z.is_finite() && snapped.inv_w.is_normal() && snapped.inv_w > 0.0);
             vertices.push(snapped);

@@ -319,6 +319,7 @@ pub(super) mod tests {
             cull: CullMode::None,
             samples: 1,
             lower_edges: false,
+            unclipped_depth: false,
         };
         let mut random = Cases(Random::new(9));
         let (mut some, mut all) = (0, 0);

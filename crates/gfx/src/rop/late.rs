@@ -179,6 +179,7 @@ mod tests {
             cull: CullMode::None,
             samples: 1,
             lower_edges: false,
+            unclipped_depth: false,
         };
         let corners = [[0, 0], [9000, 0], [0, 9000]].map(|[x, y]| ScreenVertex { x, y, z: 0.0, inv_w: 1.0 });
         let whole = setup::triangle(&setup, &corners).expect("a triangle");

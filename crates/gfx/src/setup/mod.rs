@@ -71,7 +71,7 @@ pub enum Culled {
 pub struct SetupState {
     /// Pixels that may be drawn: target, viewport and scissor.
     pub bounds: Bounds,
-    /// Range of depth, least first.
+    /// Range of the viewport's depth, least first.
     pub depth_range: [f32; 2],
     /// Depth bias.
     pub bias: DepthBias,
@@ -83,6 +83,8 @@ pub struct SetupState {
     pub samples: u32,
     /// Whether samples on horizontal edges belong to what is above them, not below.
     pub lower_edges: bool,
+    /// Whether vertices may lie outside of the depth range: near and far planes do not clip.
+    pub unclipped_depth: bool,
 }
 
 impl SetupState {
@@ -117,6 +119,7 @@ impl SetupState {
             cull,
             samples,
             lower_edges: false,
+            unclipped_depth: false,
         }
     }
 
@@ -172,9 +175,10 @@ impl SetupState {
         }
     }
 
-    /// The biased, clamped plane through a point of depth `z` at the snapped position `at`, with slopes per 1/256 pixel.
+    /// The biased plane through a point of depth `z` at the snapped position `at`, with slopes per 1/256 pixel: clamped to the viewport's
+    /// range, and the ends of depth that is not.
     #[inline(always)]
-    fn plane(&self, at: [Fx8; 2], z: [f32; 3], slope: [f64; 2], origin: [i32; 2]) -> DepthPlane {
+    fn plane(&self, at: [Fx8; 2], z: [f32; 3], slope: [f64; 2], origin: [i32; 2]) -> (DepthPlane, [f32; 2]) {
         let per_pixel = f64::from(SUBPIXEL);
         let dx = f64::from(origin[0] * SUBPIXEL - at[0]);
         let dy = f64::from(origin[1] * SUBPIXEL - at[1]);
@@ -185,22 +189,27 @@ impl SetupState {
         let greater = |a: f32, b: f32| if a > b { a } else { b };
         let mut min = less(less(z[0], z[1]), z[2]);
         let mut max = greater(greater(z[0], z[1]), z[2]);
+        let [near, far] = self.depth_range;
+        let limit = |z: f32| less(greater(z, near), far);
+        // What clipping leaves may be rounded to depths beside the range.
+        let mut ends = if self.unclipped_depth { [min, max] } else { [limit(min), limit(max)] };
         if !self.bias.is_none() {
             let offset = self.bias.offset(sx.abs().max(sy.abs()), min.abs().max(max.abs()));
             z_origin += f64::from(offset);
             min += offset;
             max += offset;
+            ends = ends.map(|end| end + offset);
         }
-        let [near, far] = self.depth_range;
-        DepthPlane {
+        let plane = DepthPlane {
             x0: origin[0] as f32,
             y0: origin[1] as f32,
             z0: z_origin as f32,
             dzdx: sx,
             dzdy: sy,
-            min: less(greater(min, near), far),
-            max: less(greater(max, near), far),
-        }
+            min: limit(min),
+            max: limit(max),
+        };
+        (plane, ends)
     }
 }
 
@@ -257,8 +266,11 @@ pub struct Triangle {
     pub inv_area: f64,
     /// 1/w of the vertices.
     pub inv_w: [f32; 3],
-    /// Depth.
+    /// Depth, as it is tested and written.
     pub depth: DepthPlane,
+    /// Least and greatest depth that the fragment stage sees: those of the vertices, biased. Where depth is not clipped they may lie
+    /// outside of the viewport's range, to which depth is clamped after the stage.
+    pub depth_ends: [f32; 2],
     /// Pixels outside of which nothing is covered: the scissored bounding box. Not empty.
     pub bounds: Bounds,
     /// The snapped first vertex.
@@ -361,11 +373,13 @@ pub fn within(state: &SetupState, v: &[ScreenVertex; 3], bounds: Bounds) -> Tria
         (f64::from(edges[1].a) * d1 + f64::from(edges[2].a) * d2) * inv_area,
         (f64::from(edges[1].b) * d1 + f64::from(edges[2].b) * d2) * inv_area,
     ];
+    let (depth, depth_ends) = state.plane([v0.x, v0.y], [v0.z, v1.z, v2.z], slope, base);
     Triangle {
         edges,
         inv_area,
         inv_w: [v0.inv_w, v1.inv_w, v2.inv_w],
-        depth: state.plane([v0.x, v0.y], [v0.z, v1.z, v2.z], slope, base),
+        depth,
+        depth_ends,
         bounds,
         start: [v0.x, v0.y],
         shape: Shape::Triangle,
@@ -397,11 +411,13 @@ pub fn line(state: &SetupState, v: &[ScreenVertex; 2], front: bool) -> Result<Tr
     let along = i64::from(d[0]) * i64::from(center[0] - v0.x) + i64::from(d[1]) * i64::from(center[1] - v0.y);
     let inv_area = 1.0 / length2 as f64;
     let dz = (f64::from(v1.z) - f64::from(v0.z)) * inv_area;
+    let (depth, depth_ends) = state.plane([v0.x, v0.y], [v0.z, v1.z, v1.z], d.map(|v| f64::from(v) * dz), base);
     Ok(Triangle {
         edges: [Edge { a: -d[0], b: -d[1], c: length2 - along }, Edge { a: d[0], b: d[1], c: along }, Edge::default()],
         inv_area,
         inv_w: [v0.inv_w, v1.inv_w, v1.inv_w],
-        depth: state.plane([v0.x, v0.y], [v0.z, v1.z, v1.z], d.map(|v| f64::from(v) * dz), base),
+        depth,
+        depth_ends,
         bounds,
         start: [v0.x, v0.y],
         shape: Shape::Line,
@@ -418,11 +434,13 @@ pub fn point(state: &SetupState, v: &ScreenVertex, front: bool) -> Result<Triang
     let half = SUBPIXEL / 2;
     let bounds = state.scissored(state.pixels([v.x - half, v.y - half], [v.x + half, v.y + half]))?;
     let base = [i32::from(bounds.x0 & !7), i32::from(bounds.y0 & !7)];
+    let (depth, depth_ends) = state.plane([v.x, v.y], [v.z; 3], [0.0; 2], base);
     Ok(Triangle {
         edges: [Edge { a: 0, b: 0, c: 1 }, Edge::default(), Edge::default()],
         inv_area: 1.0,
         inv_w: [v.inv_w; 3],
-        depth: state.plane([v.x, v.y], [v.z; 3], [0.0; 2], base),
+        depth,
+        depth_ends,
         bounds,
         start: [v.x, v.y],
         shape: Shape::Point,

@@ -1,5 +1,6 @@
 //! From clip space to the window: perspective division, viewport transform and snapping, once a vertex.
 
+use crate::clip::ClipVertex;
 use crate::state::Viewport;
 use num::{Fx8, LANES, Lanes, SUBPIXEL};
 
@@ -55,7 +56,7 @@ impl Screen {
         }
     }
 
-    /// Transforms a position that passed clipping: `w >= W_MIN`, inside the guard band. Anything else, NaN included, gives
+    /// Transforms a position that passed clipping: `w` a positive normal number, inside the guard band. Anything else, NaN included, gives
     /// some vertex of the guard band too.
     #[inline(always)]
     pub fn vertex(&self, [x, y, z, w]: [f32; 4]) -> ScreenVertex {
@@ -69,6 +70,14 @@ impl Screen {
             z: if z < Z_MAX { z } else { Z_MAX },
             inv_w: if inv_w > INV_W_MIN { inv_w } else { INV_W_MIN },
         }
+    }
+
+    /// Transforms a vertex of a clipped primitive.
+    #[inline]
+    pub fn clipped(&self, vertex: &ClipVertex) -> ScreenVertex {
+        let scaled = self.vertex(vertex.position);
+        // Cutting keeps the product in the range of normal numbers. By 1 it is exact, of the least 1/w too.
+        ScreenVertex { inv_w: scaled.inv_w * vertex.unit, ..scaled }
     }
 
     /// A number with the sign of a triangle's area in the window, positive where the winding is clockwise there, from positions as the

@@ -14,6 +14,7 @@ pub fn state(samples: u32, [x0, y0, x1, y1]: [i32; 4]) -> SetupState {
         cull: CullMode::None,
         samples,
         lower_edges: false,
+        unclipped_depth: false,
     }
 }
 

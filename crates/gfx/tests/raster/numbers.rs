@@ -322,7 +322,7 @@ fn clipped_triangles_keep_their_attributes_and_depth() {
             continue;
         }
         let vertices = polygon.vertices();
-        let snapped: Vec<_> = vertices.iter().map(|v| screen.vertex(v.position)).collect();
+        let snapped: Vec<_> = vertices.iter().map(|v| screen.clipped(v)).collect();
         for [a, b, c] in setup::fan(&snapped) {
             let v = [a, b, c].map(|i| snapped[i]);
             let Ok(t) = setup::triangle(&state, &v) else { continue };

@@ -270,7 +270,7 @@ impl Batch {
         let stride = vertices.varying_stride;
         let first = self.made_screen.len();
         for vertex in polygon.vertices() {
-            self.made_screen.push(input.frame.screen.vertex(vertex.position));
+            self.made_screen.push(input.frame.screen.clipped(vertex));
             for word in 0..stride {
                 let original = v.map(|v| f32::from_bits(vertices.varyings[v as usize * stride + word]));
                 self.made.push(vertex.combine(original).to_bits());
@@ -302,7 +302,7 @@ impl Batch {
                 let vertices = polygon.vertices();
                 let mut screen = [ScreenVertex::default(); MAX_VERTICES];
                 for (screen, vertex) in screen.iter_mut().zip(vertices) {
-                    *screen = frame.screen.vertex(vertex.position);
+                    *screen = frame.screen.clipped(vertex);
                 }
                 let facing = |t: [usize; 3]| setup::facing(&frame.setup, &t.map(|i| screen[i]));
                 setup::fan(&screen[..vertices.len()]).next().map_or(Err(Culled::Degenerate), facing)
@@ -354,7 +354,7 @@ impl Batch {
             Clipped::Cut => {
                 self.funnel.clipped += 1;
                 let made = self.make_vertices(input, [v[0], v[1], v[0]], polygon);
-                let screen = |i: usize| frame.screen.vertex(polygon.vertices()[i].position);
+                let screen = |i: usize| frame.screen.clipped(&polygon.vertices()[i]);
                 ([screen(0), screen(1)], [made, made + 1, made + 1])
             }
         };

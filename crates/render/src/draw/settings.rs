@@ -220,6 +220,7 @@ impl Settings {
             state.map_or(DepthBias::NONE, bias),
         );
         setup.lower_edges = pipeline.primitive.lower_edges;
+        setup.unclipped_depth = pipeline.primitive.unclipped_depth;
         let flat = pipeline.varyings.iter().all(|v| v.interpolation == Interpolation::Flat);
         let no_builtins = fragment.is_none() || pipeline.builtins[1].is_empty();
         let of_triangle = |&(_, builtin): &(usize, BuiltIn)| matches!(builtin, BuiltIn::FrontFacing | BuiltIn::PrimitiveIndex);

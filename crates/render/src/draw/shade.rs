@@ -251,7 +251,7 @@ impl TileRun<'_, '_, '_> {
                         }
                     }
                     if let Some(input) = bound.input_mut(slot, 2) {
-                        interpolate::depth(triangles, sites, place, input);
+                        interpolate::position_depth(triangles, sites, place, input);
                     }
                     if let Some(input) = bound.input_mut(slot, 3) {
                         if has_inv_w && !frame.per_sample {

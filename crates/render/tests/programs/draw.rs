@@ -378,6 +378,103 @@ fn dual_source_blending() {
     }
 }
 
+/// The fragment stage sees the depth that is not clamped, bias and samples included; what is tested and written is clamped.
+#[test]
+fn the_fragment_stage_sees_depth_beyond_the_viewport() {
+    for (samples, unclipped, bias, late) in [
+        (1, true, 0, false),
+        (1, true, 0, true),
+        (4, true, 0, false),
+        (1, true, 1 << 22, false),
+        (1, false, 0, false),
+        (4, false, 1 << 22, false),
+    ] {
+        let mut canvas = Canvas::new(16, 1, Format::R32Float);
+        let source = format!(
+            "@vertex fn vs(@builtin(vertex_index) i: u32) -> @builtin(position) vec4f {{
+                // Depth goes from -1 at the left edge to 2 at the right, by perspective.
+                let x = f32(i & 1u) * 4.0 - 1.0;
+                let w = {};
+                return vec4f(x, f32(i >> 1u) * 4.0 - 1.0, x * 1.5 + 0.5, 1.0) * w;
+            }}
+            @fragment fn fs(@builtin(position) p: vec4f {}) -> {} {{",
+            if unclipped { "f32(i + 1u)" } else { "1.0" },
+            if samples == 4 { ", @builtin(sample_index) s: u32" } else { "" },
+            if late { "F" } else { "@location(0) f32" },
+        );
+        let source = match late {
+            true => {
+                format!("struct F {{ @location(0) z: f32, @builtin(frag_depth) depth: f32 }} {source} return F(p.z, p.z); }}")
+            }
+            false => format!("{source} return p.z; }}"),
+        };
+        let pipeline = canvas.pipeline(&source, |desc| {
+            desc.primitive.unclipped_depth = unclipped;
+            desc.multisample.count = samples;
+            desc.depth_stencil = Some(record::depth_less(Format::Depth32Float));
+            let state = desc.depth_stencil.as_mut().unwrap();
+            (state.depth_compare, state.bias) = (Compare::Always, bias);
+        });
+        let made = |format| match samples {
+            1 => record::texture_2d(16, 1, format),
+            _ => record::texture_multisampled(16, 1, 4, format),
+        };
+        let [color, depth] = [Format::R32Float, Format::Depth32Float].map(|f| canvas.lab.card.create_texture("", made(f)));
+        let views = [color, depth].map(|texture| canvas.lab.card.create_view(texture));
+        {
+            let depth = record::clear_depth(views[1], true);
+            let mut pass = canvas.lab.card.begin_render_pass([record::clear(views[0], [9.0; 4])], depth);
+            pass.set_viewport(Viewport { x: 0.0, y: 0.0, width: 16.0, height: 1.0, min_depth: 0.25, max_depth: 0.75 });
+            pass.set_pipeline(pipeline);
+            pass.draw(3, 1);
+        }
+        // Both, sample by sample, in a buffer.
+        let kinds = if samples == 4 {
+            ["texture_multisampled_2d<f32>", "texture_depth_multisampled_2d"]
+        } else {
+            ["texture_2d<f32>", "texture_depth_2d"]
+        };
+        let reader = format!(
+            "@group(0) @binding(0) var<storage, read_write> out: array<f32>;
+             @group(0) @binding(1) var color: {};
+             @group(0) @binding(2) var depth: {};
+             @compute @workgroup_size(16) fn main(@builtin(local_invocation_index) x: u32) {{
+                 for (var s = 0; s < {samples}; s++) {{
+                     out[8 * x + 2 * u32(s)] = textureLoad(color, vec2u(x, 0), s).x;
+                     out[8 * x + 2 * u32(s) + 1] = textureLoad(depth, vec2u(x, 0), s);
+                 }}
+             }}",
+            kinds[0], kinds[1],
+        );
+        let result = canvas.lab.words(128);
+        let reader = canvas.lab.compute(&reader);
+        let resources = vec![record::whole(result), BoundResource::View(views[0]), BoundResource::View(views[1])];
+        canvas.lab.dispatch(reader, [1, 1, 1], resources);
+        let got = floats(&canvas.lab.read(result, 128));
+        let sample_x = if samples == 4 { [0.375, 0.875, 0.125, 0.625] } else { [0.5; 4] };
+        let mut beyond = 0;
+        for x in 0..16 {
+            for s in 0..samples as usize {
+                let ndc = (x as f64 + sample_x[s]) / 16.0 * 3.0 - 1.0;
+                if !unclipped && !(0.0..=1.0).contains(&ndc) {
+                    continue;
+                }
+                let exact = 0.25 + 0.5 * ndc;
+                // The bias is the step of a float at the greatest depth of the primitive times the constant.
+                let greatest: f64 = if unclipped { 0.25 + 0.5 * 5.0 } else { 0.75 };
+                let offset = f64::from(bias) * 2f64.powi(greatest.log2().floor() as i32 - 23);
+                let want = exact + offset;
+                let (seen, written) = (got[8 * x + 2 * s], got[8 * x + 2 * s + 1]);
+                let name = format!("pixel {x}, sample {s} of {samples}, unclipped {unclipped}, bias {bias}, late {late}");
+                assert_near(seen, want, 0.0, 1e-2, &name);
+                assert_eq!(written, seen.clamp(0.25, 0.75), "{name}");
+                beyond += u32::from(!(0.25..=0.75).contains(&seen));
+            }
+        }
+        assert_eq!(beyond > 0, unclipped || bias > 0);
+    }
+}
+
 /// Depths beyond the planes: cut away, or kept and clamped where the pipeline says so.
 #[test]
 fn unclipped_depth() {
