@@ -257,6 +257,7 @@ fn run(name: &str, workload: &Workload, frames: usize, skips: Skips, record: boo
             blend_constant: [0.0; 4],
             stencil_reference: 0,
             count_samples: false,
+            counted: false,
             need: Need::Colors,
             areas: false,
             key: RenderKey::default(),

@@ -439,7 +439,7 @@ impl ActivePass {
             blend_constant: state.blend_constant,
             stencil_reference: state.stencil_reference,
             count_samples: self.open_occlusion.is_some(),
-            may_cull: self.open_statistics.is_none(),
+            counted: self.open_statistics.is_some(),
             record: renderer.recording(),
             signature,
         };

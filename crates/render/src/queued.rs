@@ -83,8 +83,8 @@ pub(super) struct QueuedDraw {
     pub blend_constant: [f32; 4],
     pub stencil_reference: u32,
     pub count_samples: bool,
-    /// Its bounds may be tested ahead of its vertices.
-    pub may_cull: bool,
+    /// A statistics query is open.
+    pub counted: bool,
     pub record: bool,
     pub signature: Option<Signature>,
 }
@@ -122,13 +122,14 @@ impl QueuedDraw {
             blend_constant: self.blend_constant,
             stencil_reference: self.stencil_reference,
             count_samples: self.count_samples,
+            counted: self.counted,
             need: shared.need,
             areas: shared.areas,
             key: shared.key,
             record: self.record,
             signature: self.signature,
             skips: shared.skips,
-            boxes: self.may_cull.then_some(&*shared.boxes),
+            boxes: (!self.counted).then_some(&*shared.boxes),
             ledger,
         };
         work(&call)

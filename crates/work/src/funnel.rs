@@ -9,7 +9,8 @@ use super::Outcome;
 pub const FUNNEL: Heading = Heading::new(
     "funnel",
     "What went in, and where it was thrown away. Under `--fidelity functional` as a sort-middle card without hierarchical Z would \
-     count it that reuses all vertices and culls geometry early; `depth.early` and `command.cull` are the configuration's.",
+     count it that reuses all vertices and culls geometry early; `depth.early` and `command.cull` are the configuration's, and so is what \
+     is shaded inside of pipeline statistics queries, whose results a program can show.",
 );
 
 stats::counters! {
@@ -40,13 +41,13 @@ stats::counters! {
         tiles_visited: "count",
         /// Visited blocks thrown away by hierarchical Z, which machines have: none without one.
         tiles_hiz_culled: "count",
-        /// Quads with at least one covered sample.
+        /// Quads with at least one covered sample; with sample shading one for each sample that it covers.
         quads_rasterized: "count",
         /// Quads of which no sample passed the early depth and stencil tests, hierarchical Z included.
         quads_early_culled: "count",
         /// Quads that ran the fragment shader.
         quads_shaded: "count",
-        /// Fragments (pixels of a primitive) with at least one covered sample.
+        /// Fragments (pixels of a primitive) with at least one covered sample; with sample shading one for each covered sample.
         fragments_covered: "count",
         /// Fragment shader invocations for covered fragments; with sample shading one a covered sample.
         fragments_shaded: "count",

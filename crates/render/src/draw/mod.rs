@@ -143,6 +143,8 @@ pub struct DrawCall<'a> {
     pub stencil_reference: u32,
     /// An occlusion query is open.
     pub count_samples: bool,
+    /// A statistics query is open: the program sees how many fragments the machine shades.
+    pub counted: bool,
     /// What is needed of it. Without colours, fragment shaders run for coverage, depth and what they write to memory alone.
     pub need: Need,
     /// Whether areas are wanted ([`Drawn::areas`]); they are in any case in a survey.

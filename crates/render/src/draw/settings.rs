@@ -43,6 +43,7 @@ struct Key {
     blend_constant: [u32; 4],
     stencil_reference: u32,
     count_samples: bool,
+    counted: bool,
     need: Need,
     key: RenderKey,
     record: bool,
@@ -64,6 +65,7 @@ impl Key {
             blend_constant: call.blend_constant.map(f32::to_bits),
             stencil_reference: call.stencil_reference,
             count_samples: call.count_samples,
+            counted: call.counted,
             need: call.need,
             key: call.key,
             record: call.record,
@@ -78,6 +80,7 @@ impl Key {
             && self.blend_constant == call.blend_constant.map(f32::to_bits)
             && self.stencil_reference == call.stencil_reference
             && self.count_samples == call.count_samples
+            && self.counted == call.counted
             && self.need == call.need
             && self.record == call.record
             && self.skips == call.skips
@@ -141,7 +144,7 @@ pub struct Settings {
     pub overwrites: bool,
     /// What the fragment program writes depends on its inputs alone, and on nothing that differs within a triangle but these.
     pub repeats: bool,
-    /// Shade what the early test rejects too, for its cost.
+    /// Shade what the early test rejects too: for its cost, or because its fragments are counted.
     pub shade_covered: bool,
     /// What costs have beside what counts always.
     pub extra: Extra,
@@ -268,7 +271,7 @@ impl Settings {
             targets,
             depth_payload,
             payload_words,
-            shade_covered: call.record && call.key.shade == Shade::Covered,
+            shade_covered: (call.record || call.counted) && call.key.shade == Shade::Covered,
             extra: Extra::of(&call.key),
             needless: call.key.needless,
             skips: call.skips,

@@ -197,7 +197,11 @@ where
     let mut at = 0;
     while at < references.len() && run.fault.is_none() {
         let ahead = references.get(at..(at + 8).min(references.len())).unwrap_or_default();
-        let small = if WIDE && S == 1 && !RECORD { ahead.iter().take_while(|(_, r)| r & SMALL != 0).count() } else { 0 };
+        let small = if WIDE && S == 1 && !RECORD && !frame.shade_covered {
+            ahead.iter().take_while(|(_, r)| r & SMALL != 0).count()
+        } else {
+            0
+        };
         // Two of them take less time one by one.
         let together = small > 2;
         let n = if together { small } else { small.max(1) };
@@ -319,24 +323,17 @@ impl TileRun<'_, '_, '_> {
         let batch = &self.input.batches[b as usize];
         let number = (reference & NUMBER) as usize;
         let (mut hit, mut quads, mut fragments) = (0, 0, 0);
-        // Quads and fragments of each sample.
-        let mut samples = [[0; 2]; S];
         if reference & WHOLE != 0 {
             let [w, h] = [area.x1 - area.x0, area.y1 - area.y0].map(u64::from);
+            let times = if self.frame.per_sample { S as u64 } else { 1 };
             hit = w.div_ceil(8) * h.div_ceil(8);
-            quads = w.div_ceil(2) * h.div_ceil(2);
-            fragments = w * h;
-            samples = [[quads, fragments]; S];
+            quads = times * w.div_ceil(2) * h.div_ceil(2);
+            fragments = times * w * h;
         } else {
             find::<S, WIDE>(blocks, &batch.set_up(number, self.frame, self.input.vertices), area);
             for block in blocks.iter() {
-                let count = |mask: u64| [quads_in(mask), mask].map(|bits| u64::from(bits.count_ones()));
-                let [q, f] = count(block.pixels());
+                let [q, f] = self.quads_and_fragments(block);
                 (hit, quads, fragments) = (hit + u64::from(f > 0), quads + q, fragments + f);
-                for (sum, &mask) in samples.iter_mut().zip(&block.samples) {
-                    let [q, f] = count(mask);
-                    *sum = [sum[0] + q, sum[1] + f];
-                }
             }
         }
         if fragments == 0 {
@@ -350,15 +347,25 @@ impl TileRun<'_, '_, '_> {
             self.counts.fragments_written += fragments;
             return;
         }
-        let (quads, fragments) = match self.frame.per_sample {
-            true => samples.iter().fold((0, 0), |(quads, fragments), [q, f]| (quads + q, fragments + f)),
-            false => (quads, fragments),
-        };
         self.overwritten += fragments;
         self.counts.quads_shaded += quads;
         self.counts.fragments_shaded += fragments;
         self.counts.helper_fragments += 4 * quads - fragments;
         self.counts.fragments_written += fragments;
+    }
+
+    /// Quads and fragments of a block, as they go through a machine: of each sample where the program runs once a sample, else of pixels.
+    #[inline(always)]
+    fn quads_and_fragments<const S: usize>(&self, block: &Block<S>) -> [u64; 2] {
+        let count = |mask: u64| [quads_in(mask), mask].map(|bits| u64::from(bits.count_ones()));
+        if S > 1 && self.frame.per_sample {
+            return block
+                .samples
+                .iter()
+                .map(|&mask| count(mask))
+                .fold([0; 2], |[q, f], [quads, fragments]| [q + quads, f + fragments]);
+        }
+        count(block.pixels())
     }
 
     /// One block of the current triangle; returns whether it covers a sample that may be written.
@@ -381,8 +388,9 @@ impl TileRun<'_, '_, '_> {
         let quads = quads_in(covered);
         let n = quads.count_ones();
         self.counts.tiles_visited += 1;
-        self.counts.quads_rasterized += u64::from(n);
-        self.counts.fragments_covered += u64::from(covered.count_ones());
+        let [rasterized, fragments] = self.quads_and_fragments(&block);
+        self.counts.quads_rasterized += rasterized;
+        self.counts.fragments_covered += fragments;
         let first_record = if RECORD { self.job.record.begin_block(&block, frame.per_sample) } else { 0 };
         let mut passed = block;
         if frame.early
@@ -391,14 +399,14 @@ impl TileRun<'_, '_, '_> {
             passed.samples = self.test::<S, WIDE>(depth, triangle, &block);
         }
         let alive = passed.pixels();
-        self.counts.quads_early_culled += u64::from(n - quads_in(alive).count_ones());
+        self.counts.quads_early_culled += rasterized - self.quads_and_fragments(&passed)[0];
         if frame.fragment.is_none() {
             self.samples_passed += passed.samples.iter().map(|m| u64::from(m.count_ones())).sum::<u64>();
             self.counts.fragments_written += u64::from(alive.count_ones());
             return true;
         }
-        // Shading for its cost alone takes every covered quad; what passed decides what is written.
-        let mut left = if RECORD && frame.shade_covered { quads } else { quads_in(alive) };
+        // Shading for its cost or number alone takes every covered quad; what passed decides what is written.
+        let mut left = if frame.shade_covered { quads } else { quads_in(alive) };
         if S == 1 && !frame.per_sample {
             let first = block_in_tile(block.x, block.y) as u32 * 16;
             while left != 0 {
@@ -432,7 +440,7 @@ impl TileRun<'_, '_, '_> {
                 for s in 0..S {
                     let mask = 15 << (4 * s);
                     if coverage & mask != 0 {
-                        if (alive & mask != 0) || RECORD && frame.shade_covered {
+                        if (alive & mask != 0) || frame.shade_covered {
                             self.push::<S, RECORD>(triangle, [x, y], coverage & mask, alive & mask, s as u8, record);
                         }
                         record += 1;

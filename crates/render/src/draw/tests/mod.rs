@@ -63,6 +63,8 @@ struct How {
     record: bool,
     key: RenderKey,
     count: bool,
+    /// A statistics query is open.
+    counted: bool,
     need: Need,
     areas: bool,
     /// In halves, with geometry ahead of fragments.
@@ -83,6 +85,7 @@ const USUAL: How = How {
         cull: work::Cull::None,
     },
     count: false,
+    counted: false,
     need: Need::Colors,
     areas: false,
     ahead: false,
@@ -223,6 +226,7 @@ impl Scene {
             blend_constant: [0.0; 4],
             stencil_reference: self.reference,
             count_samples: how.count,
+            counted: how.counted,
             need: how.need,
             areas: how.areas,
             key: how.key,

@@ -144,9 +144,13 @@ fn skips_and_recording_change_no_pixel() {
         let recorded = scene.draw_as(How { record: true, ..USUAL });
         same(name, "when recorded", &usual, &recorded);
         assert_eq!(usual.drawn.funnel, recorded.drawn.funnel, "{name}");
-        let covered = RenderKey { shade: work::Shade::Covered, ..RenderKey::default() };
-        let covered = scene.draw_as(How { record: true, key: covered, ..USUAL });
+        let key = RenderKey { shade: work::Shade::Covered, ..RenderKey::default() };
+        let covered = scene.draw_as(How { record: true, key, ..USUAL });
         same(name, "when everything covered is shaded", &usual, &covered);
+        // A program that counts what is shaded counts as much where nothing is recorded.
+        let counted = scene.draw_as(How { counted: true, key, ..USUAL });
+        same(name, "when everything covered is shaded for its number", &usual, &counted);
+        assert_eq!(counted.drawn.funnel, covered.drawn.funnel, "{name}");
         let late = RenderKey { early_z: false, ..RenderKey::default() };
         same(name, "with late tests", &usual, &scene.draw_as(How { key: late, ..USUAL }));
         same(name, "with late tests, recorded", &usual, &scene.draw_as(How { key: late, record: true, ..USUAL }));
@@ -156,6 +160,42 @@ fn skips_and_recording_change_no_pixel() {
         assert_eq!(passed, counts(How { key: late, ..USUAL }), "{name}");
         assert_eq!(passed, counts(How { record: true, ..USUAL }), "{name}");
     }
+}
+
+/// Positions are homogeneous: the picture is that of their directions.
+#[test]
+fn the_scale_of_positions_changes_no_pixel() {
+    let mut scenes = variety();
+    // Across the eye, and at it, without a plane that cuts nearer.
+    let mut near = Scene::new(soup(400, 17, true));
+    near.state.primitive.unclipped_depth = true;
+    for (i, vertex) in near.vertices.iter_mut().enumerate() {
+        vertex[3] = if i % 5 == 0 { 0.0 } else { vertex[3] };
+    }
+    scenes.push(("at the eye", near.with_depth(Format::Depth32Float, Compare::Greater, true, 0.0)));
+    for (name, mut scene) in scenes {
+        // So that multiplication by the least power is exact: no digit is below 2^-149.
+        scene.vertices.iter_mut().for_each(|v| v[..4].iter_mut().for_each(|x| *x = (*x * 262_144.0).round() / 262_144.0));
+        let usual = scene.draw();
+        // Of what crosses the eye, parts have a w that is as much smaller as one likes.
+        let crosses = scene.vertices.iter().any(|v| v[3] < 1.0);
+        for exponent in [if crosses { -100 } else { -120 }, -66, -63, -31, 40, 100] {
+            let mut scaled = scene.clone();
+            let unit = 2f64.powi(exponent);
+            scaled.vertices.iter_mut().for_each(|v| v[..4].iter_mut().for_each(|x| *x = (f64::from(*x) * unit) as f32));
+            let scaled = scaled.draw();
+            same(name, &format!("with positions times 2^{exponent}"), &usual, &scaled);
+            assert_eq!(usual.drawn.funnel, scaled.drawn.funnel, "{name}, 2^{exponent}");
+        }
+    }
+    // Other factors round; below the least normal number there is nothing in front of the eye.
+    let one = |unit: f32| {
+        let mut scene = Scene::new(rectangle(ALL, 0.5, RED));
+        scene.vertices.iter_mut().for_each(|v| v[..4].iter_mut().for_each(|x| *x *= unit));
+        scene.draw().drawn.funnel.fragments_written
+    };
+    assert_eq!([one(1.0), one(1e-20), one(1e-37), one(1e30)], [9000; 4]);
+    assert_eq!(one(1e-38), 0);
 }
 
 #[test]
@@ -253,8 +293,16 @@ fn the_funnel_adds_up() {
         assert_eq!(f.primitives_in - thrown, ended(Outcome::Drawn), "{name}");
         assert_eq!(sum.vertices_in, f.vertices_in, "{name}");
         assert_eq!(sum.vertices_shaded, f.vertices_shaded, "{name}");
-        let quads = recorded.segments.iter().flat_map(|s| &s.tiles).map(|t| t.quads.len()).sum::<usize>() as u64;
-        assert!(quads >= sum.quads_rasterized && sum.fragments_covered == f.fragments_covered, "{name}");
+        // What is counted is what a machine gets to do: a quad of each sample where the program runs once a sample.
+        let quads = || recorded.segments.iter().flat_map(|s| &s.tiles).flat_map(|t| &t.quads);
+        let pixels = |mask: u16| (mask | mask >> 4 | mask >> 8 | mask >> 12) & 15;
+        let fragments = quads().map(|quad| u64::from(pixels(quad.coverage).count_ones())).sum::<u64>();
+        let shaded = quads().filter(|quad| quad.flags & QUAD_SHADED != 0).count() as u64;
+        assert_eq!([f.quads_rasterized, sum.quads_rasterized], [quads().count() as u64; 2], "{name}");
+        assert_eq!([f.fragments_covered, sum.fragments_covered], [fragments; 2], "{name}");
+        if f.quads_shaded > 0 {
+            assert_eq!(f.quads_rasterized - f.quads_early_culled, shaded, "{name}");
+        }
     }
 }
 
