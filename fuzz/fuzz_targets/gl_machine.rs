@@ -104,6 +104,11 @@ const CALLS: &[(&str, &str)] = &[
     ("glRenderMode", "e"),
     ("glClipPlane", "e4"),
     ("wglSwapBuffers", "i"),
+    ("wglMakeCurrent", "in"),
+    ("glXMakeContextCurrent", "iiin"),
+    ("wglShareLists", "nn"),
+    ("wglDeleteContext", "n"),
+    ("glXDestroyWindow", "ii"),
 ];
 
 /// Enumerants that one of the functions takes; some are wrong for any one of them.

@@ -65,6 +65,13 @@ pub fn run(arguments: &Arguments) -> Result<Verdict> {
         for (name, count) in report.calls.iter() {
             row(name, grouped(*count));
         }
+        for (number, context) in report.contexts.iter().enumerate() {
+            let shares = context.shares.map_or(String::new(), |other| format!(", shares objects with context {other}"));
+            println!("context {number}: made in call {}{shares}", context.call);
+        }
+        for (number, window) in report.windows.iter().enumerate() {
+            println!("window {number}: {window}");
+        }
         if report.queries > 0 {
             println!("occlusion queries: {}", grouped(report.queries));
         }

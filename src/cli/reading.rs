@@ -26,6 +26,9 @@ pub struct Reading {
     /// attributes that differ between vertices and levels of textures that are read are uploaded
     #[arg(long)]
     keep_draws: bool,
+    /// Show one window of a recorded OpenGL program that has several: its swaps end frames, those of others do not. `fillrate inspect` lists them
+    #[arg(long, value_name = "N")]
+    window: Option<u32>,
 }
 
 impl Reading {
@@ -33,7 +36,8 @@ impl Reading {
     pub fn options(&self) -> Vec<String> {
         let limits = self.limits.iter().flat_map(|limit| ["--limit".to_owned(), limit.clone()]);
         let flags = [(self.follow_links, "--follow-links"), (self.lenient, "--lenient"), (self.keep_draws, "--keep-draws")];
-        limits.chain(flags.into_iter().filter(|(on, _)| *on).map(|(_, flag)| flag.to_owned())).collect()
+        let window = self.window.iter().flat_map(|window| ["--window".to_owned(), window.to_string()]);
+        limits.chain(flags.into_iter().filter(|(on, _)| *on).map(|(_, flag)| flag.to_owned())).chain(window).collect()
     }
 
     /// Opens a trace of any kind. What is left out of a recorded program is said.
@@ -83,7 +87,9 @@ impl Reading {
     fn warn_ignored(&self, path: &Path) {
         let kind = import::detect(path).map(|found| found.kind);
         let Some(kind @ (Kind::Native | Kind::Wgpu)) = kind else { return };
-        for (option, given) in [("--lenient", self.lenient), ("--keep-draws", self.keep_draws)] {
+        for (option, given) in
+            [("--lenient", self.lenient), ("--keep-draws", self.keep_draws), ("--window", self.window.is_some())]
+        {
             if given {
                 eprintln!("warning: {option} has no effect: {} is a {kind} trace, no recorded OpenGL program", path.display());
             }
@@ -102,6 +108,7 @@ impl Reading {
             keep_draws: self.keep_draws,
             upward: false,
             window_alpha: false,
+            window: self.window,
             in_memory: None,
         })
     }

@@ -288,8 +288,10 @@ fn what_would_be_ignored_is_told() {
     assert!(message.contains("--each-bank") && message.contains("a configuration"), "{message}");
     let message = refused(&["replay", "traces/triangle", "--samples", "4"]);
     assert!(message.contains("--samples") && message.contains("--fidelity sampled"), "{message}");
-    for option in ["--lenient", "--keep-draws"] {
-        let (code, _, message) = run(&["replay", "traces/triangle", "--fidelity", "functional", option]);
+    for (option, value) in [("--lenient", None), ("--keep-draws", None), ("--window", Some("1"))] {
+        let options = [option].into_iter().chain(value);
+        let all: Vec<&str> = ["replay", "traces/triangle", "--fidelity", "functional"].into_iter().chain(options).collect();
+        let (code, _, message) = run(&all);
         assert!(
             code == 0 && message.contains(&format!("{option} has no effect: traces/triangle is a native trace")),
             "{message}"

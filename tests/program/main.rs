@@ -11,6 +11,7 @@ mod gl;
 mod gl_arrays;
 mod gl_as_mesa;
 mod gl_buffers;
+mod gl_contexts;
 mod gl_errors;
 mod gl_features;
 mod gl_language;

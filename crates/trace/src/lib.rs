@@ -93,6 +93,9 @@ pub struct Reading {
     pub upward: bool,
     /// Whether the window of a recorded OpenGL program has alpha even if the program does not ask for it.
     pub window_alpha: bool,
+    /// The number of the only window of a recorded OpenGL program whose swaps end frames, in the order in which they are first used; none: all
+    /// do.
+    pub window: Option<u32>,
     /// Bytes of commands and payload up to which a recorded OpenGL program is held in memory, as writing a trace needs; none: 16 MiB. The
     /// commands of a longer one are made while they are read ([`Trace::is_stream`]).
     pub in_memory: Option<u64>,

@@ -4,7 +4,7 @@ use std::cell::RefCell;
 use std::ops::Range;
 use std::rc::Rc;
 
-use num::BufferId;
+use num::{BufferId, NumberMap};
 
 use super::call::{Arg, Call, Fault, INVALID_ENUM, INVALID_OPERATION, INVALID_VALUE, Outcome, Scalar, Shape};
 use super::card::Card;
@@ -362,10 +362,15 @@ pub(super) fn copy(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
         return Err(Fault::Damaged("the bytes of a mapped buffer were not recorded".into()));
     };
     let inside = |m: &&Mapping| to.checked_sub(m.address).is_some_and(|at| at + bytes.len() as u64 <= m.length);
-    let mapping = gl.mappings.iter().find(inside).copied();
+    // Threads without a context write to mapped memory too.
+    let own = [(&gl.mappings, &mut gl.buffers)].into_iter();
+    let others = gl.contexts.other_groups().map(|group| (&group.mappings, &mut group.buffers));
+    let found = own.chain(others).find_map(|(mappings, buffers)| Some((*mappings.iter().find(inside)?, buffers)));
     // A copy to any other address does not write to a buffer object.
-    let Some(mapping) = mapping else { return Err(Fault::Unsupported("memcpy into memory that is not mapped".into())) };
-    let object = gl.buffers.get_mut(mapping.buffer).ok_or(INVALID_OPERATION)?;
+    let Some((mapping, buffers)) = found else {
+        return Err(Fault::Unsupported("memcpy into memory that is not mapped".into()));
+    };
+    let object = buffers.get_mut(mapping.buffer).ok_or(INVALID_OPERATION)?;
     let at = (mapping.offset + to - mapping.address) as usize;
     object.write(at, bytes, &mut gl.card).map_err(|_| INVALID_OPERATION)
 }
@@ -438,7 +443,7 @@ impl Card {
     }
 
     /// Frees the copy of a buffer object.
-    fn free_copy(&mut self, mut object: BufferObject) {
+    pub(super) fn free_copy(&mut self, mut object: BufferObject) {
         self.free_converted(&mut object);
         if let Some(copy) = object.copy {
             self.condemn(copy, object.size());
@@ -449,8 +454,11 @@ impl Card {
 impl Gl {
     /// Uploads what the card's copies of buffer objects lack, so that the first wanted frame does not. No pass may be pending.
     pub fn upload_changes(&mut self) {
-        for object in self.buffers.values_mut().filter(|object| object.copy.is_some()) {
-            self.card.copy(object);
+        let others = self.contexts.other_groups().map(|group| &mut group.buffers);
+        for object in [&mut self.buffers].into_iter().chain(others).flat_map(NumberMap::values_mut) {
+            if object.copy.is_some() {
+                self.card.copy(object);
+            }
         }
     }
 

@@ -41,6 +41,8 @@ pub struct Call {
     pub number: u64,
     /// Where it begins: a byte of the expanded stream, or a line.
     pub place: u64,
+    /// The thread that calls.
+    pub thread: u32,
     /// What is called.
     pub function: Rc<Function>,
     /// Its arguments.

@@ -11,6 +11,7 @@ use trace::record::{self, Recorder};
 
 use super::pass::Pass;
 pub use super::pass::{Buffer, COLORS_MAX, Draw, Fixed, Order, Surface, Target, VertexRange, kept_channels};
+use super::windows::Windows;
 
 /// Format of the window's colours. If the window has no alpha, alpha stays 1.
 pub const COLOR: Format = Format::Rgba8Unorm;
@@ -27,28 +28,18 @@ const BLOCK_ALIGN: usize = 64;
 /// What a group of textures binds.
 type GroupKey = Vec<(ViewId, SamplerId)>;
 
-/// The window's framebuffer.
-struct Window {
-    size: [u32; 2],
-    back: Surface,
-    depth: Surface,
-    /// The front buffer, if anything has been drawn to it or read from it.
-    front: Option<Surface>,
-    /// The back buffer with sRGB encoding, if anything was drawn with it.
-    encoded: Option<Surface>,
-}
-
 /// The card.
 pub struct Card {
     /// The recorder of the commands.
     pub recorder: Recorder,
-    window: Option<Window>,
-    /// Whether the window has alpha: the program has asked for it, or the reader of the trace.
+    /// Windows and other drawables.
+    pub windows: Windows,
+    /// Whether windows have alpha: the program has asked for it, or the reader of the trace.
     pub window_alpha: bool,
     target: Option<Target>,
     /// The pass that waits.
     pub pass: Pass,
-    /// Passes that draw to the window in frames that are not wanted. They are recorded once something can read their results.
+    /// Passes that draw to windows in frames that are not wanted. They are recorded once something can read their results.
     held: Vec<Pass>,
     /// The first frame whose draws are wanted.
     pub first_frame: u64,
@@ -65,9 +56,7 @@ pub struct Card {
     plain_shaders: NameMap<ShaderId>,
     /// A copy of the framebuffer for logic operations to read, and its size.
     pub(super) frame_copy: Option<(TextureId, ViewId, [u32; 2])>,
-    /// The accumulation buffer.
-    pub(super) accumulation: Option<Surface>,
-    /// Whether the window's first row is its lowest.
+    /// Whether the first row of windows is their lowest.
     pub upward: bool,
     /// Whether all levels of textures are uploaded, not only those that can be read.
     pub all_levels: bool,
@@ -86,7 +75,7 @@ impl Card {
     pub fn new(name: &std::path::Path) -> Card {
         Card {
             recorder: Recorder::new(name),
-            window: None,
+            windows: Windows::default(),
             window_alpha: false,
             target: None,
             pass: Pass::default(),
@@ -102,7 +91,6 @@ impl Card {
             copies: Vec::new(),
             plain_shaders: NameMap::new(),
             frame_copy: None,
-            accumulation: None,
             all_levels: false,
             upward: false,
             frames: 0,
@@ -112,18 +100,13 @@ impl Card {
         }
     }
 
-    /// The window's size; zeros if there is no window.
-    pub fn size(&self) -> [u32; 2] {
-        self.window.as_ref().map_or([0; 2], |window| window.size)
-    }
-
     /// Makes an image that can be drawn to.
     pub fn create_surface(&mut self, label: &str, size: [u32; 2], format: Format) -> Surface {
         self.create_surface_of(label, record::texture_2d(size[0], size[1], format))
     }
 
     /// Makes a colour buffer of a window: the display ignores its alpha.
-    fn create_color_buffer(&mut self, label: &str, size: [u32; 2]) -> Surface {
+    pub(super) fn create_color_buffer(&mut self, label: &str, size: [u32; 2]) -> Surface {
         self.create_surface_of(label, TextureDesc { opaque: true, ..record::texture_2d(size[0], size[1], COLOR) })
     }
 
@@ -136,70 +119,6 @@ impl Card {
     /// Frees an image that [`Card::create_surface`] made.
     pub fn destroy_surface(&mut self, surface: Surface) {
         self.destroy(surface.texture, &[surface.view]);
-    }
-
-    /// Opens a window of this size, or changes its size. It starts black.
-    pub fn resize(&mut self, size: [u32; 2]) {
-        if self.size() == size {
-            return;
-        }
-        self.end_pass();
-        let at_window = self.target.is_none_or(|target| self.is_window(&target));
-        if let Some(old) = self.window.take() {
-            if let Some(encoded) = old.encoded {
-                self.recorder.push(Command::Destroy(Object::View(encoded.view)));
-            }
-            for surface in [Some(old.back), Some(old.depth), old.front, self.accumulation.take()].into_iter().flatten() {
-                self.destroy_surface(surface);
-            }
-        }
-        let (back, depth) = (self.create_color_buffer("window", size), self.create_surface("depth", size, DEPTH));
-        self.window = Some(Window { size, back, depth, front: None, encoded: None });
-        if at_window {
-            self.target = self.window_target(Buffer::Back);
-            self.pass.color = Some([0.0, 0.0, 0.0, 1.0]);
-            (self.pass.depth, self.pass.stencil) = (Some(1.0), Some(0));
-        }
-    }
-
-    /// Whether a target is the window, with any of its colour buffers.
-    fn is_window(&self, target: &Target) -> bool {
-        self.window.as_ref().is_some_and(|window| target.depth.is_some_and(|depth| depth.texture == window.depth.texture))
-    }
-
-    /// The window as a target. The front buffer starts as a copy of the back buffer.
-    pub fn window_target(&mut self, buffer: Buffer) -> Option<Target> {
-        let window = self.window.as_ref()?;
-        let (size, back, depth) = (window.size, window.back, window.depth);
-        let color = match (buffer, window.front) {
-            (Buffer::Back, _) => back,
-            (Buffer::Front, Some(front)) => front,
-            (Buffer::Front, None) => {
-                self.end_pass();
-                let front = self.create_color_buffer("front", size);
-                self.copy_surface(back, front, size);
-                self.window.as_mut()?.front = Some(front);
-                front
-            }
-        };
-        let (color, depth) = (Some(color), Some(depth));
-        let (more, upward, alpha) = ([None; COLORS_MAX - 1], self.upward, self.window_alpha);
-        Some(Target { size, color, more, depth, has_depth: true, has_stencil: true, upward, alpha })
-    }
-
-    /// The back buffer as a target that encodes linear colours as sRGB.
-    pub fn encoded_target(&mut self) -> Option<Target> {
-        let target = self.window_target(Buffer::Back)?;
-        let back = target.color?;
-        let encoded = match self.window.as_ref()?.encoded {
-            Some(encoded) => encoded,
-            None => {
-                let format = Format::Rgba8UnormSrgb;
-                let view = self.recorder.create_view_of(back.texture, ViewDesc { format: Some(format), ..ViewDesc::default() });
-                *self.window.as_mut()?.encoded.insert(Surface { view, format, ..back })
-            }
-        };
-        Some(Target { color: Some(encoded), ..target })
     }
 
     pub(super) fn copy_surface(&mut self, from: Surface, to: Surface, size: [u32; 2]) {
@@ -231,7 +150,7 @@ impl Card {
         }
         self.close();
         for surface in target.iter().flat_map(Target::surfaces) {
-            if target.is_some_and(|target| !self.is_window(&target)) {
+            if target.is_some_and(|target| target.window.is_none()) {
                 self.release(surface.texture);
             }
         }
@@ -326,16 +245,17 @@ impl Card {
         }
     }
 
-    /// Ends the pending pass. In a frame that is not wanted, it is held back. If it clears all that held passes wrote, they are dropped.
-    fn close(&mut self) {
+    /// Ends the pending pass. In a frame that is not wanted, it is held back if it draws to a window. If it clears all that held passes
+    /// wrote to that window, they are dropped.
+    pub(super) fn close(&mut self) {
         let mut pass = std::mem::take(&mut self.pass);
         pass.target = self.target;
         if pass.is_empty() || pass.target.is_none() {
             return;
         }
         let back = |pass: &Pass| pass.target.and_then(|target| target.color);
-        let window = self.window.as_ref().map(|window| window.back);
-        if self.is_wanted() || back(&pass) != window {
+        let window = pass.target.and_then(|target| target.window);
+        if self.is_wanted() || window.is_none_or(|window| back(&pass) != self.windows.back(window)) {
             // Held passes may stay held if they and this pass do not read or write the same images.
             let drawn: Vec<Surface> = pass.target.iter().flat_map(Target::surfaces).collect();
             let shared = drawn.into_iter().any(|surface| self.held.iter().any(|held| held.uses(surface.texture)));
@@ -348,10 +268,12 @@ impl Card {
             self.emit(pass);
             return self.free_condemned();
         }
-        let drawn = self.held.iter().flat_map(|held| &held.draws).fold(0, |all, draw| all | draw.writes);
-        if drawn & !pass.clears() == 0 {
-            self.dropped += self.held.iter().map(|held| held.draws.len() as u64).sum::<u64>();
-            for held in self.held.drain(..).rev() {
+        let same = |held: &Pass| held.target.is_some_and(|target| target.window == window);
+        let drawn = self.held.iter().filter(|held| same(held)).flat_map(|held| &held.draws);
+        if drawn.fold(0, |all, draw| all | draw.writes) & !pass.clears() == 0 {
+            let gone: Vec<Pass> = self.held.extract_if(.., |held| same(held)).collect();
+            self.dropped += gone.iter().map(|held| held.draws.len() as u64).sum::<u64>();
+            for held in gone.into_iter().rev() {
                 // Their clears of other buffers are kept.
                 pass.color = pass.color.or(held.color);
                 pass.depth = pass.depth.or(held.depth);
@@ -484,23 +406,6 @@ impl Card {
         }
         for buffer in buffers {
             self.recorder.push(Command::Destroy(Object::Buffer(buffer)));
-        }
-    }
-
-    /// Shows the frame. The buffer keeps its contents.
-    pub fn present(&mut self) {
-        self.close();
-        if self.frames + 1 >= self.first_frame {
-            // The next frame is wanted, and begins with the present contents.
-            self.end_pass();
-        }
-        let Some(window) = &self.window else { return };
-        let (size, back, front) = (window.size, window.back, window.front);
-        self.recorder.present(back.texture);
-        self.frames += 1;
-        if let Some(front) = front {
-            self.end_pass();
-            self.copy_surface(back, front, size);
         }
     }
 

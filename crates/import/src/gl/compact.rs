@@ -91,7 +91,8 @@ mod tests {
     #[test]
     fn calls_come_back_as_they_were_and_what_does_not_fit_is_left() {
         let function = Rc::new(Function { id: 7, name: "glF".into() });
-        let call = |args: Vec<Arg>| Call { number: 9, place: 3, function: function.clone(), args, result: Arg::Null };
+        let call =
+            |args: Vec<Arg>| Call { number: 9, place: 3, thread: 0, function: function.clone(), args, result: Arg::Null };
         let mut numbers = vec![5.0];
         let fits = [
             vec![],

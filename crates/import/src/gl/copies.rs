@@ -239,18 +239,6 @@ impl Card {
         (texture, view, self.sampler(SamplerDesc::default()))
     }
 
-    /// The accumulation buffer, which starts as zeros.
-    pub fn accumulation(&mut self) -> Option<Surface> {
-        let size = self.size();
-        if size == [0; 2] {
-            return None;
-        }
-        if self.accumulation.is_none() {
-            self.accumulation = Some(self.create_surface("accumulation", size, Format::Rgba16Float));
-        }
-        self.accumulation
-    }
-
     /// Fills a part of the accumulation buffer.
     pub fn clear_accumulation(&mut self, color: [f32; 4], area: Rect) {
         let Some(to) = self.accumulation() else { return };

@@ -3,7 +3,7 @@
 use gfx::state::Rect;
 
 use super::call::{Call, Fault, INVALID_ENUM, INVALID_OPERATION, INVALID_VALUE, Outcome, Shape};
-use super::card::{Buffer, COLORS_MAX, DEPTH, Surface, Target};
+use super::card::{Buffer, COLORS_MAX, Card, DEPTH, Surface, Target};
 use super::consts as e;
 use super::copies::{CopyKey, From, Map, Meet, row_edge};
 use super::draw::kind_of;
@@ -63,6 +63,15 @@ const NO_BUFFERS: [u32; 7] = [0x401, 0x403, 0x407, 0x409, 0x40a, 0x40b, 0x40c];
 #[derive(Clone, Debug, Default)]
 pub struct Renderbuffer {
     image: Option<(Surface, [u32; 2], Base)>,
+}
+
+impl Renderbuffer {
+    /// Frees its image.
+    pub(super) fn free(&mut self, card: &mut Card) {
+        if let Some((surface, ..)) = self.image.take() {
+            card.destroy_surface(surface);
+        }
+    }
 }
 
 /// An attached image: its surface, its size, its base format.
@@ -146,11 +155,15 @@ impl Gl {
             has_stencil: stencil.is_some(),
             upward: true,
             alpha: color.is_some_and(|(_, _, base)| base.plain() == Base::Rgba),
+            window: None,
         })
     }
 
     /// Selects the render target by the current state.
     pub fn aim(&mut self) -> Outcome<Option<Target>> {
+        if self.draw_framebuffer == 0 {
+            self.settle_window()?;
+        }
         let target = match (self.draw_framebuffer, self.state.draw_buffer) {
             (0, e::FRONT | e::FRONT_LEFT) if self.state.is(e::FRAMEBUFFER_SRGB) => {
                 return Err(Fault::Unsupported("drawing to the front with GL_FRAMEBUFFER_SRGB".into()));
@@ -158,7 +171,9 @@ impl Gl {
             (0, e::FRONT | e::FRONT_LEFT) => self.card.window_target(Buffer::Front),
             // Only the back buffer is drawn to, since nothing may read the front one before the buffers are swapped.
             (0, e::LEFT | e::FRONT_AND_BACK) => {
-                self.front_lacks = true;
+                if let Some(window) = self.card.windows.drawn() {
+                    window.front_lacks = true;
+                }
                 match self.state.is(e::FRAMEBUFFER_SRGB) {
                     true => self.card.encoded_target(),
                     false => self.card.window_target(Buffer::Back),
@@ -172,16 +187,29 @@ impl Gl {
         Ok(target)
     }
 
+    /// Gives the window that is drawn to the size of the viewport if no call has given it one.
+    fn settle_window(&mut self) -> Outcome {
+        // A context without a drawable has no window.
+        self.card.windows.draw.ok_or(INCOMPLETE)?;
+        let [x, y, width, height] = self.state.viewport;
+        let size = [x.saturating_add(width), y.saturating_add(height)].map(|edge| edge.clamp(0, EDGE_MAX as i32) as u32);
+        if self.card.size() == [0; 2] && !size.contains(&0) {
+            self.card.resize(size);
+        }
+        Ok(())
+    }
+
     /// The image that copies and reads take: colours or depths.
     pub fn read_source(&mut self, depth: bool) -> Outcome<FromTarget> {
         self.flush()?;
         let none = || Fault::Unsupported("reading before the size of the window is known".into());
         if self.read_framebuffer == 0 {
+            let window = self.card.windows.reading().ok_or(INCOMPLETE)?;
             let front = matches!(self.read_buffer, e::FRONT | e::FRONT_LEFT | e::LEFT | e::FRONT_AND_BACK);
-            if front && self.front_lacks && !depth {
+            if front && window.front_lacks && !depth {
                 return Err(Fault::Unsupported("reading the front buffer after drawing to front and back".into()));
             }
-            let target = self.card.window_target(if front { Buffer::Front } else { Buffer::Back }).ok_or_else(none)?;
+            let target = self.card.read_target(if front { Buffer::Front } else { Buffer::Back }).ok_or_else(none)?;
             let surface = if depth { target.depth } else { target.color };
             return Ok((surface.ok_or(INVALID_OPERATION)?, target.size, target.upward));
         }
@@ -329,8 +357,8 @@ pub(super) fn bind_renderbuffer(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
 pub(super) fn delete_renderbuffers(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
     gl.flush()?;
     for &name in call.numbers(1)?.iter() {
-        if let Some((surface, ..)) = gl.renderbuffers.remove(name as u32).and_then(|buffer| buffer.image) {
-            gl.card.destroy_surface(surface);
+        if let Some(mut buffer) = gl.renderbuffers.remove(name as u32) {
+            buffer.free(&mut gl.card);
         }
     }
     Ok(())

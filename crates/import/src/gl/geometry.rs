@@ -172,19 +172,19 @@ impl Gl {
                 Class::Triangles => self.fills() && !self.sides_differ(&Batch { class: Class::Triangles, ..Batch::default() }),
             }
     }
-
-    /// Frees the card's buffers of a list's primitive.
-    pub fn free_geometry(&mut self, geometry: &Geometry) {
-        for kept in geometry.on_card.take() {
-            self.card.kept_bytes -= kept.bytes;
-            let [vertices, indices] = kept.buffers;
-            self.card.condemn(vertices, kept.bytes);
-            self.card.condemn(indices, 0);
-        }
-    }
 }
 
 impl Card {
+    /// Frees the card's buffers of a list's primitive.
+    pub fn free_geometry(&mut self, geometry: &Geometry) {
+        for kept in geometry.on_card.take() {
+            self.kept_bytes -= kept.bytes;
+            let [vertices, indices] = kept.buffers;
+            self.condemn(vertices, kept.bytes);
+            self.condemn(indices, 0);
+        }
+    }
+
     /// The buffers of a primitive for draws of one kind, and the number of its indices; made once.
     pub fn kept(&mut self, geometry: &Geometry, packing: &Rc<Packing>) -> ([BufferId; 2], u32) {
         let mut on_card = geometry.on_card.borrow_mut();

@@ -5,6 +5,7 @@ use std::rc::Rc;
 use glam::Mat4;
 
 use super::call::{Arg, Call, Fault, INVALID_ENUM, INVALID_OPERATION, INVALID_VALUE, Outcome, Shape};
+use super::card::Card;
 use super::compact::Compact;
 use super::consts as e;
 use super::geometry::Geometry;
@@ -83,6 +84,11 @@ impl List {
             Step::Primitive(geometry) => Some(&**geometry),
             _ => None,
         })
+    }
+
+    /// Frees what the card has of it.
+    pub(super) fn free(&self, card: &mut Card) {
+        self.geometries().for_each(|geometry| card.free_geometry(geometry));
     }
 
     /// Joins consecutive primitives. What one of them leaves in the current attributes the next ones set themselves.
@@ -248,7 +254,7 @@ impl Gl {
     /// An empty call of the same function, into which the compact one is expanded.
     fn room(&self, compact: &Compact) -> Option<Call> {
         let (_, function) = self.function(compact.function)?;
-        Some(Call { number: self.number, place: 0, function, args: Vec::new(), result: Arg::Null })
+        Some(Call { number: self.number, place: 0, thread: 0, function, args: Vec::new(), result: Arg::Null })
     }
 
     /// Draws vertices of client arrays, or stores them in the list that is compiled. `arrays` has a bit for each attribute of the arrays.
@@ -385,7 +391,7 @@ impl Gl {
     /// Deletes a list.
     fn free_list(&mut self, name: u32) {
         if let Some(list) = self.lists.remove(name) {
-            list.geometries().for_each(|geometry| self.free_geometry(geometry));
+            list.free(&mut self.card);
         }
     }
 }

@@ -13,6 +13,7 @@ use super::buffers::{BufferObject, Mapping, UniformRange};
 use super::call::{Arg, Call, Fault, Function, INVALID_OPERATION, Outcome, Shape};
 use super::card::Card;
 use super::consts as e;
+use super::contexts::{Context, Contexts, ShareGroup};
 use super::evaluator::Maps;
 use super::framebuffer::{Framebuffer, Renderbuffer};
 use super::geometry::Geometry;
@@ -60,6 +61,8 @@ pub type Counts = NameMap<Count>;
 pub struct Gl {
     /// The card.
     pub card: Card,
+    /// Contexts, of which one is current.
+    pub contexts: Contexts,
     /// The server's state.
     pub state: State,
     /// Saved states.
@@ -102,8 +105,6 @@ pub struct Gl {
     pub draw_framebuffer: u32,
     /// The bound read framebuffer.
     pub read_framebuffer: u32,
-    /// Whether the front buffer lacks what was drawn to both front and back.
-    pub front_lacks: bool,
     /// The colour buffer of the window that is read.
     pub read_buffer: u32,
     /// Render buffers by name.
@@ -124,8 +125,6 @@ pub struct Gl {
     pub elements_omitted: bool,
     /// Whether the window has an accumulation buffer, if the program has chosen the kind of window in the recording.
     pub accumulates: Option<bool>,
-    /// Drawables whose buffers have been swapped, the last one at the end.
-    pub drawables: Vec<u64>,
     /// The occlusion query that counts draws.
     pub query: Option<u64>,
     /// Uses of occlusion queries.
@@ -185,10 +184,10 @@ pub struct Gl {
     /// The number of the call that runs.
     pub number: u64,
     /// The functions that the recording calls, by their numbers.
-    functions: Vec<Option<(Entry, Rc<Function>)>>,
-    counted: Vec<(Rc<str>, u64)>,
-    /// Whether the size of the window was stated, so that viewports do not change it.
-    pub fixed_window: bool,
+    pub(super) functions: Vec<Option<(Entry, Rc<Function>)>>,
+    pub(super) counted: Vec<(Rc<str>, u64)>,
+    /// Whether the context has been current with a window of a known size, which gave it its first viewport.
+    pub sized: bool,
     /// Nesting depth of the lists that run.
     pub depth: u32,
     /// The value of `steps` when the outermost running list began.
@@ -202,63 +201,63 @@ pub struct Gl {
 impl Gl {
     /// A machine in its initial state; messages about its commands use `name`.
     pub fn new(name: &Path, limits: &Limits) -> Gl {
+        let (context, group) = (Context::default(), ShareGroup::default());
         Gl {
             card: Card::new(name),
-            state: State::default(),
-            saved: Vec::new(),
-            modelview: Stack::new(32),
-            projection: Stack::new(32),
-            texture_matrices: std::array::from_fn(|_| Stack::new(10)),
-            color_matrix: Stack::new(10),
-            arrays: Arrays::default(),
-            saved_client: Vec::new(),
+            contexts: Contexts::default(),
+            state: context.state,
+            saved: context.saved,
+            modelview: context.modelview,
+            projection: context.projection,
+            texture_matrices: context.texture_matrices,
+            color_matrix: context.color_matrix,
+            arrays: context.arrays,
+            saved_client: context.saved_client,
             programs: Programs::default(),
             glsl: Glsl::default(),
-            buffers: NumberMap::new(),
-            unpack: PixelStore::default(),
-            uniform_buffers: NumberMap::new(),
-            other_buffers: NumberMap::new(),
-            pack_buffer: 0,
-            mappings: Vec::new(),
-            pixel_maps: PixelMaps::default(),
+            buffers: group.buffers,
+            unpack: context.unpack,
+            uniform_buffers: context.uniform_buffers,
+            other_buffers: context.other_buffers,
+            pack_buffer: context.pack_buffer,
+            mappings: group.mappings,
+            pixel_maps: context.pixel_maps,
             pixels: None,
-            framebuffers: NumberMap::new(),
-            draw_framebuffer: 0,
-            read_framebuffer: 0,
-            front_lacks: false,
-            read_buffer: e::BACK,
-            renderbuffers: NumberMap::new(),
-            renderbuffer: 0,
-            clear_accum: [0.0; 4],
+            framebuffers: context.framebuffers,
+            draw_framebuffer: context.draw_framebuffer,
+            read_framebuffer: context.read_framebuffer,
+            read_buffer: context.read_buffer,
+            renderbuffers: group.renderbuffers,
+            renderbuffer: context.renderbuffer,
+            clear_accum: context.clear_accum,
             indexed: false,
             listed: false,
             as_mesa: true,
             instance: 0,
             elements_omitted: false,
             accumulates: None,
-            drawables: Vec::new(),
-            query: None,
+            query: context.query,
             queries: 0,
-            textures: NumberMap::new(),
-            seamless: false,
-            samplers: NumberMap::new(),
-            bound_samplers: [0; UNITS],
-            default_textures: NumberMap::new(),
-            lists: NumberMap::new(),
-            compiling: None,
-            maps: Maps::default(),
-            begun: None,
+            textures: group.textures,
+            seamless: context.seamless,
+            samplers: group.samplers,
+            bound_samplers: context.bound_samplers,
+            default_textures: group.default_textures,
+            lists: group.lists,
+            compiling: context.compiling,
+            maps: context.maps,
+            begun: context.begun,
             spare: Vec::new(),
             lone: None,
             follows: false,
             prepared: None,
-            tracked: None,
-            given: Given::default(),
+            tracked: context.tracked,
+            given: context.given,
             batch: Batch::default(),
             keep_draws: false,
             survey: false,
             elements: None,
-            render_mode: e::RENDER,
+            render_mode: context.render_mode,
             packings: NumberMap::new(),
             shaders: BTreeMap::new(),
             texts: Vec::new(),
@@ -268,7 +267,7 @@ impl Gl {
             number: 0,
             functions: Vec::new(),
             counted: Vec::new(),
-            fixed_window: false,
+            sized: context.sized,
             depth: 0,
             list_began: 0,
             steps: 0,
@@ -290,6 +289,10 @@ impl Gl {
     /// Runs a call. An error ends the import.
     pub fn call(&mut self, call: &Call) -> Result<(), String> {
         self.number = call.number;
+        if call.thread != self.contexts.thread {
+            let entered = self.enter_thread(call.thread);
+            self.settle(call, entered)?;
+        }
         let id = call.function.id as usize;
         if self.functions.len() <= id {
             self.functions.resize(id + 1, None);
@@ -302,6 +305,11 @@ impl Gl {
             counted.0 = call.function.name.clone();
         }
         counted.1 += 1;
+        if self.contexts.now.context.is_none() && entry.moment != Moment::System {
+            // As in Mesa, it does nothing.
+            let outcome = if entry.moment == Moment::Ignored { Ok(()) } else { Err(Fault::Error("no current context")) };
+            return self.settle(call, outcome);
+        }
         if matches!(entry.moment, Moment::Server | Moment::Matrix | Moment::Vertex)
             && let Some((name, execute, list)) = self.compiling.take()
         {
@@ -323,6 +331,7 @@ impl Gl {
     pub fn execute(&mut self, entry: Entry, call: &Call) -> Outcome {
         match entry.moment {
             Moment::Vertex | Moment::Element | Moment::Ignored => return (entry.run)(self, call, entry.shape),
+            Moment::System => {}
             _ if self.begun.is_some() => return Err(INVALID_OPERATION),
             Moment::Server | Moment::Matrix => self.flush()?,
             Moment::Client | Moment::Arrays => {}
@@ -385,36 +394,31 @@ impl Gl {
         objects.into_iter().max().unwrap_or(0)
     }
 
-    /// Makes the window at least this large. If a recording does not state the window's size, its first viewport gives it.
+    /// Makes the window that is drawn to at least this large. If a recording does not state its size, its first viewport gives it.
     pub fn window(&mut self, size: [u32; 2], fixed: bool) -> Outcome {
-        if size.into_iter().any(|edge| edge > WINDOW_MAX) {
-            return Err(Fault::Limit(format!("a window of {} x {} pixels, at most {WINDOW_MAX} each", size[0], size[1])));
-        }
+        check_size(size)?;
         let old = self.card.size();
+        let Some(window) = self.card.windows.drawn() else { return Ok(()) };
+        let stated = window.fixed;
+        window.fixed |= fixed;
         let new = if fixed { size } else { [old[0].max(size[0]), old[1].max(size[1])] };
-        if (fixed || !self.fixed_window) && new != old && !new.contains(&0) {
+        if (fixed || !stated) && new != old && !new.contains(&0) {
             self.flush()?;
             self.prepared = None;
             self.card.resize(new);
-            if old == [0; 2] {
-                // Initially, viewport and scissor are as large as the window.
-                let whole = [0, 0, new[0] as i32, new[1] as i32];
-                (self.state.viewport, self.state.scissor) = (whole, whole);
-            }
         }
-        self.fixed_window |= fixed;
+        self.fit();
         Ok(())
     }
 
-    /// Ends a frame.
-    pub fn swap(&mut self) -> Outcome {
+    /// Swaps the buffers of a window.
+    pub fn swap(&mut self, window: u32) -> Outcome {
         self.flush()?;
-        if self.card.frames + 1 == self.card.first_frame {
+        if self.card.is_shown(window) && self.card.frames + 1 == self.card.first_frame {
             self.card.end_pass();
             self.upload_changes();
         }
-        self.card.present();
-        self.front_lacks = false;
+        self.card.present(window);
         Ok(())
     }
 
@@ -442,6 +446,14 @@ impl Gl {
             _ => &mut self.modelview,
         }
     }
+}
+
+/// Checks the size of a window.
+pub fn check_size(size: [u32; 2]) -> Outcome {
+    if size.into_iter().any(|edge| edge > WINDOW_MAX) {
+        return Err(Fault::Limit(format!("a window of {} x {} pixels, at most {WINDOW_MAX} each", size[0], size[1])));
+    }
+    Ok(())
 }
 
 /// Components of a typed call from the argument `first` on. They are in an array if its name ends in `v`.

@@ -28,6 +28,7 @@ mod card;
 mod clear;
 mod compact;
 mod components;
+mod contexts;
 mod copies;
 mod draw;
 mod draw_key;
@@ -76,6 +77,8 @@ mod texturing;
 mod transform;
 mod uniforms;
 mod unpack;
+mod window_system;
+mod windows;
 
 use std::cell::Cell;
 use std::fs::File;
@@ -92,9 +95,11 @@ use host::Links;
 use trace::{Part, Reading, Stream, Trace, TraceError};
 
 use call::Fault;
+pub use contexts::ContextFacts;
 use machine::Gl;
 pub use machine::{Count, Counts};
 use reader::{Apitrace, Broken, GliText, Input, Memory, Reader};
+pub use windows::WindowFacts;
 
 /// Bytes of GLInterceptor's memory file at most.
 const MEMORY_MAX: u64 = 2 << 30;
@@ -116,6 +121,10 @@ pub struct Report {
     pub queries: u64,
     /// Dropped draws of frames that are not wanted, whose results nothing can read.
     pub dropped: u64,
+    /// Contexts that the recording makes, in order.
+    pub contexts: Vec<ContextFacts>,
+    /// Windows and other drawables, in the order in which they are first used.
+    pub windows: Vec<WindowFacts>,
 }
 
 impl Report {
@@ -346,6 +355,7 @@ fn import(
     (gl.elements_omitted, gl.as_mesa) = (apitrace, apitrace);
     gl.card.all_levels = reading.keep_draws;
     (gl.card.upward, gl.card.window_alpha) = (reading.upward, reading.window_alpha);
+    gl.card.windows.selected = reading.window;
     let mut kept = true;
     if let Keep::Parts { .. } = keep {
         gl.card.recorder.keep_each();
@@ -354,7 +364,7 @@ fn import(
         let Some(call) = reader.next().map_err(broken)? else { break };
         let wrong = |reason: String| TraceError::new(path, format!("call {}, {unit} {}: {reason}", call.number, call.place));
         if let Some(size) = reader.window()
-            && !gl.fixed_window
+            && gl.card.windows.drawn().is_some_and(|window| !window.fixed)
             && let Err(Fault::Limit(reason) | Fault::Damaged(reason)) = gl.window(size, true)
         {
             return Err(wrong(reason));
@@ -396,7 +406,11 @@ fn import(
     if let Err(Fault::Limit(reason) | Fault::Damaged(reason)) = gl.flush() {
         return Err(TraceError::new(path, reason));
     }
+    if let Some(reason) = gl.card.windows.wrong_choice() {
+        return Err(TraceError::new(path, reason));
+    }
     (report.queries, report.dropped) = (gl.queries, gl.card.dropped);
+    (report.contexts, report.windows) = (std::mem::take(&mut gl.contexts.facts), gl.card.windows.facts());
     report.shaders = std::mem::take(&mut gl.texts);
     report.unsupported = std::mem::take(&mut gl.unsupported);
     report.errors = std::mem::take(&mut gl.errors);

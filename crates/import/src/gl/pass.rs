@@ -127,6 +127,8 @@ pub struct Target {
     pub upward: bool,
     /// Whether alpha is stored. If not, it stays 1.
     pub alpha: bool,
+    /// The number of the window that it is; none: a frame buffer object.
+    pub window: Option<u32>,
 }
 
 /// The channels that a colour buffer stores, a bit each: all, or all but alpha.
@@ -147,7 +149,7 @@ impl Target {
     }
 }
 
-/// A colour buffer of the window.
+/// A colour buffer of a window.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Buffer {
     /// The one that is shown next.

@@ -1,7 +1,7 @@
 //! Capabilities, lighting, fog, and how primitives are rasterised.
 
 use super::arb::Stage;
-use super::call::{Arg, Call, Fault, INVALID_ENUM, INVALID_OPERATION, INVALID_VALUE, Outcome, Shape};
+use super::call::{Call, Fault, INVALID_ENUM, INVALID_OPERATION, INVALID_VALUE, Outcome, Shape};
 use super::consts as e;
 use super::key::FogDistance;
 use super::machine::{Gl, padded};
@@ -9,28 +9,6 @@ use super::materials::{Tracked, tracked, tracks};
 use super::matrix;
 use super::names;
 use super::state::{LIGHTS, Material, TARGETS, capability};
-
-/// Maximum number of swapped drawables that are remembered.
-const DRAWABLES_MAX: usize = 64;
-
-pub(super) fn swap(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
-    let drawable = match call.arg(1) {
-        Arg::Pointer(drawable) => *drawable,
-        Arg::Num(drawable) => *drawable as u64,
-        _ => 0,
-    };
-    // A window that replaces another counts as the same window; two that alternate do not.
-    if gl.drawables.last() != Some(&drawable) {
-        if gl.drawables.contains(&drawable) {
-            gl.refuse("windows that are drawn in turn".into());
-            gl.drawables.retain(|&known| known != drawable);
-            gl.drawables.push(drawable);
-        } else if gl.drawables.len() < DRAWABLES_MAX {
-            gl.drawables.push(drawable);
-        }
-    }
-    gl.swap()
-}
 
 impl Gl {
     /// Writes the tracked colour to the materials: they keep it when colour material is switched off (OpenGL 1.5, section 2.14.3).

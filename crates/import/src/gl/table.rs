@@ -8,7 +8,7 @@ use super::machine::Gl;
 use super::transform::Factor;
 use super::{
     accumulate, arb, arrays, buffers, elements, environment, evaluator, fragments, framebuffer, glsl, immediate, indirect,
-    lists, packed, pixels, quads, raster, rectangles, restart, samplers, saved, texturing, transform,
+    lists, packed, pixels, quads, raster, rectangles, restart, samplers, saved, texturing, transform, window_system,
 };
 
 /// When a function may be called, and its effect on the batch.
@@ -28,6 +28,8 @@ pub enum Moment {
     Arrays,
     /// Has no effect on pictures.
     Ignored,
+    /// Belongs to the window system: a context need not be current.
+    System,
 }
 
 /// A function of the machine.
@@ -88,7 +90,7 @@ fn part(core: &str, stem: Option<&str>) -> Part {
     }
 }
 
-fn nothing(_: &mut Gl, _: &Call, _: Shape) -> Outcome {
+pub(super) fn nothing(_: &mut Gl, _: &Call, _: Shape) -> Outcome {
     Ok(())
 }
 
@@ -100,8 +102,8 @@ fn unknown(_: &mut Gl, call: &Call, _: Shape) -> Outcome {
 pub fn find(name: &str) -> Entry {
     let plain = Shape { count: 0, scalar: Scalar::Float, vector: false };
     let entry = |(moment, run): (Moment, Run), shape, part| Entry { run, moment, shape, part, idle: None, factor: None };
-    let Some(core) = core_name(name) else { return entry(window_system(name), plain, Part::Other) };
-    if let Some(window) = core.starts_with('X').then(|| window_system(name)) {
+    let Some(core) = core_name(name) else { return entry(window_system::find(name), plain, Part::Other) };
+    if let Some(window) = core.starts_with('X').then(|| window_system::find(name)) {
         return entry(window, plain, Part::Other);
     }
     // Its arguments differ from those of the core function with this name.
@@ -118,17 +120,6 @@ pub fn find(name: &str) -> Entry {
     }
     // It is refused between Begin and End, too.
     entry((Moment::Element, unknown), plain, Part::Other)
-}
-
-fn window_system(name: &str) -> (Moment, Run) {
-    match name {
-        "glXSwapBuffers" | "eglSwapBuffers" | "wglSwapBuffers" | "SwapBuffers" | "CGLFlushDrawable" => {
-            (Moment::Client, raster::swap)
-        }
-        "eglChooseConfig" | "glXChooseFBConfig" | "glXChooseVisual" => (Moment::Client, framebuffer::choose),
-        "memcpy" => (Moment::Client, buffers::copy),
-        _ => (Moment::Ignored, nothing),
-    }
 }
 
 /// Functions whose names have no types.

@@ -11,6 +11,7 @@ pub enum Value {
     Enum(u64),
     Floats(Vec<f32>),
     Blob(Vec<u8>),
+    Pointer(u64),
     Null,
 }
 
@@ -96,6 +97,10 @@ impl Writer {
                     out.extend_from_slice(&value.to_le_bytes());
                 }
             }
+            Value::Pointer(address) => {
+                out.push(13);
+                uint(out, *address);
+            }
             Value::Blob(bytes) => {
                 out.push(8);
                 uint(out, bytes.len() as u64);
@@ -105,10 +110,16 @@ impl Writer {
     }
 
     /// A call, which one thread enters and leaves.
+    #[allow(dead_code, reason = "tests of threads say which one calls")]
     pub fn call(&mut self, name: &str, args: &[Value]) {
+        self.call_in(0, name, args, None);
+    }
+
+    /// A call of a thread, and what it returns.
+    pub fn call_in(&mut self, thread: u64, name: &str, args: &[Value], result: Option<Value>) {
         self.bytes.push(0);
         if self.version >= 4 {
-            uint(&mut self.bytes, 0);
+            uint(&mut self.bytes, thread);
         }
         let known = self.functions.iter().position(|known| known == name);
         let id = known.unwrap_or(self.functions.len());
@@ -128,6 +139,10 @@ impl Writer {
         }
         self.bytes.extend([0, 1]);
         uint(&mut self.bytes, self.calls);
+        if let Some(result) = result {
+            self.bytes.push(2);
+            self.value(&result);
+        }
         self.bytes.push(0);
         self.calls += 1;
     }

@@ -78,17 +78,38 @@ pub struct Programs {
     pub matrices: [Stack; MATRICES],
 }
 
+/// The part of [`Programs`] that belongs to a context.
+pub struct OfContext {
+    bound: [u32; 2],
+    environment: [Vec<[f32; 4]>; 2],
+    matrices: [Stack; MATRICES],
+}
+
+impl Default for OfContext {
+    fn default() -> Self {
+        OfContext { bound: [0; 2], environment: Default::default(), matrices: std::array::from_fn(|_| Stack::new(4)) }
+    }
+}
+
+/// The part of [`Programs`] that belongs to a share group.
+#[derive(Default)]
+pub struct OfGroup {
+    objects: NumberMap<u32, Object>,
+    defaults: [Object; 2],
+}
+
+impl OfGroup {
+    /// Whether there are no objects.
+    pub fn is_empty(&self) -> bool {
+        self.objects.is_empty()
+    }
+}
+
 impl Default for Programs {
     fn default() -> Programs {
-        Programs {
-            bound: [0; 2],
-            objects: NumberMap::new(),
-            defaults: Default::default(),
-            environment: Default::default(),
-            texts: Default::default(),
-            numbers: 0,
-            matrices: std::array::from_fn(|_| Stack::new(4)),
-        }
+        let OfContext { bound, environment, matrices } = OfContext::default();
+        let OfGroup { objects, defaults } = OfGroup::default();
+        Programs { bound, objects, defaults, environment, texts: Default::default(), numbers: 0, matrices }
     }
 }
 
@@ -114,6 +135,15 @@ impl Programs {
     pub fn number(&mut self) -> u32 {
         self.numbers += 1;
         self.numbers
+    }
+
+    /// Exchanges what belongs to a context and its share group.
+    pub fn exchange(&mut self, context: &mut OfContext, group: &mut OfGroup) {
+        std::mem::swap(&mut self.bound, &mut context.bound);
+        std::mem::swap(&mut self.environment, &mut context.environment);
+        std::mem::swap(&mut self.matrices, &mut context.matrices);
+        std::mem::swap(&mut self.objects, &mut group.objects);
+        std::mem::swap(&mut self.defaults, &mut group.defaults);
     }
 
     /// The number of objects.

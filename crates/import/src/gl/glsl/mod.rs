@@ -74,7 +74,28 @@ pub struct Glsl {
     codes: BTreeMap<CodeKey, Result<Loaded, String>>,
 }
 
+/// The part of [`Glsl`] that belongs to a share group.
+#[derive(Default)]
+pub struct OfGroup {
+    shaders: NumberMap<u32, Shader>,
+    objects: NumberMap<u32, Object>,
+}
+
+impl OfGroup {
+    /// Whether there are no objects.
+    pub fn is_empty(&self) -> bool {
+        self.shaders.is_empty() && self.objects.is_empty()
+    }
+}
+
 impl Glsl {
+    /// Exchanges the current program, which belongs to a context, and the objects of its share group.
+    pub fn exchange(&mut self, current: &mut u32, group: &mut OfGroup) {
+        std::mem::swap(&mut self.current, current);
+        std::mem::swap(&mut self.shaders, &mut group.shaders);
+        std::mem::swap(&mut self.objects, &mut group.objects);
+    }
+
     /// The number of objects of the most numerous kind.
     pub fn len(&self) -> usize {
         self.shaders.len().max(self.objects.len()).max(self.linked.len()).max(self.codes.len())
@@ -301,8 +322,8 @@ pub(super) fn delete_shader(gl: &mut Gl, call: &Call, _: Shape) -> CallOutcome {
 
 pub(super) fn delete_program(gl: &mut Gl, call: &Call, _: Shape) -> CallOutcome {
     let name = call.u32(0)?;
-    // The current program is not deleted.
-    if gl.glsl.current != name {
+    // A program that is current in a context is not deleted.
+    if gl.glsl.current != name && !gl.contexts.sharing().any(|context| context.uses(name)) {
         gl.flush()?;
         gl.glsl.objects.remove(name);
     }

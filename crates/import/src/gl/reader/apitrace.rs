@@ -191,9 +191,7 @@ impl Apitrace {
     fn enter(&mut self, place: u64) -> Result<(), Stop> {
         let number = self.next;
         self.next += 1;
-        if self.version >= 4 {
-            let _thread = self.uint()?;
-        }
+        let thread = if self.version >= 4 { self.uint()? as u32 } else { 0 };
         let id = self.uint()?;
         let (function, count) = match self.functions.get(id) {
             Some((function, count)) => (function.clone(), *count),
@@ -212,7 +210,7 @@ impl Apitrace {
         };
         let mut args = self.spare.pop().unwrap_or_default();
         args.resize_with(count as usize, || Arg::Null);
-        let mut call = Call { number, place, function, args, result: Arg::Null };
+        let mut call = Call { number, place, thread, function, args, result: Arg::Null };
         self.details(&mut call)?;
         if let Some(before) = self.last.replace(call) {
             // Another thread's call, or one within a call.
@@ -240,8 +238,9 @@ impl Apitrace {
                     }
                 }
                 2 => call.result = self.value(0)?,
-                3 | 5 => {
-                    // A thread, or flags.
+                3 => call.thread = self.uint()? as u32,
+                5 => {
+                    // Flags.
                     self.uint()?;
                 }
                 4 => {

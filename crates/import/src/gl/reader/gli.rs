@@ -197,7 +197,7 @@ impl GliText {
             .trim_start()
             .strip_prefix('=')
             .map_or(Arg::Null, |text| number(text.trim(), false).unwrap_or(Arg::Null));
-        Ok(Call { number: self.next, place, function, args, result })
+        Ok(Call { number: self.next, place, thread: 0, function, args, result })
     }
 }
 
