@@ -5,7 +5,7 @@ use std::path::Path;
 
 use fillrate::gfx::format::Format;
 use fillrate::gfx::state::*;
-use fillrate::render::{self, Options};
+use fillrate::render::{self, Dependencies, Options};
 use fillrate::trace::command::*;
 use fillrate::trace::record::{self, Recorder};
 use fillrate::trace::{Bytes, Trace, TraceError};
@@ -101,6 +101,13 @@ impl Small {
             }
         });
         assert!(plain == recorded, "recording changes what is drawn or counted");
+        // Every walk over a trace knows the same objects.
+        if let Some((frames, _)) = &plain {
+            let dependencies = Dependencies::of(&trace, u32::MAX).unwrap_or_else(|error| panic!("{error}"));
+            assert_eq!(dependencies.frames() as usize, frames.len());
+            let inspection = render::inspect(&trace).unwrap_or_else(|error| panic!("{error}"));
+            assert!(inspection.refused.is_empty(), "{:?}", inspection.refused);
+        }
         plain.is_some()
     }
 }

@@ -5,12 +5,11 @@ use std::sync::Arc;
 use host::one_line;
 use num::LANES;
 use shader::{self, Executor, Extra, Module, Program, Recorder, Stage as Kind};
-use trace::command::{Command, LayoutEntry, PassTimestamps, Stage};
+use trace::command::{Command, PassTimestamps, Stage};
 use work::{Dispatch, Event, Groups, Packet, ShaderShape};
 
 use super::bind::{Lent, ResolvedBindings};
 use super::execute::{Fault, Renderer};
-use super::pipeline::derived_layout;
 use super::state::Bindings;
 
 /// Packets (four invocations each) that one piece of recorded work holds at most, unless a single workgroup has more.
@@ -41,11 +40,6 @@ impl ComputePipeline {
     /// What it runs.
     pub fn program(&self) -> &Program {
         &self.program
-    }
-
-    /// The bind group layout that the shader implies.
-    pub fn derived_layout(&self, group: u32) -> Vec<LayoutEntry> {
-        derived_layout(std::slice::from_ref(&self.program), group)
     }
 }
 
@@ -132,7 +126,7 @@ impl ActiveCompute {
     /// Runs a dispatch. For a dispatch that is not needed, only the size is reported.
     fn dispatch(&mut self, renderer: &mut Renderer<'_, '_>, count: [u32; 3], needed: bool) -> Result<(), Fault> {
         let id = self.pipeline.ok_or("a dispatch without a pipeline")?;
-        let pipeline = renderer.res.compute_pipelines.get(id)?.clone();
+        let pipeline = renderer.res.compute_pipeline(id)?;
         let number = renderer.dispatches;
         renderer.dispatches += 1;
         let groups: u64 = count.iter().map(|&n| u64::from(n)).product();

@@ -17,7 +17,7 @@ use super::flight::{Begin, Boarding, Departure, Failure, Flights};
 use super::ledger::{Claim, ConsumerMemory, LARGE, Ledger, Watch};
 use super::memory::AddressSpace;
 use super::needs::Needs;
-use super::objects::is_about_objects;
+use super::objects::OpenBundle;
 use super::pass::ActivePass;
 use super::resources::*;
 use super::sprites::Sprites;
@@ -120,6 +120,8 @@ pub(super) enum Fault {
     Trace(TraceError),
     /// An earlier command could not be run: a draw that was in flight.
     Earlier(Failure),
+    /// What an earlier command describes cannot be made, and this one uses it.
+    Described(Failure),
     /// The receiver stopped.
     Stop,
 }
@@ -207,13 +209,13 @@ pub fn render(trace: &Trace, options: &Options, sink: &mut Sink<'_>) -> Result<S
         watch.begin(&ledger);
     }
     let mut renderer = Renderer::new(trace, options.clone(), ledger.clone(), sink);
-    let commands = walk(trace, &ledger, &mut |step| match step {
+    walk(trace, &ledger, &mut |step| match step {
         Step::Command(command) => renderer.run(command),
         Step::End => renderer.finish(),
         Step::Stopped => renderer.land_all(),
     })?;
     let frames = renderer.frame.max(u32::from(renderer.implicit_frame));
-    Ok(Summary { frames, commands, overwritten: renderer.overwritten, ledger })
+    Ok(Summary { frames, commands: ledger.command().0 + 1, overwritten: renderer.overwritten, ledger })
 }
 
 /// What comes next in a walk over a trace.
@@ -226,7 +228,7 @@ pub(super) enum Step<'c> {
     Stopped,
 }
 
-/// Checks the commands of a trace and hands them on in order; how many there were.
+/// Checks the commands of a trace and hands them on in order; what the trace holds, if it was not stopped before its end.
 ///
 /// # Errors
 /// What is wrong with the trace or with a command, which is named.
@@ -234,9 +236,9 @@ pub(super) fn walk(
     trace: &Trace,
     ledger: &Ledger,
     each: &mut dyn FnMut(Step<'_>) -> Result<(), Fault>,
-) -> Result<u64, TraceError> {
+) -> Result<Option<trace::Summary>, TraceError> {
     let mut checker = Checker::new(trace);
-    let mut commands = 0;
+    let (mut commands, mut summary) = (0, None);
     let mut result = trace.for_each_command(|index, command| {
         commands = index;
         ledger.begin(index, command.name())?;
@@ -244,16 +246,21 @@ pub(super) fn walk(
         each(Step::Command(command))
     });
     if result.is_ok() {
-        result = checker.finish().map_err(Fault::Trace).and_then(|_| each(Step::End));
+        result = checker.finish().map_err(Fault::Trace).and_then(|found| {
+            summary = Some(found);
+            each(Step::End)
+        });
     }
-    if let Err(Fault::Reason(_) | Fault::Trace(_)) = result {
+    if let Err(Fault::Reason(_) | Fault::Trace(_) | Fault::Described(_)) = result {
         // What is wrong with an earlier command comes first.
         result = each(Step::Stopped).and(result);
     }
     match result {
-        Ok(()) | Err(Fault::Stop) => Ok(commands + 1),
+        Ok(()) => Ok(summary),
+        Err(Fault::Stop) => Ok(None),
         Err(Fault::Reason(reason)) => Err(trace.error_at(commands, format!("{}: {reason}", ledger.command().1))),
-        Err(Fault::Earlier(Failure { command: (index, name), reason })) => {
+        Err(Fault::Earlier(failure) | Fault::Described(failure)) => {
+            let Failure { command: (index, name), reason } = failure;
             Err(trace.error_at(index, format!("{name}: {reason}")))
         }
         Err(Fault::Trace(error)) if error.command.is_none() => Err(error.in_command(commands)),
@@ -266,7 +273,6 @@ enum Scope {
     Outside,
     Render(Box<ActivePass>),
     Compute(Box<ActiveCompute>),
-    Bundle(BundleId, Vec<Command>, Claim),
 }
 
 /// Bytes and memory of images of a texture, by level and layer.
@@ -284,6 +290,8 @@ pub(super) struct Renderer<'t, 's> {
     /// Number of draws when an attachment was copied for a pass in flight.
     copied_at: u32,
     scope: Scope,
+    /// The bundle that is recorded.
+    pub(super) bundle: Option<OpenBundle>,
     /// Number of the current frame.
     pub(super) frame: u32,
     /// The trace had no present, so that its end was the end of frame 0.
@@ -337,6 +345,7 @@ impl<'t, 's> Renderer<'t, 's> {
             waiting: VecDeque::new(),
             copied_at: 0,
             scope: Scope::Outside,
+            bundle: None,
             frame: 0,
             implicit_frame: false,
             passes: 0,
@@ -490,8 +499,8 @@ impl<'t, 's> Renderer<'t, 's> {
     }
 
     fn run_now(&mut self, command: &Command) -> Result<(), Fault> {
-        if is_about_objects(command) {
-            return self.objects(command);
+        if self.objects(command)? {
+            return Ok(());
         }
         match std::mem::replace(&mut self.scope, Scope::Outside) {
             Scope::Outside => self.outside(command),
@@ -511,22 +520,12 @@ impl<'t, 's> Renderer<'t, 's> {
                 self.scope = Scope::Compute(pass);
                 result
             }
-            Scope::Bundle(id, mut commands, mut claim) => {
-                if matches!(command, Command::EndBundle) {
-                    return Ok(self.res.bundles.add(id.0, Arc::new(commands), claim)?);
-                }
-                claim.grow("a bundle", 2 * size_of::<Command>() as u64 + payload(command))?;
-                commands.push(command.clone());
-                self.scope = Scope::Bundle(id, commands, claim);
-                Ok(())
-            }
         }
     }
 
     fn outside(&mut self, command: &Command) -> Result<(), Fault> {
         self.moment += 1;
         match command {
-            Command::BeginBundle { id } => self.scope = Scope::Bundle(*id, Vec::new(), self.claim("a bundle", 0)?),
             Command::BeginRenderPass { color, depth, occlusion, timestamps, label } => {
                 let label = label.clone().unwrap_or_default();
                 let pass = ActivePass::begin(self, color, depth.as_ref(), *occlusion, timestamps.clone(), label)?;
@@ -604,7 +603,7 @@ impl<'t, 's> Renderer<'t, 's> {
     }
 
     fn finish(&mut self) -> Result<(), Fault> {
-        if !matches!(self.scope, Scope::Outside) {
+        if !matches!(self.scope, Scope::Outside) || self.bundle.is_some() {
             return Err("the trace ends inside a pass or bundle".into());
         }
         if self.frame == 0 {
@@ -627,14 +626,4 @@ enum Waiting {
     /// The first of [`Flights`] that is not here before.
     Flight,
     Event(Event),
-}
-
-/// Bytes that a command of a bundle has beside itself.
-pub(super) fn payload(command: &Command) -> u64 {
-    (match command {
-        Command::SetBindGroup { offsets, .. } => size_of_val(&**offsets),
-        Command::SetImmediates { words, .. } => size_of_val(&**words),
-        Command::PushDebugGroup(text) | Command::InsertDebugMarker(text) => text.len(),
-        _ => 0,
-    }) as u64
 }

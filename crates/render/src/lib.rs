@@ -8,8 +8,10 @@ mod bind;
 mod compute;
 mod copy;
 mod debug_groups;
+mod deferred;
 mod execute;
 mod flight;
+mod inspection;
 mod ledger;
 mod memory;
 mod needs;
@@ -28,5 +30,6 @@ pub mod surface;
 
 pub use draw::Skips;
 pub use execute::{FrameSet, Options, Sink, Stop, Summary, render};
+pub use inspection::{Frames, Image, Inspection, inspect};
 pub use ledger::{ConsumerMemory, Ledger, Watch};
 pub use needs::{Dependencies, Need, Needs, Want};

@@ -5,13 +5,15 @@ use std::sync::Arc;
 use gfx::image::ImageDesc;
 use gfx::texture::Sampler;
 use host::one_line;
-use num::{NoMemory, ShaderId, TextureId, Words};
+use num::{BundleId, Limits, NoMemory, TextureId, Words};
 use shader::{self, Module};
 use trace::command::*;
+use work::Needless;
 
 use super::compute::ComputePipeline;
+use super::deferred::Deferred;
 use super::execute::{Fault, Renderer};
-use super::ledger::Claim;
+use super::ledger::{Claim, Ledger};
 use super::memory::texture_bytes;
 use super::pipeline::RenderPipeline;
 use super::resources::*;
@@ -25,9 +27,136 @@ const MODULE: u64 = 16;
 /// Bytes of an operation of a compiled program with what belongs to it, about.
 const OPERATION: u64 = 128;
 
+/// A bundle that is recorded: its commands run where it is executed.
+pub(super) struct OpenBundle {
+    id: BundleId,
+    commands: Vec<Command>,
+    claim: Claim,
+}
+
+/// The source of a shader module.
+#[derive(Debug)]
+pub struct ShaderText {
+    /// What messages call it.
+    title: String,
+    source: OwnedSource,
+    limits: Limits,
+    /// The memory of the text.
+    claim: Claim,
+}
+
+#[derive(Debug)]
+enum OwnedSource {
+    Wgsl(String),
+    SpirV(trace::Bytes),
+    NagaIr(String),
+}
+
+impl OwnedSource {
+    fn lend(&self) -> shader::Source<'_> {
+        match self {
+            OwnedSource::Wgsl(text) => shader::Source::Wgsl(text),
+            OwnedSource::SpirV(bytes) => shader::Source::SpirV(bytes),
+            OwnedSource::NagaIr(text) => shader::Source::NagaIr(text),
+        }
+    }
+}
+
+/// The description of a render pipeline.
+#[derive(Debug)]
+pub struct RenderPlan {
+    desc: Box<RenderPipelineDesc>,
+    label: String,
+    /// Its number among all pipelines.
+    number: u64,
+    vertex: Arc<Shader>,
+    fragment: Option<Arc<Shader>>,
+    needless: Needless,
+}
+
+/// The description of a compute pipeline.
+#[derive(Debug)]
+pub struct ComputePlan {
+    stage: Stage,
+    label: String,
+    shader: Arc<Shader>,
+}
+
+/// A render pipeline, which is compiled when it is first used.
+pub type DeferredRender = Deferred<RenderPlan, RenderPipeline>;
+
+/// A compute pipeline, which is compiled when it is first used.
+pub type DeferredCompute = Deferred<ComputePlan, ComputePipeline>;
+
+impl Shader {
+    /// The module, for a stage that is about to be compiled.
+    fn stage(&self, ledger: &Arc<Ledger>) -> Result<Arc<Module>, Fault> {
+        let bytes = self.bytes;
+        let module = self.module.get(|ShaderText { title, source, limits, claim: text }| {
+            ledger.sources.charge(bytes)?;
+            let claim = ledger.claim("a shader", bytes.saturating_mul(MODULE))?;
+            let module = Module::with_limits(&title, source.lend(), &limits).map_err(|error| error.to_string())?;
+            drop((source, text));
+            Ok((module, claim))
+        })?;
+        ledger.sources.charge(bytes)?;
+        Ok(module)
+    }
+}
+
+impl Resources {
+    /// A render pipeline that a draw uses. The first one compiles it.
+    pub(super) fn render_pipeline(&self, id: u32) -> Result<Arc<RenderPipeline>, Fault> {
+        let ledger = &self.ledger;
+        self.render_pipelines.get(id)?.get(|RenderPlan { desc, label, number, vertex, fragment, needless }| {
+            let vertex = vertex.stage(ledger)?;
+            let fragment = fragment.map(|fragment| fragment.stage(ledger)).transpose()?;
+            let mut pipeline = RenderPipeline::new(&desc, &vertex, fragment.as_deref(), needless, &label)?;
+            pipeline.number = number;
+            let programs = pipeline.programs().iter().map(program_bytes).sum();
+            let claim = ledger.claim("a render pipeline", programs)?;
+            Ok((pipeline, claim))
+        })
+    }
+
+    /// A compute pipeline that a dispatch uses. The first one compiles it.
+    pub(super) fn compute_pipeline(&self, id: u32) -> Result<Arc<ComputePipeline>, Fault> {
+        let ledger = &self.ledger;
+        self.compute_pipelines.get(id)?.get(|ComputePlan { stage, label, shader }| {
+            let pipeline = ComputePipeline::new(&stage, &*shader.stage(ledger)?, &label)?;
+            let claim = ledger.claim("a compute pipeline", program_bytes(pipeline.program()))?;
+            Ok((pipeline, claim))
+        })
+    }
+}
+
 impl Renderer<'_, '_> {
-    /// Runs a command that makes or destroys an object, which may stand anywhere.
-    pub(super) fn objects(&mut self, command: &Command) -> Result<(), Fault> {
+    /// Runs a command that makes or destroys an object, or that belongs to a bundle that is recorded. These may stand anywhere, and every
+    /// walk over a trace does the same with them. The answer is whether it was such a command.
+    pub(super) fn objects(&mut self, command: &Command) -> Result<bool, Fault> {
+        if is_about_objects(command) {
+            return self.object(command).map(|()| true);
+        }
+        match (self.bundle.as_mut(), command) {
+            (None, &Command::BeginBundle { id }) => {
+                self.moment += 1;
+                self.bundle = Some(OpenBundle { id, commands: Vec::new(), claim: self.claim("a bundle", 0)? });
+            }
+            (None, _) => return Ok(false),
+            (Some(_), Command::EndBundle) => {
+                if let Some(OpenBundle { id, commands, claim }) = self.bundle.take() {
+                    self.res.bundles.add(id.0, Arc::new(commands), claim)?;
+                }
+            }
+            (Some(bundle), command) => {
+                bundle.claim.grow("a bundle", 2 * size_of::<Command>() as u64 + payload(command))?;
+                bundle.commands.push(command.clone());
+            }
+        }
+        Ok(true)
+    }
+
+    fn object(&mut self, command: &Command) -> Result<(), Fault> {
         match command {
             &Command::CreateBuffer { id, size, .. } => {
                 self.before(size)?;
@@ -47,12 +176,12 @@ impl Renderer<'_, '_> {
                 self.res.samplers.add(id.0, Arc::new(Sampler::new(desc)), claim)?;
             }
             Command::CreateShader { id, source, label } => {
-                let (shader, claim) = self.load_shader(source, label.as_deref())?;
-                self.res.shaders.add(id.0, shader, claim)?;
+                let shader = self.load_shader(source, label.as_deref())?;
+                self.res.shaders.add(id.0, Arc::new(shader), self.claim("a shader", 0)?)?;
             }
             Command::CreateBindGroupLayout { id, entries } => {
                 let claim = self.claim("a bind group layout", size_of_val(&**entries) as u64)?;
-                self.res.bind_group_layouts.add(id.0, entries.clone(), claim)?;
+                self.res.bind_group_layouts.add(id.0, Some(entries.clone()), claim)?;
             }
             // The groups of a pipeline layout say nothing that the bind groups, which name their layouts, do not.
             Command::CreatePipelineLayout { id, groups, .. } => {
@@ -66,35 +195,41 @@ impl Renderer<'_, '_> {
                 let bytes = size_of_val(&**entries) as u64 + entries.iter().map(elements).sum::<u64>();
                 let claim = self.claim("a bind group", bytes)?;
                 let layout = self.res.bind_group_layouts.get(layout.0)?;
-                self.res.bind_groups.add(id.0, BindGroup::new(layout, entries.clone())?, claim)?;
+                let group = BindGroup::new(layout.as_deref(), entries.clone())?;
+                self.res.bind_groups.add(id.0, group, claim)?;
             }
             Command::CreateRenderPipeline { id, desc, label } => {
-                let vertex = self.stage_of(desc.vertex.shader)?;
-                let fragment = match &desc.fragment {
-                    Some(stage) => Some(self.stage_of(stage.shader)?),
-                    None => None,
+                let vertex = self.res.shaders.get(desc.vertex.shader.0)?.clone();
+                let fragment = desc.fragment.as_ref().map(|stage| self.res.shaders.get(stage.shader.0).cloned()).transpose()?;
+                let buffers = desc.buffers.iter().flatten().map(|buffer| size_of_val(&*buffer.attributes) as u64).sum::<u64>();
+                let bytes = size_of::<RenderPipelineDesc>() as u64 + buffers + stage_bytes(&desc.vertex);
+                let claim = self.claim("a render pipeline", bytes + desc.fragment.as_ref().map_or(0, stage_bytes))?;
+                let plan = RenderPlan {
+                    desc: desc.clone(),
+                    label: label.clone().unwrap_or_default(),
+                    number: self.pipelines,
+                    vertex,
+                    fragment,
+                    needless: self.options.key.needless,
                 };
-                let label = label.as_deref().unwrap_or_default();
-                let mut pipeline = RenderPipeline::new(desc, &vertex, fragment.as_deref(), self.options.key.needless, label)?;
-                pipeline.number = self.pipelines;
                 self.pipelines += 1;
-                let programs = pipeline.programs().iter().map(program_bytes).sum();
-                let claim = self.claim("a render pipeline", programs)?;
-                self.res.render_pipelines.add(id.0, Arc::new(pipeline), claim)?;
+                let pipeline = Arc::new(Deferred::new(self.ledger.command(), plan));
+                self.res.render_pipelines.add(id.0, pipeline, claim)?;
             }
             Command::CreateComputePipeline { id, stage, label, .. } => {
-                let module = self.stage_of(stage.shader)?;
-                let pipeline = ComputePipeline::new(stage, &module, label.as_deref().unwrap_or_default())?;
-                let claim = self.claim("a compute pipeline", program_bytes(pipeline.program()))?;
-                self.res.compute_pipelines.add(id.0, Arc::new(pipeline), claim)?;
+                let shader = self.res.shaders.get(stage.shader.0)?.clone();
+                let claim = self.claim("a compute pipeline", stage_bytes(stage))?;
+                let plan = ComputePlan { stage: stage.clone(), label: label.clone().unwrap_or_default(), shader };
+                let pipeline = Arc::new(Deferred::new(self.ledger.command(), plan));
+                self.res.compute_pipelines.add(id.0, pipeline, claim)?;
             }
-            Command::GetBindGroupLayout { id, pipeline, group } => {
-                let entries = match pipeline {
-                    AnyPipeline::Render(pipeline) => self.res.render_pipelines.get(pipeline.0)?.derived_layout(*group),
-                    AnyPipeline::Compute(pipeline) => self.res.compute_pipelines.get(pipeline.0)?.derived_layout(*group),
-                };
-                let claim = self.claim("a bind group layout", size_of_val(&*entries) as u64)?;
-                self.res.bind_group_layouts.add(id.0, entries, claim)?;
+            Command::GetBindGroupLayout { id, pipeline, .. } => {
+                match pipeline {
+                    AnyPipeline::Render(pipeline) => self.res.render_pipelines.get(pipeline.0).map(|_| ())?,
+                    AnyPipeline::Compute(pipeline) => self.res.compute_pipelines.get(pipeline.0).map(|_| ())?,
+                }
+                // What the shaders ask for is known when the pipeline is compiled; draws and dispatches check what is bound against it.
+                self.res.bind_group_layouts.add(id.0, None, self.claim("a bind group layout", 0)?)?;
             }
             &Command::CreateQuerySet { id, kind, count } => {
                 let mut set = QuerySet { kind, values: Vec::new() };
@@ -134,39 +269,21 @@ impl Renderer<'_, '_> {
         Ok(self.ledger.claim(what, bytes.saturating_add(OBJECT))?)
     }
 
-    /// The module of a stage that is about to be compiled.
-    fn stage_of(&self, id: ShaderId) -> Result<Arc<Module>, Fault> {
-        let shader = self.res.shaders.get(id.0)?;
-        self.ledger.sources.charge(shader.bytes)?;
-        Ok(shader.module.clone())
-    }
-
-    fn load_shader(&self, source: &ShaderSource, label: Option<&str>) -> Result<(Shader, Claim), Fault> {
+    fn load_shader(&self, source: &ShaderSource, label: Option<&str>) -> Result<Shader, Fault> {
         let (ShaderSource::Wgsl(name) | ShaderSource::SpirV(name) | ShaderSource::NagaIr(name)) = source;
-        let (words, letters);
-        let text = match source {
-            ShaderSource::SpirV(_) => {
-                words = self.trace.blob(name)?;
-                shader::Source::SpirV(&words)
-            }
-            ShaderSource::Wgsl(_) => {
-                letters = self.trace.text(name)?;
-                shader::Source::Wgsl(&letters)
-            }
-            ShaderSource::NagaIr(_) => {
-                letters = self.trace.text(name)?;
-                shader::Source::NagaIr(&letters)
-            }
+        let source = match source {
+            ShaderSource::SpirV(_) => OwnedSource::SpirV(self.trace.blob(name)?),
+            ShaderSource::Wgsl(_) => OwnedSource::Wgsl(self.trace.text(name)?),
+            ShaderSource::NagaIr(_) => OwnedSource::NagaIr(self.trace.text(name)?),
         };
         let title = label.map_or_else(|| name.clone(), |label| format!("{name} ({})", one_line(label)));
-        let bytes = match text {
+        let bytes = match source.lend() {
             shader::Source::Wgsl(text) | shader::Source::NagaIr(text) => text.len(),
             shader::Source::SpirV(bytes) => bytes.len(),
         } as u64;
-        self.ledger.sources.charge(bytes)?;
-        let claim = self.claim("a shader", bytes.saturating_mul(MODULE))?;
-        let module = Module::with_limits(&title, text, self.trace.limits()).map_err(|error| error.to_string())?;
-        Ok((Shader { module: Arc::new(module), bytes }, claim))
+        let claim = self.ledger.claim("a shader's text", bytes)?;
+        let text = ShaderText { title, source, limits: *self.trace.limits(), claim };
+        Ok(Shader { module: Deferred::new(self.ledger.command(), text), bytes })
     }
 
     fn destroy(&mut self, object: Object) -> Result<(), Fault> {
@@ -198,6 +315,23 @@ fn elements_of(resource: &BoundResource) -> u64 {
     }
 }
 
+/// Bytes that the description of a stage has beside itself, about.
+fn stage_bytes(stage: &Stage) -> u64 {
+    let names = stage.constants.iter().map(|(name, _)| name.len()).sum::<usize>();
+    let entry = stage.entry.as_ref().map_or(0, String::len);
+    (size_of::<Stage>() + names + entry + size_of_val(&*stage.constants)) as u64
+}
+
+/// Bytes that a command of a bundle has beside itself.
+fn payload(command: &Command) -> u64 {
+    (match command {
+        Command::SetBindGroup { offsets, .. } => size_of_val(&**offsets),
+        Command::SetImmediates { words, .. } => size_of_val(&**words),
+        Command::PushDebugGroup(text) | Command::InsertDebugMarker(text) => text.len(),
+        _ => 0,
+    }) as u64
+}
+
 /// Bytes of a compiled program, about.
 fn program_bytes(program: &shader::Program) -> u64 {
     let (body, prologue) = program.operations();
@@ -205,7 +339,7 @@ fn program_bytes(program: &shader::Program) -> u64 {
 }
 
 /// Whether a command makes or destroys an object.
-pub(super) fn is_about_objects(command: &Command) -> bool {
+fn is_about_objects(command: &Command) -> bool {
     matches!(
         command,
         Command::CreateBuffer { .. }

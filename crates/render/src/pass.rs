@@ -385,12 +385,12 @@ impl ActivePass {
     fn draw(&mut self, renderer: &mut Renderer<'_, '_>, indexed: bool, range: draw::Range) -> Result<(), Fault> {
         let state = &self.state;
         let id = state.pipeline.ok_or("a draw without a pipeline")?;
-        let pipeline = renderer.res.render_pipelines.get(id)?.clone();
         let number = renderer.draws;
         renderer.draws += 1;
         if range.count == 0 || range.instances == 0 || self.shared.need == Need::Nothing {
             return Ok(());
         }
+        let pipeline = renderer.res.render_pipeline(id)?;
         let ledger = renderer.ledger.clone();
         let mut charges = Charges { vertices: u64::from(range.count) * u64::from(range.instances), ..Charges::default() };
         ledger.vertices.charge(charges.vertices)?;

@@ -8,7 +8,7 @@ use gfx::state::{
 use gfx::vertex::{ComponentKind, component_kind};
 use host::one_line;
 use shader::{self, BuiltIn, Connection, InputRegister, Interface, Interpolation, Module, Program, Sampling, Scalar, Slot};
-use trace::command::{BindingKind, LayoutEntry, RenderPipelineDesc};
+use trace::command::RenderPipelineDesc;
 use work::Needless;
 
 use super::surface::aspect_masks;
@@ -266,40 +266,6 @@ impl RenderPipeline {
     pub fn has_side_effects(&self) -> bool {
         self.programs.iter().any(|p| p.interface().side_effects)
     }
-
-    /// The bind group layout that the shaders imply.
-    pub fn derived_layout(&self, group: u32) -> Vec<LayoutEntry> {
-        derived_layout(&self.programs, group)
-    }
-}
-
-/// The entries of a group that programs ask for, in order of binding.
-pub fn derived_layout(programs: &[Program], group: u32) -> Vec<LayoutEntry> {
-    let mut entries: Vec<LayoutEntry> = Vec::new();
-    for binding in programs.iter().flat_map(|p| &p.interface().bindings).filter(|b| b.group == group) {
-        let kind = match binding.kind {
-            shader::BindingKind::Uniform { .. } => BindingKind::Uniform { dynamic_offset: false },
-            shader::BindingKind::Storage { writable, .. } => {
-                BindingKind::Storage { read_only: !writable, dynamic_offset: false }
-            }
-            shader::BindingKind::Texture { .. } => BindingKind::Texture,
-            shader::BindingKind::StorageTexture { .. } => BindingKind::StorageTexture,
-            shader::BindingKind::Sampler { .. } => BindingKind::Sampler,
-        };
-        match entries.iter_mut().find(|e| e.binding == binding.binding) {
-            // A buffer that one stage writes is writable.
-            Some(entry) => {
-                if let (BindingKind::Storage { read_only: old, .. }, BindingKind::Storage { read_only: false, .. }) =
-                    (&mut entry.kind, kind)
-                {
-                    *old = false;
-                }
-            }
-            None => entries.push(LayoutEntry { binding: binding.binding, kind, count: binding.count }),
-        }
-    }
-    entries.sort_by_key(|e| e.binding);
-    entries
 }
 
 /// The attributes that the vertex stage reads.

@@ -11,12 +11,12 @@ use shader::Module;
 use trace::command::{BindGroupEntry, BindingKind, BoundResource, Command, LayoutEntry, QueryKind, ViewDesc};
 use work::{Funnel, Surface, SurfaceKey};
 
-use super::compute::ComputePipeline;
+use super::deferred::Deferred;
 use super::flight::{Flights, Tiles};
 use super::ledger::{Claim, Ledger};
 use super::memory::target_offset;
+use super::objects::{DeferredCompute, DeferredRender, ShaderText};
 use super::parallel;
-use super::pipeline::RenderPipeline;
 
 /// Objects of one kind by id.
 #[derive(Debug)]
@@ -331,29 +331,15 @@ pub struct BindGroup {
 }
 
 impl BindGroup {
-    /// Checks entries against a layout.
+    /// Checks entries against a layout; none: derived from shaders, and checked by the draw or dispatch that knows them.
     ///
     /// # Errors
     /// If a binding is not in the layout, given twice, or of the wrong kind. (One that is missing is an error of the draw that
-    /// needs it: a derived layout may name a binding that only dead code uses.)
-    pub fn new(layout: &[LayoutEntry], mut entries: Vec<BindGroupEntry>) -> Result<BindGroup, String> {
+    /// needs it.)
+    pub fn new(layout: Option<&[LayoutEntry]>, mut entries: Vec<BindGroupEntry>) -> Result<BindGroup, String> {
         entries.sort_by_key(|entry| entry.binding);
-        for entry in &entries {
-            let slot = layout
-                .iter()
-                .find(|slot| slot.binding == entry.binding)
-                .ok_or_else(|| format!("the layout has no binding {}", entry.binding))?;
-            let fits = matches!(
-                (slot.kind, &entry.resource),
-                (
-                    BindingKind::Uniform { .. } | BindingKind::Storage { .. },
-                    BoundResource::Buffer { .. } | BoundResource::Buffers(_)
-                ) | (BindingKind::Texture | BindingKind::StorageTexture, BoundResource::View(_) | BoundResource::Views(_))
-                    | (BindingKind::Sampler, BoundResource::Sampler(_) | BoundResource::Samplers(_))
-            );
-            if !fits {
-                return Err(format!("binding {} is a {:?} in the layout, not {:?}", entry.binding, slot.kind, entry.resource));
-            }
+        if let Some(layout) = layout {
+            entries.iter().try_for_each(|entry| in_layout(entry, layout))?;
         }
         if let Some(pair) = entries.windows(2).find(|pair| pair[0].binding == pair[1].binding) {
             return Err(format!("binding {} is given twice", pair[0].binding));
@@ -364,7 +350,7 @@ impl BindGroup {
                 BindingKind::Uniform { dynamic_offset: true } | BindingKind::Storage { dynamic_offset: true, .. }
             )
         };
-        let mut dynamic: Vec<u32> = layout.iter().filter(dynamic).map(|slot| slot.binding).collect();
+        let mut dynamic: Vec<u32> = layout.unwrap_or_default().iter().filter(dynamic).map(|slot| slot.binding).collect();
         dynamic.sort_unstable();
         Ok(BindGroup { entries, dynamic })
     }
@@ -374,6 +360,24 @@ impl BindGroup {
         let at = self.entries.binary_search_by_key(&binding, |entry| entry.binding).ok()?;
         Some(&self.entries[at].resource)
     }
+}
+
+/// Checks that a layout has the binding of an entry, and of its kind.
+fn in_layout(entry: &BindGroupEntry, layout: &[LayoutEntry]) -> Result<(), String> {
+    let slot = layout
+        .iter()
+        .find(|slot| slot.binding == entry.binding)
+        .ok_or_else(|| format!("the layout has no binding {}", entry.binding))?;
+    let fits = matches!(
+        (slot.kind, &entry.resource),
+        (BindingKind::Uniform { .. } | BindingKind::Storage { .. }, BoundResource::Buffer { .. } | BoundResource::Buffers(_))
+            | (BindingKind::Texture | BindingKind::StorageTexture, BoundResource::View(_) | BoundResource::Views(_))
+            | (BindingKind::Sampler, BoundResource::Sampler(_) | BoundResource::Samplers(_))
+    );
+    if !fits {
+        return Err(format!("binding {} is a {:?} in the layout, not {:?}", entry.binding, slot.kind, entry.resource));
+    }
+    Ok(())
 }
 
 /// A query set.
@@ -430,8 +434,8 @@ impl QuerySet {
 /// A shader module and the bytes of its source.
 #[derive(Debug)]
 pub struct Shader {
-    /// The module.
-    pub module: Arc<Module>,
+    /// The module, which is read when the first pipeline with it is compiled.
+    pub module: Deferred<ShaderText, Module>,
     /// Bytes of its source.
     pub bytes: u64,
 }
@@ -443,12 +447,13 @@ pub struct Resources {
     pub textures: Table<Texture>,
     pub views: Table<View>,
     pub samplers: Table<Arc<Sampler>>,
-    pub shaders: Table<Shader>,
-    pub bind_group_layouts: Table<Vec<LayoutEntry>>,
+    pub shaders: Table<Arc<Shader>>,
+    /// The entries of each; none: derived from the shaders of a pipeline.
+    pub bind_group_layouts: Table<Option<Vec<LayoutEntry>>>,
     pub pipeline_layouts: Table<()>,
     pub bind_groups: Table<BindGroup>,
-    pub render_pipelines: Table<Arc<RenderPipeline>>,
-    pub compute_pipelines: Table<Arc<ComputePipeline>>,
+    pub render_pipelines: Table<Arc<DeferredRender>>,
+    pub compute_pipelines: Table<Arc<DeferredCompute>>,
     pub bundles: Table<Arc<Vec<Command>>>,
     pub query_sets: Table<QuerySet>,
     pub ledger: Arc<Ledger>,

@@ -6,6 +6,7 @@ use std::path::{Path, PathBuf};
 
 use super::command::Command;
 use super::error::{Place, TraceError};
+use super::origin::Origin;
 use super::store::{Bytes, Store};
 use super::stream::Part;
 use super::{Commands, Trace};
@@ -86,6 +87,6 @@ impl Builder {
     /// The trace.
     pub fn finish(self) -> Trace {
         let commands = Commands::List(self.commands, self.places);
-        Trace { file: self.file, commands, store: self.store, limits: Limits::default() }
+        Trace { file: self.file, commands, store: self.store, limits: Limits::default(), origin: Origin::default() }
     }
 }

@@ -29,6 +29,7 @@ mod build;
 mod error;
 mod geometry;
 mod name;
+mod origin;
 mod pieces;
 mod scanner;
 mod store;
@@ -51,6 +52,7 @@ pub use error::{Place, TraceError};
 pub use geometry::{LinearExtent, copy_block_bytes};
 use host::Links;
 use num::Limits;
+pub use origin::Origin;
 use pieces::{Pieces, Source};
 use store::Store;
 pub use store::check_name;
@@ -74,6 +76,7 @@ pub struct Trace {
     commands: Commands,
     store: Store,
     limits: Limits,
+    origin: Origin,
 }
 
 /// How far a trace from elsewhere is trusted.
@@ -151,6 +154,7 @@ impl Trace {
             commands: Commands::Stream(stream, landmarks),
             store: Store::default(),
             limits,
+            origin: Origin::default(),
         }
     }
 
@@ -180,6 +184,16 @@ impl Trace {
     /// The same trace, replayed within these limits.
     pub fn with_limits(self, limits: Limits) -> Trace {
         Trace { limits, ..self }
+    }
+
+    /// The same trace, with what its importer knows beside the commands.
+    pub fn with_origin(self, origin: Origin) -> Trace {
+        Trace { origin, ..self }
+    }
+
+    /// What its importer knows beside the commands.
+    pub fn origin(&self) -> &Origin {
+        &self.origin
     }
 
     /// What the trace may ask for.
@@ -215,7 +229,7 @@ impl Trace {
         for (blob, entry) in &header.files {
             package.add(name, &mut store, blob, entry)?;
         }
-        Ok(Trace { file, commands, store, limits: *limits })
+        Ok(Trace { file, commands, store, limits: *limits, origin: Origin::default() })
     }
 
     /// Opens a trace whose files are in memory: the text of `trace.ron`, and the files that it names; `name` is what messages
@@ -239,7 +253,8 @@ impl Trace {
         if let Some(missing) = header.files.keys().next() {
             return Err(TraceError::new(name, format!("file {missing:?} is not there")));
         }
-        Ok(Trace { file: name.to_path_buf(), commands: Commands::Text(text), store, limits: Limits::default() })
+        let (commands, limits) = (Commands::Text(text), Limits::default());
+        Ok(Trace { file: name.to_path_buf(), commands, store, limits, origin: Origin::default() })
     }
 
     /// Opens the trace in a folder; `links` is about the file of its commands.
@@ -269,7 +284,7 @@ impl Trace {
                 .add_file(&name, path, reading.links(), size, Some(entry.hash))
                 .map_err(|reason| TraceError::new(file, reason))?;
         }
-        Ok(Trace { file: file.to_path_buf(), commands, store, limits })
+        Ok(Trace { file: file.to_path_buf(), commands, store, limits, origin: Origin::default() })
     }
 
     /// What messages call the trace: the file that holds its commands.

@@ -177,7 +177,11 @@ fn finish(
                 code => ron_reason(code),
             };
             let end = offset_of(text, error.span.end.line, error.span.end.col).unwrap_or(text.len());
-            let reason = if text[end..].trim().is_empty() { format!("the file ends too early: {reason}") } else { reason };
+            let reason = if text[end..].trim().is_empty() {
+                format!("the file ends too early: {reason}; a native trace is written whole, so copy or record it again")
+            } else {
+                reason
+            };
             Err(TraceError { place: Some(place), command: number.get(), ..TraceError::new(file, reason) })
         }
     }

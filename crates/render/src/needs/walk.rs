@@ -10,10 +10,8 @@ use trace::{Trace, TraceError};
 use super::notes::Notes;
 use super::{Dependencies, Kind, Step, Thing};
 use crate::bind;
-use crate::execute::{Fault, Options, Renderer, payload, walk};
+use crate::execute::{Fault, Options, Renderer, walk};
 use crate::ledger::{Claim, Ledger};
-use crate::objects::is_about_objects;
-use crate::pipeline::RenderPipeline;
 use crate::resources::Resources;
 use crate::sprites::Sprites;
 use crate::state::Bindings;
@@ -57,8 +55,6 @@ struct Walker {
     frame: u32,
     render: Option<Open>,
     compute: Option<Open>,
-    bundle: Option<(u32, Vec<Command>)>,
-    bundles: HashMap<u32, Arc<Vec<Command>>>,
     sprites: Sprites,
 }
 
@@ -95,17 +91,7 @@ impl Walker {
     }
 
     fn command(&mut self, renderer: &mut Renderer<'_, '_>, command: &Command, end: u32) -> Result<(), Fault> {
-        if is_about_objects(command) {
-            return renderer.objects(command);
-        }
-        if let Some((id, mut commands)) = self.bundle.take() {
-            if matches!(command, Command::EndBundle) {
-                self.bundles.insert(id, Arc::new(commands));
-            } else {
-                self.claim(&renderer.ledger, 2 * size_of::<Command>() as u64 + payload(command))?;
-                commands.push(command.clone());
-                self.bundle = Some((id, commands));
-            }
+        if renderer.objects(command)? {
             return Ok(());
         }
         if let Some(mut open) = self.render.take() {
@@ -130,7 +116,6 @@ impl Walker {
     fn outside(&mut self, renderer: &Renderer<'_, '_>, command: &Command, end: u32) -> Result<(), Fault> {
         let (res, ledger) = (&renderer.res, &renderer.ledger);
         match command {
-            Command::BeginBundle { id } => self.bundle = Some((id.0, Vec::new())),
             Command::BeginRenderPass { color, depth, occlusion, .. } => {
                 let mut open = Open { step: Step { kind: Kind::Pass, ..Step::default() }, ..Open::default() };
                 open.occlusion = occlusion.map(|set| set.0);
@@ -183,7 +168,7 @@ impl Walker {
             }
             Command::ExecuteBundles(ids) => {
                 for id in ids {
-                    let commands = self.bundles.get(&id.0).cloned().unwrap_or_default();
+                    let commands = res.bundles.get(id.0)?.clone();
                     open.forget();
                     for command in commands.iter() {
                         ledger.commands.charge(1)?;
@@ -204,7 +189,7 @@ impl Walker {
             Command::SetBindGroup { index, group, offsets } => open.bindings.set(*index, *group, offsets)?,
             Command::Dispatch { .. } | Command::DispatchIndirect { .. } => {
                 let id = open.pipeline.ok_or("a dispatch without a pipeline")?;
-                let pipeline = res.compute_pipelines.get(id)?.clone();
+                let pipeline = res.compute_pipeline(id)?;
                 let mut step = Step { kind: Kind::Dispatch, ..Step::default() };
                 if let Command::DispatchIndirect { buffer, .. } = command {
                     step.extent.insert(Thing::Buffer(buffer.0));
@@ -319,7 +304,7 @@ fn touched(
 
 fn draw((res, ledger): (&Resources, &Ledger), open: &mut Open, indexed: bool) -> Result<(), Fault> {
     let id = open.pipeline.ok_or("a draw without a pipeline")?;
-    let pipeline: &RenderPipeline = res.render_pipelines.get(id)?;
+    let pipeline = res.render_pipeline(id)?;
     let Step { reads, color_reads, writes, .. } = &mut open.step;
     reads.extend(open.vertex.values().map(|&buffer| Thing::Buffer(buffer)));
     if indexed {

@@ -22,19 +22,7 @@ pub struct Group {
 
 impl Checker<'_> {
     pub(super) fn create_bind_group_layout(&mut self, id: BindGroupLayoutId, entries: &[LayoutEntry]) -> Outcome {
-        let mut sorted = entries.to_vec();
-        sorted.sort_by_key(|entry| entry.binding);
-        for pair in sorted.windows(2) {
-            ensure!(pair[0].binding != pair[1].binding, "binding {} is given twice", pair[0].binding);
-        }
-        for entry in &sorted {
-            if let Some(count) = entry.count {
-                let binding = entry.binding;
-                let right = (1..=BINDING_ARRAY_MAX).contains(&count);
-                ensure!(right, "binding {binding} is an array of {count}, it must be 1 to {BINDING_ARRAY_MAX}");
-                ensure!(!is_dynamic(entry.kind), "binding {binding} is an array with a dynamic offset");
-            }
-        }
+        let sorted = bind_group_layout(entries)?;
         Ok(self.group_layouts.create(id.0, Some(sorted.into()))?)
     }
 
@@ -44,9 +32,7 @@ impl Checker<'_> {
         groups: &[Option<BindGroupLayoutId>],
         immediate_size: u32,
     ) -> Outcome {
-        ensure!(groups.len() <= BIND_GROUPS_MAX as usize, "{} groups, at most {BIND_GROUPS_MAX}", groups.len());
-        let words = immediate_size.is_multiple_of(4) && immediate_size <= IMMEDIATES_MAX;
-        ensure!(words, "{immediate_size} bytes of immediates, it must be a multiple of 4 up to {IMMEDIATES_MAX}");
+        pipeline_layout(groups.len(), immediate_size)?;
         let groups: Result<Rc<[_]>, String> =
             groups.iter().map(|group| group.map(|group| self.group_layouts.get(group.0).cloned()).transpose()).collect();
         Ok(self.pipeline_layouts.create(id.0, PipelineLayout { groups: groups? })?)
@@ -131,6 +117,38 @@ impl Checker<'_> {
         }
         Ok(Some(group.layout.clone()))
     }
+}
+
+/// The entries of a bind group layout by binding number, if they keep the rules.
+///
+/// # Errors
+/// The rule that is broken.
+pub fn bind_group_layout(entries: &[LayoutEntry]) -> Result<Vec<LayoutEntry>, String> {
+    let mut sorted = entries.to_vec();
+    sorted.sort_by_key(|entry| entry.binding);
+    for pair in sorted.windows(2) {
+        ensure!(pair[0].binding != pair[1].binding, "binding {} is given twice", pair[0].binding);
+    }
+    for entry in &sorted {
+        if let Some(count) = entry.count {
+            let binding = entry.binding;
+            let right = (1..=BINDING_ARRAY_MAX).contains(&count);
+            ensure!(right, "binding {binding} is an array of {count}, it must be 1 to {BINDING_ARRAY_MAX}");
+            ensure!(!is_dynamic(entry.kind), "binding {binding} is an array with a dynamic offset");
+        }
+    }
+    Ok(sorted)
+}
+
+/// The rules of a pipeline layout of so many groups.
+///
+/// # Errors
+/// The rule that is broken.
+pub fn pipeline_layout(groups: usize, immediate_size: u32) -> Result<(), String> {
+    ensure!(groups <= BIND_GROUPS_MAX as usize, "{groups} groups, at most {BIND_GROUPS_MAX}");
+    let words = immediate_size.is_multiple_of(4) && immediate_size <= IMMEDIATES_MAX;
+    ensure!(words, "{immediate_size} bytes of immediates, it must be a multiple of 4 up to {IMMEDIATES_MAX}");
+    Ok(())
 }
 
 /// Checks that what a pipeline layout asks for is bound.

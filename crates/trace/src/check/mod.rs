@@ -27,6 +27,13 @@ use table::Table;
 use summary::Names;
 pub use summary::Summary;
 
+/// The rules of objects, as far as they follow from their descriptions: what an importer asks before it creates one.
+pub mod rules {
+    pub use super::bind::{bind_group_layout, pipeline_layout};
+    pub use super::pipeline::{constants, render_pipeline};
+    pub use super::resource::{query_set, sampler, texture, view};
+}
+
 /// Texels along an edge of a 1D or 2D texture, or pixels of a target, at most.
 pub const TEXTURE_EDGE_MAX: u32 = 16_384;
 /// Texels along an edge of a 3D texture, at most.

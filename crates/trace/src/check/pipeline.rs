@@ -49,12 +49,7 @@ impl Checker<'_> {
 
     fn stage(&self, stage: &Stage) -> Outcome {
         self.shaders.get(stage.shader.0)?;
-        let mut names = BTreeSet::new();
-        for (name, value) in &stage.constants {
-            ensure!(names.insert(name), "constant {name:?} is given twice");
-            ensure!(value.is_finite(), "constant {name:?} is {value}");
-        }
-        Ok(())
+        Ok(constants(stage)?)
     }
 
     pub(super) fn create_compute_pipeline(
@@ -88,16 +83,8 @@ impl Checker<'_> {
         let layout = self.layout_groups(desc.layout)?;
         self.stage(&desc.vertex)?;
         desc.fragment.as_ref().map_or(Ok(()), |stage| self.stage(stage))?;
-        let buffers = vertex_buffers(&desc.buffers)?;
-        color_targets(desc)?;
+        let buffers = render_pipeline(desc)?;
         let samples = desc.multisample.count;
-        ensure!(matches!(samples, 1 | 4), "{samples} samples, only 1 and 4 are possible");
-        ensure!(!desc.multisample.alpha_to_coverage || samples == 4, "alpha to coverage without multisampling");
-        let restart = desc.primitive.strip_index_format.is_none() || desc.primitive.topology.is_strip();
-        ensure!(restart, "a strip index format for {:?}", desc.primitive.topology);
-        if let Some(state) = &desc.depth_stencil {
-            depth_stencil(state)?;
-        }
         let mut targets: Vec<_> = desc.targets.iter().map(|target| target.map(|target| target.format)).collect();
         while let Some(None) = targets.last() {
             targets.pop();
@@ -121,7 +108,38 @@ impl Checker<'_> {
     }
 }
 
-fn vertex_buffers(buffers: &[Option<VertexBufferLayout>]) -> Result<Vec<Option<Slot>>, Reason> {
+/// The rules of a stage's constants.
+///
+/// # Errors
+/// The rule that is broken.
+pub fn constants(stage: &Stage) -> Result<(), String> {
+    let mut names = BTreeSet::new();
+    for (name, value) in &stage.constants {
+        ensure!(names.insert(name), "constant {name:?} is given twice");
+        ensure!(value.is_finite(), "constant {name:?} is {value}");
+    }
+    Ok(())
+}
+
+/// The vertex buffer slots of a render pipeline, if its description keeps the rules. What its stages are is not looked at.
+///
+/// # Errors
+/// The rule that is broken.
+pub fn render_pipeline(desc: &RenderPipelineDesc) -> Result<Vec<Option<Slot>>, String> {
+    let buffers = vertex_buffers(&desc.buffers)?;
+    color_targets(desc)?;
+    let samples = desc.multisample.count;
+    ensure!(matches!(samples, 1 | 4), "{samples} samples, only 1 and 4 are possible");
+    ensure!(!desc.multisample.alpha_to_coverage || samples == 4, "alpha to coverage without multisampling");
+    let restart = desc.primitive.strip_index_format.is_none() || desc.primitive.topology.is_strip();
+    ensure!(restart, "a strip index format for {:?}", desc.primitive.topology);
+    if let Some(state) = &desc.depth_stencil {
+        depth_stencil(state)?;
+    }
+    Ok(buffers)
+}
+
+fn vertex_buffers(buffers: &[Option<VertexBufferLayout>]) -> Result<Vec<Option<Slot>>, String> {
     ensure!(buffers.len() <= VERTEX_BUFFERS_MAX as usize, "{} vertex buffers, at most {VERTEX_BUFFERS_MAX}", buffers.len());
     let mut locations = BTreeSet::new();
     let mut slots = Vec::with_capacity(buffers.len());
@@ -144,9 +162,7 @@ fn vertex_buffers(buffers: &[Option<VertexBufferLayout>]) -> Result<Vec<Option<S
             let at_most = if stride == 0 { VERTEX_STRIDE_MAX } else { stride };
             let Some(end) = end.filter(|&end| end <= at_most) else {
                 let bytes = attribute.format.bytes();
-                return Err(
-                    format!("vertex attribute {location}: bytes {offset} + {bytes} reach past the stride {at_most}").into()
-                );
+                return Err(format!("vertex attribute {location}: bytes {offset} + {bytes} reach past the stride {at_most}"));
             };
             extent = extent.max(end);
         }
@@ -155,7 +171,7 @@ fn vertex_buffers(buffers: &[Option<VertexBufferLayout>]) -> Result<Vec<Option<S
     Ok(slots)
 }
 
-fn color_targets(desc: &RenderPipelineDesc) -> Outcome {
+fn color_targets(desc: &RenderPipelineDesc) -> Result<(), String> {
     ensure!(desc.targets.len() <= COLOR_TARGETS_MAX, "{} colour targets, at most {COLOR_TARGETS_MAX}", desc.targets.len());
     let some = desc.targets.iter().any(Option::is_some) || desc.depth_stencil.is_some();
     ensure!(some, "neither a colour target nor depth and stencil");
@@ -170,7 +186,7 @@ fn color_targets(desc: &RenderPipelineDesc) -> Outcome {
     Ok(())
 }
 
-fn depth_stencil(state: &DepthStencil) -> Outcome {
+fn depth_stencil(state: &DepthStencil) -> Result<(), String> {
     let name = state.format.name();
     ensure!(state.format.is_depth_stencil(), "{name} is no depth or stencil format");
     let depth_used = state.depth_write || state.depth_compare != Compare::Always;

@@ -39,37 +39,7 @@ impl Checker<'_> {
     }
 
     pub(super) fn create_texture(&mut self, id: TextureId, desc: &TextureDesc) -> Outcome {
-        let [width, height, depth] = desc.size;
-        let at_most = match desc.dimension {
-            TextureDimension::D1 => [TEXTURE_EDGE_MAX, 1, 1],
-            TextureDimension::D2 => [TEXTURE_EDGE_MAX, TEXTURE_EDGE_MAX, TEXTURE_LAYERS_MAX],
-            TextureDimension::D3 => [TEXTURE_EDGE_3D_MAX; 3],
-        };
-        for ((name, size), at_most) in ["width", "height", "depth or layers"].into_iter().zip(desc.size).zip(at_most) {
-            ensure!((1..=at_most).contains(&size), "{name} is {size}, it must be 1 to {at_most}");
-        }
-        let full = desc.full_levels();
-        ensure!(
-            (1..=full).contains(&desc.levels),
-            "{} levels, a {width}x{height}x{depth} texture has 1 to {full}",
-            desc.levels
-        );
-        ensure!(matches!(desc.samples, 1 | 4), "{} samples, only 1 and 4 are possible", desc.samples);
-        let format = desc.format;
-        let name = format.name();
-        if desc.samples > 1 {
-            let flat = desc.dimension == TextureDimension::D2 && desc.levels == 1 && depth == 1;
-            ensure!(flat, "a multisampled texture has one level and one layer");
-            ensure!(!format.is_compressed(), "{name} cannot be multisampled");
-        }
-        if format.is_compressed() {
-            ensure!(desc.dimension != TextureDimension::D1, "{name} has no 1D textures");
-            let whole = width.is_multiple_of(4) && height.is_multiple_of(4);
-            ensure!(whole, "a {name} texture of {width}x{height} is not made of whole 4x4 blocks");
-        }
-        if format.is_depth_stencil() {
-            ensure!(desc.dimension == TextureDimension::D2, "{name} has only 2D textures");
-        }
+        texture(desc)?;
         let bytes = desc.bytes().ok_or("the texture is larger than memory can be")?;
         self.claim("a texture", bytes)?;
         self.summary.texture_bytes += bytes;
@@ -77,71 +47,12 @@ impl Checker<'_> {
     }
 
     pub(super) fn create_view(&mut self, id: ViewId, texture: TextureId, desc: &ViewDesc) -> Outcome {
-        let owner = self.textures.get(texture.0)?;
-        let dimension = desc.dimension_of(owner);
-        let (levels, layers) = (desc.levels_of(owner), desc.layers_of(owner));
-        let fits = |base: u32, count: u32, all: u32| count > 0 && base.checked_add(count).is_some_and(|end| end <= all);
-        let (base, all) = (desc.base_level, owner.levels);
-        ensure!(fits(base, levels, all), "levels {base} + {levels} are not in the texture's {all}");
-        let (base, all) = (desc.base_layer, owner.layers());
-        ensure!(fits(base, layers, all), "layers {base} + {layers} are not in the texture's {all}");
-
-        let matches_owner = match dimension {
-            ViewDimension::D1 => owner.dimension == TextureDimension::D1,
-            ViewDimension::D3 => owner.dimension == TextureDimension::D3,
-            _ => owner.dimension == TextureDimension::D2,
-        };
-        ensure!(matches_owner, "a {dimension:?} view of a {:?} texture", owner.dimension);
-        let right_layers = match dimension {
-            ViewDimension::D1 | ViewDimension::D2 | ViewDimension::D3 => layers == 1,
-            ViewDimension::Cube => layers == 6,
-            ViewDimension::CubeArray => layers.is_multiple_of(6),
-            ViewDimension::D2Array => true,
-        };
-        ensure!(right_layers, "a {dimension:?} view of {layers} layers");
-        let [width, height, _] = owner.size;
-        let square = width == height || !matches!(dimension, ViewDimension::Cube | ViewDimension::CubeArray);
-        ensure!(square, "a cube view of a {width}x{height} texture");
-        ensure!(owner.samples == 1 || dimension == ViewDimension::D2, "a {dimension:?} view of a multisampled texture");
-
-        let has_aspect = match desc.aspect {
-            Aspect::All => true,
-            Aspect::DepthOnly => owner.format.has_depth(),
-            Aspect::StencilOnly => owner.format.has_stencil(),
-        };
-        ensure!(has_aspect, "{} has no aspect {:?}", owner.format.name(), desc.aspect);
-        let format = desc.format.unwrap_or(owner.format);
-        let aspect_format = match desc.aspect {
-            Aspect::All => false,
-            Aspect::DepthOnly => matches!(
-                (owner.format, format),
-                (Format::Depth24PlusStencil8, Format::Depth24Plus) | (Format::Depth32FloatStencil8, Format::Depth32Float)
-            ),
-            Aspect::StencilOnly => format == Format::Stencil8,
-        };
-        let (of, is) = (owner.format.name(), format.name());
-        ensure!(aspect_format || same_but_srgb(owner.format, format), "a {is} view of a {of} texture");
-
-        let view = View {
-            texture,
-            format,
-            dimension,
-            base_level: desc.base_level,
-            levels,
-            base_layer: desc.base_layer,
-            layers,
-            samples: owner.samples,
-            size: owner.level_size(desc.base_level),
-        };
+        let view = view(texture, self.textures.get(texture.0)?, desc)?;
         Ok(self.views.create(id.0, view)?)
     }
 
     pub(super) fn create_sampler(&mut self, id: SamplerId, desc: &SamplerDesc) -> Outcome {
-        let (low, high) = (desc.lod_min, desc.lod_max);
-        ensure!(low >= 0.0 && high >= low, "levels of detail from {low} to {high} are no range");
-        ensure!((1..=16).contains(&desc.anisotropy), "anisotropy is {}, it must be 1 to 16", desc.anisotropy);
-        let linear = [desc.mag, desc.min, desc.mipmap] == [FilterMode::Linear; 3];
-        ensure!(desc.anisotropy == 1 || linear, "anisotropy asks for linear filters");
+        sampler(desc)?;
         Ok(self.samplers.create(id.0, ())?)
     }
 
@@ -161,10 +72,7 @@ impl Checker<'_> {
     }
 
     pub(super) fn create_query_set(&mut self, id: QuerySetId, kind: QueryKind, count: u32) -> Outcome {
-        ensure!((1..=QUERIES_MAX).contains(&count), "{count} queries, it must be 1 to {QUERIES_MAX}");
-        if let QueryKind::PipelineStatistics(mask) = kind {
-            ensure!(mask != 0 && mask < 32, "{mask} is no set of pipeline statistics");
-        }
+        query_set(kind, count)?;
         Ok(self.query_sets.create(id.0, (kind, count))?)
     }
 
@@ -185,6 +93,130 @@ impl Checker<'_> {
         }
         Ok(())
     }
+}
+
+/// The rules of a texture, as far as they follow from its description.
+///
+/// # Errors
+/// The rule that is broken.
+pub fn texture(desc: &TextureDesc) -> Result<(), String> {
+    let [width, height, depth] = desc.size;
+    let at_most = match desc.dimension {
+        TextureDimension::D1 => [TEXTURE_EDGE_MAX, 1, 1],
+        TextureDimension::D2 => [TEXTURE_EDGE_MAX, TEXTURE_EDGE_MAX, TEXTURE_LAYERS_MAX],
+        TextureDimension::D3 => [TEXTURE_EDGE_3D_MAX; 3],
+    };
+    for ((name, size), at_most) in ["width", "height", "depth or layers"].into_iter().zip(desc.size).zip(at_most) {
+        ensure!((1..=at_most).contains(&size), "{name} is {size}, it must be 1 to {at_most}");
+    }
+    let full = desc.full_levels();
+    ensure!((1..=full).contains(&desc.levels), "{} levels, a {width}x{height}x{depth} texture has 1 to {full}", desc.levels);
+    ensure!(matches!(desc.samples, 1 | 4), "{} samples, only 1 and 4 are possible", desc.samples);
+    let format = desc.format;
+    let name = format.name();
+    if desc.samples > 1 {
+        let flat = desc.dimension == TextureDimension::D2 && desc.levels == 1 && depth == 1;
+        ensure!(flat, "a multisampled texture has one level and one layer");
+        ensure!(!format.is_compressed(), "{name} cannot be multisampled");
+    }
+    if format.is_compressed() {
+        ensure!(desc.dimension != TextureDimension::D1, "{name} has no 1D textures");
+        let whole = width.is_multiple_of(4) && height.is_multiple_of(4);
+        ensure!(whole, "a {name} texture of {width}x{height} is not made of whole 4x4 blocks");
+    }
+    if format.is_depth_stencil() {
+        ensure!(desc.dimension == TextureDimension::D2, "{name} has only 2D textures");
+    }
+    let bytes = desc.bytes().ok_or("the texture is larger than memory can be")?;
+    ensure!(bytes <= OBJECT_MAX, "a texture of {bytes} bytes, it must be {OBJECT_MAX} at most");
+    Ok(())
+}
+
+/// A view of a texture, if its description keeps the rules.
+///
+/// # Errors
+/// The rule that is broken.
+pub fn view(texture: TextureId, owner: &TextureDesc, desc: &ViewDesc) -> Result<View, String> {
+    let dimension = desc.dimension_of(owner);
+    let (levels, layers) = (desc.levels_of(owner), desc.layers_of(owner));
+    let fits = |base: u32, count: u32, all: u32| count > 0 && base.checked_add(count).is_some_and(|end| end <= all);
+    let (base, all) = (desc.base_level, owner.levels);
+    ensure!(fits(base, levels, all), "levels {base} + {levels} are not in the texture's {all}");
+    let (base, all) = (desc.base_layer, owner.layers());
+    ensure!(fits(base, layers, all), "layers {base} + {layers} are not in the texture's {all}");
+
+    let matches_owner = match dimension {
+        ViewDimension::D1 => owner.dimension == TextureDimension::D1,
+        ViewDimension::D3 => owner.dimension == TextureDimension::D3,
+        _ => owner.dimension == TextureDimension::D2,
+    };
+    ensure!(matches_owner, "a {dimension:?} view of a {:?} texture", owner.dimension);
+    let right_layers = match dimension {
+        ViewDimension::D1 | ViewDimension::D2 | ViewDimension::D3 => layers == 1,
+        ViewDimension::Cube => layers == 6,
+        ViewDimension::CubeArray => layers.is_multiple_of(6),
+        ViewDimension::D2Array => true,
+    };
+    ensure!(right_layers, "a {dimension:?} view of {layers} layers");
+    let [width, height, _] = owner.size;
+    let square = width == height || !matches!(dimension, ViewDimension::Cube | ViewDimension::CubeArray);
+    ensure!(square, "a cube view of a {width}x{height} texture");
+    ensure!(owner.samples == 1 || dimension == ViewDimension::D2, "a {dimension:?} view of a multisampled texture");
+
+    let has_aspect = match desc.aspect {
+        Aspect::All => true,
+        Aspect::DepthOnly => owner.format.has_depth(),
+        Aspect::StencilOnly => owner.format.has_stencil(),
+    };
+    ensure!(has_aspect, "{} has no aspect {:?}", owner.format.name(), desc.aspect);
+    let format = desc.format.unwrap_or(owner.format);
+    let aspect_format = match desc.aspect {
+        Aspect::All => false,
+        Aspect::DepthOnly => matches!(
+            (owner.format, format),
+            (Format::Depth24PlusStencil8, Format::Depth24Plus) | (Format::Depth32FloatStencil8, Format::Depth32Float)
+        ),
+        Aspect::StencilOnly => format == Format::Stencil8,
+    };
+    let (of, is) = (owner.format.name(), format.name());
+    ensure!(aspect_format || same_but_srgb(owner.format, format), "a {is} view of a {of} texture");
+
+    Ok(View {
+        texture,
+        format,
+        dimension,
+        base_level: desc.base_level,
+        levels,
+        base_layer: desc.base_layer,
+        layers,
+        samples: owner.samples,
+        size: owner.level_size(desc.base_level),
+    })
+}
+
+/// The rules of a sampler.
+///
+/// # Errors
+/// The rule that is broken.
+pub fn sampler(desc: &SamplerDesc) -> Result<(), String> {
+    let (low, high) = (desc.lod_min, desc.lod_max);
+    ensure!(low >= 0.0 && high >= low, "levels of detail from {low} to {high} are no range");
+    ensure!((1..=16).contains(&desc.anisotropy), "anisotropy is {}, it must be 1 to 16", desc.anisotropy);
+    let linear = [desc.mag, desc.min, desc.mipmap] == [FilterMode::Linear; 3];
+    ensure!(desc.anisotropy == 1 || linear, "anisotropy asks for linear filters");
+    Ok(())
+}
+
+/// The rules of a query set.
+///
+/// # Errors
+/// The rule that is broken.
+pub fn query_set(kind: QueryKind, count: u32) -> Result<(), String> {
+    ensure!((1..=QUERIES_MAX).contains(&count), "{count} queries, it must be 1 to {QUERIES_MAX}");
+    if let QueryKind::PipelineStatistics(mask) = kind {
+        ensure!(mask != 0 && mask < 32, "{mask} is no set of pipeline statistics");
+    }
+    Ok(())
 }
 
 /// Whether a format can be a colour target.

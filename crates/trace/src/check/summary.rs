@@ -71,6 +71,12 @@ impl Summary {
         self.frames = self.commands_named("Present").max(1);
     }
 
+    /// Whether no pass draws, no dispatch computes, and nothing is shown: the trace is one frame without work and without a picture.
+    pub fn draws_nothing(&self) -> bool {
+        let shows = ["Present", "CopyTextureToBuffer"].iter().any(|name| self.commands_named(name) > 0);
+        self.render_passes == 0 && self.dispatches == 0 && !shows
+    }
+
     /// Commands of a name.
     pub fn commands_named(&self, name: &str) -> u64 {
         self.by_name.get(name).copied().unwrap_or(0)
