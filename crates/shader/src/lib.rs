@@ -35,6 +35,7 @@ mod resources;
 mod spirv;
 mod tokens;
 mod types;
+mod unsupported;
 mod vector;
 mod zeros;
 

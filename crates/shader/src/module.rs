@@ -8,6 +8,7 @@ use super::extent;
 use super::interface::Stage;
 use super::nesting;
 use super::spirv;
+use super::unsupported;
 use host::{guarded, one_line, ron_reason, with_room_for};
 use num::Limits;
 
@@ -239,7 +240,9 @@ impl Module {
                     if message.starts_with("brace nesting limit") {
                         message.push_str(": more than 127 blocks inside each other, which WGSL does not have; a part can be a function");
                     }
-                    if !labels.is_empty() {
+                    if message.contains("`wgpu_int16`") {
+                        message = unsupported::named(unsupported::INT16);
+                    } else if !labels.is_empty() {
                         message = format!("{message} ({})", labels.join("; "));
                     }
                     fail(place, message)
@@ -281,9 +284,13 @@ impl Module {
             }
         };
         extent::check_ir(&ir, limits).map_err(|(span, message)| fail(places.of(span), message))?;
-        let info = Validator::new(ValidationFlags::all(), capabilities())
-            .validate(&ir)
-            .map_err(|e| fail(e.spans().next().and_then(|(span, _)| places.of(*span)), chain(e.as_inner())))?;
+        let info =
+            Validator::new(ValidationFlags::all(), capabilities()).validate(&ir).map_err(|e| {
+                match unsupported::scalar(&ir) {
+                    Some((span, message)) => fail(places.of(span), message),
+                    None => fail(e.spans().next().and_then(|(span, _)| places.of(*span)), chain(e.as_inner())),
+                }
+            })?;
         Ok(Module { name: name.into(), places, ir: Arc::new(Ir(ir)), info: Arc::new(info), limits: *limits })
     }
 
