@@ -4,7 +4,7 @@
 //!
 //! Names and shapes follow what `wgpu-core` and `wgpu-types` 30.0.1 serialise. Structs refuse unknown fields: a field that
 //! this schema does not know could change the picture, so it must not be skipped in silence. What has no meaning for
-//! execution (labels of layouts, limits, usages, caches) is read and dropped. Types that exist only to be refused by name
+//! execution (labels of layouts, caches) is read and dropped. Types that exist only to be refused by name
 //! (ray tracing, external textures, mesh pipelines) carry no contents.
 
 mod command;
@@ -20,27 +20,15 @@ pub use state::*;
 use serde::Deserialize;
 use serde::de::IgnoredAny;
 
-/// Why some text is no action.
-#[derive(Debug)]
-pub struct Wrong {
-    /// RON's reason, with the place in the text.
-    pub error: ron::error::SpannedError,
-    /// Whether the text ends inside the action.
-    pub ends: bool,
-}
-
 /// Reads the action at the beginning of some text, and how many bytes of it that took.
 ///
 /// # Errors
-/// If there is none, or one that this schema does not know.
-pub fn action(text: &str) -> Result<(Action, usize), Wrong> {
-    let mut deserializer = ron::Deserializer::from_str(text).map_err(|error| Wrong { error, ends: false })?;
+/// If there is none, or one that this schema does not know: RON's reason, with the place in the text.
+pub fn action(text: &str) -> Result<(Action, usize), ron::error::SpannedError> {
+    let mut deserializer = ron::Deserializer::from_str(text)?;
     match Action::deserialize(&mut deserializer) {
         Ok(action) => Ok((action, text.len() - deserializer.remainder().len())),
-        Err(error) => {
-            let ends = deserializer.remainder().trim().is_empty();
-            Err(Wrong { error: deserializer.span_error(error), ends })
-        }
+        Err(error) => Err(deserializer.span_error(error)),
     }
 }
 
@@ -135,7 +123,7 @@ impl Data {
 #[allow(missing_docs, reason = "variants and fields are named as in wgpu-core's trace")]
 pub enum Action {
     Init {
-        desc: IgnoredAny,
+        desc: DeviceDescriptor,
         backend: IgnoredAny,
     },
     ConfigureSurface(Id, SurfaceConfiguration),
@@ -241,8 +229,9 @@ pub enum Action {
     /// Commands that never ran.
     FailedCommands {
         commands: IgnoredAny,
-        failed_at_submit: IgnoredAny,
-        error: IgnoredAny,
+        /// The submission that failed with them; none: the command buffer was invalid when it was finished.
+        failed_at_submit: Option<u64>,
+        error: String,
     },
     CreateBlas {
         id: Id,

@@ -115,7 +115,7 @@ pub struct FragmentState {
 }
 
 /// A colour target.
-#[derive(Clone, Copy, Debug, Deserialize)]
+#[derive(Clone, Debug, Deserialize)]
 #[serde(rename_all = "camelCase", deny_unknown_fields)]
 #[allow(missing_docs, reason = "fields are named as in wgpu")]
 pub struct ColorTargetState {
@@ -207,7 +207,7 @@ impl Default for MultisampleState {
 }
 
 /// Depth and stencil state.
-#[derive(Clone, Copy, Debug, Deserialize)]
+#[derive(Clone, Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 #[allow(missing_docs, reason = "fields are named as in wgpu")]
 pub struct DepthStencilState {

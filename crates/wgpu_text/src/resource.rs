@@ -1,9 +1,66 @@
 //! Descriptors of resources.
 
-use serde::Deserialize;
 use serde::de::IgnoredAny;
+use serde::{Deserialize, Deserializer};
 
 use super::*;
+
+/// What a program asks of its device. Fields that say nothing about the picture are ignored.
+#[derive(Clone, Debug, Default, Deserialize)]
+#[serde(default)]
+#[allow(missing_docs, reason = "fields are named as in wgpu")]
+pub struct DeviceDescriptor {
+    pub label: Option<String>,
+    pub required_features: Flags,
+    pub required_limits: Limits,
+}
+
+/// The limits of a device, by name, in the order of the recording.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct Limits(pub Vec<(String, u64)>);
+
+impl Limits {
+    /// A limit by name.
+    pub fn get(&self, name: &str) -> Option<u64> {
+        self.0.iter().find(|(known, _)| known == name).map(|&(_, value)| value)
+    }
+}
+
+impl<'de> Deserialize<'de> for Limits {
+    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Limits, D::Error> {
+        struct Name(String);
+        impl<'de> Deserialize<'de> for Name {
+            fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Name, D::Error> {
+                struct Text;
+                impl serde::de::Visitor<'_> for Text {
+                    type Value = Name;
+                    fn expecting(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+                        f.write_str("the name of a limit")
+                    }
+                    fn visit_str<E>(self, name: &str) -> Result<Name, E> {
+                        Ok(Name(name.to_owned()))
+                    }
+                }
+                deserializer.deserialize_identifier(Text)
+            }
+        }
+        struct Fields;
+        impl<'de> serde::de::Visitor<'de> for Fields {
+            type Value = Limits;
+            fn expecting(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+                f.write_str("limits by name")
+            }
+            fn visit_map<A: serde::de::MapAccess<'de>>(self, mut fields: A) -> Result<Limits, A::Error> {
+                let mut limits = Vec::new();
+                while let Some((Name(name), value)) = fields.next_entry()? {
+                    limits.push((name, value));
+                }
+                Ok(Limits(limits))
+            }
+        }
+        deserializer.deserialize_struct("Limits", &[], Fields)
+    }
+}
 
 /// A buffer.
 #[derive(Clone, Debug, Deserialize)]
@@ -12,7 +69,7 @@ use super::*;
 pub struct BufferDescriptor {
     pub label: Option<String>,
     pub size: u64,
-    pub usage: IgnoredAny,
+    pub usage: Flags,
     pub mapped_at_creation: bool,
 }
 
@@ -27,7 +84,7 @@ pub struct TextureDescriptor {
     pub sample_count: u32,
     pub dimension: TextureDimension,
     pub format: TextureFormat,
-    pub usage: IgnoredAny,
+    pub usage: Flags,
     pub view_formats: IgnoredAny,
 }
 
@@ -72,10 +129,12 @@ pub struct SamplerDescriptor {
     pub border_color: Option<SamplerBorderColor>,
 }
 
-/// A surface. Only the size and format of its textures matter here.
+/// A surface. Only what its textures are matters here.
 #[derive(Clone, Debug, Deserialize)]
 #[allow(missing_docs, reason = "fields are named as in wgpu")]
 pub struct SurfaceConfiguration {
+    #[serde(default)]
+    pub usage: Flags,
     pub format: TextureFormat,
     pub width: u32,
     pub height: u32,

@@ -5,16 +5,49 @@ use serde::{Deserialize, Deserializer};
 use gfx::format::Format;
 use gfx::state;
 
-/// A texture format, known natively. Others are refused by name while the action is read.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct TextureFormat(pub Format);
+/// A texture format.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum TextureFormat {
+    /// One that Fillrate has.
+    Known(Format),
+    /// The name of one that it does not have.
+    Unknown(String),
+}
+
+impl TextureFormat {
+    /// The format.
+    ///
+    /// # Errors
+    /// If Fillrate does not have it; the message names it.
+    pub fn known(&self) -> Result<Format, String> {
+        match self {
+            TextureFormat::Known(format) => Ok(*format),
+            TextureFormat::Unknown(name) => Err(format!("texture format {name:?} is not supported")),
+        }
+    }
+}
 
 impl<'de> Deserialize<'de> for TextureFormat {
     fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
         let name = String::deserialize(deserializer)?;
-        Format::from_name(&name)
-            .map(TextureFormat)
-            .ok_or_else(|| serde::de::Error::custom(format_args!("texture format {name:?} is not supported")))
+        Ok(Format::from_name(&name).map_or(TextureFormat::Unknown(name), TextureFormat::Known))
+    }
+}
+
+/// Flags, as in `COPY_DST | VERTEX`.
+#[derive(Clone, Debug, Default, PartialEq, Eq, Deserialize)]
+#[serde(transparent)]
+pub struct Flags(pub String);
+
+impl Flags {
+    /// The flags' names.
+    pub fn names(&self) -> impl Iterator<Item = &str> {
+        self.0.split('|').map(str::trim).filter(|name| !name.is_empty())
+    }
+
+    /// Whether a flag is among them.
+    pub fn has(&self, name: &str) -> bool {
+        self.names().any(|other| other == name)
     }
 }
 

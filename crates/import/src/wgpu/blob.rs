@@ -34,15 +34,17 @@ impl Blobs {
                     return Ok((name, size));
                 }
                 // The name must not lead out of the folder.
-                check_name(&name)?;
+                check_name(&name).map_err(Reason::Damaged)?;
                 let path = self.folder.join(&name);
-                let fail = |reason| format!("data file {}: {reason}", host::path_line(&path));
+                let fail = |reason| Reason::Data(format!("data file {}: {reason}", host::path_line(&path)));
                 let size = builder.add_linked_file(&name, &path, self.reading.links()).map_err(|error| fail(error.reason))?;
                 self.bytes = self.bytes.saturating_add(size);
                 let limits = self.reading.limits;
-                limits.trace_bytes.check(self.bytes).map_err(|error| fail(error.to_string()))?;
+                let beyond =
+                    |error: num::LimitExceeded| Reason::Damaged(format!("data file {}: {error}", host::path_line(&path)));
+                limits.trace_bytes.check(self.bytes).map_err(beyond)?;
                 self.sizes.insert(name.clone(), size);
-                limits.trace_files.check(self.sizes.len() as u64).map_err(|error| fail(error.to_string()))?;
+                limits.trace_files.check(self.sizes.len() as u64).map_err(beyond)?;
                 Ok((name, size))
             }
             schema::Data::String(kind, text) => self.add_inline(builder, kind, text.into_bytes()),
@@ -60,7 +62,7 @@ impl Blobs {
         let name = format!("inline{}.{extension}", self.inline);
         self.inline += 1;
         let size = bytes.len() as u64;
-        builder.add_blob(&name, bytes).map_err(|error| error.reason)?;
+        builder.add_blob(&name, bytes).map_err(|error| Reason::Damaged(error.reason))?;
         Ok((name, size))
     }
 
@@ -68,7 +70,7 @@ impl Blobs {
     pub fn add_prefix(&mut self, builder: &mut Builder, data: schema::Data, size: u64) -> Result<Data, Reason> {
         let (blob, length) = self.add(builder, data)?;
         if length < size {
-            return Err(format!("data {blob:?} has {length} bytes, {size} are needed"));
+            return Err(Reason::Data(format!("data {blob:?} has {length} bytes, {size} are needed")));
         }
         Ok(Data { blob, offset: 0, size })
     }

@@ -1,6 +1,5 @@
 //! Commands between passes, and the sizes of copies.
 
-use gfx::format::Format;
 use gfx::state::Aspect;
 use trace::command::*;
 
@@ -114,31 +113,4 @@ pub(super) fn aspect(aspect: schema::TextureAspect) -> Result<Aspect, Reason> {
 /// How texels lie in a buffer.
 pub(super) fn layout(layout: schema::TexelCopyBufferLayout) -> LinearLayout {
     LinearLayout { offset: layout.offset, bytes_per_row: layout.bytes_per_row, rows_per_image: layout.rows_per_image }
-}
-
-/// Bytes from the start of the data to the end of the last row of a copy: WebGPU's "required bytes in copy" plus the offset.
-pub(super) fn bytes_needed(format: Format, aspect: Aspect, layout: LinearLayout, size: [u32; 3]) -> Result<u64, Reason> {
-    let block_bytes = match aspect {
-        Aspect::StencilOnly => 1,
-        Aspect::DepthOnly if format == Format::Depth32FloatStencil8 => 4,
-        _ => format.block_bytes(),
-    };
-    let columns = u64::from(size[0].div_ceil(format.block_dim()));
-    let rows = u64::from(size[1].div_ceil(format.block_dim()));
-    let images = u64::from(size[2]);
-    if columns == 0 || rows == 0 || images == 0 {
-        return Ok(layout.offset);
-    }
-    let row = columns * u64::from(block_bytes);
-    let stride = layout.bytes_per_row.map_or(row, u64::from);
-    let image_rows = layout.rows_per_image.map_or(rows, u64::from);
-    if stride < row && (rows > 1 || images > 1) {
-        return Err(format!("rows of {row} bytes are {stride} bytes apart"));
-    }
-    if image_rows < rows && images > 1 {
-        return Err(format!("images of {rows} rows are {image_rows} rows apart"));
-    }
-    let full_rows = (images - 1).checked_mul(image_rows).and_then(|before| before.checked_add(rows - 1));
-    let needed = full_rows.and_then(|n| n.checked_mul(stride)).and_then(|n| n.checked_add(row));
-    needed.and_then(|n| n.checked_add(layout.offset)).ok_or_else(|| "the data of the copy is larger than any file".into())
 }

@@ -7,7 +7,9 @@
 //! * A drop may come before the submit that uses the object, so a drop does not destroy it. Dropped objects are destroyed after
 //!   their last use ([`lifetime`]), which bounds the memory of long traces.
 //! * File order is execution order.
-//! * Actions that never ran (`FailedCommands`, the creation of invalid textures) are skipped. It is an error to use such an object.
+//! * Actions that wgpu refused stand in the file like others. What they should have made is invalid ([`objects`]), and writes that it refused
+//!   do nothing ([`refuse`]). `FailedCommands` never ran, nor did the other command buffers of a submission that they failed in.
+//! * A recording of a program that was killed has no end. What is whole of it is the trace.
 //!
 //! These features are not supported and refused by name, with the place in the file: ray tracing, external textures, mesh pipelines,
 //! multiview, conservative rasterisation, and texture formats that Fillrate does not have.
@@ -19,13 +21,17 @@ mod objects;
 mod pass;
 mod pipeline;
 mod reader;
+mod refuse;
 mod resource;
 mod translate;
 
 use std::path::Path;
 
 use host::Links;
-use trace::{Reading, Trace, TraceError, read_commands_file};
+use trace::{Place, Reading, Trace, TraceError, read_commands_file};
+
+use reader::{Cut, Step};
+use translate::Stop;
 
 pub(super) use reader::trivia;
 
@@ -52,11 +58,35 @@ pub fn import(file: &Path, text: &[u8]) -> Result<Trace, TraceError> {
 fn import_with(file: &Path, text: &[u8], reading: &Reading) -> Result<Trace, TraceError> {
     let mut reader = reader::Reader::new(file, text)?;
     let mut translator = translate::Translator::new(file, reading, text.len() as u64);
-    while let Some(step) = reader.step()? {
-        translator.action(step.place, step.action).map_err(|reason| {
-            let reason = format!("action {} ({}): {reason}", step.number, step.name);
-            TraceError::new(file, reason).at(Some(step.place))
-        })?;
+    let mut next = reader.step()?;
+    let mut lost = None;
+    while let Some(Step { number, name, place, action }) = next {
+        // The file of data that the last action names may be cut as the text is.
+        let following = reader.step();
+        let last = matches!(following, Ok(None)) && reader.cut().is_some();
+        match translator.step(number, name, place, action) {
+            Ok(()) => {}
+            Err(Stop { error, data: true }) if last => lost = Some(error.reason),
+            Err(Stop { error, .. }) => return Err(error),
+        }
+        next = following?;
     }
-    Ok(translator.finish()?.with_limits(reading.limits))
+    let warning = reader.cut().map(|cut| cut_warning(cut, lost.as_deref()));
+    Ok(translator.finish(warning)?.with_limits(reading.limits))
+}
+
+/// What is said of a recording that has no end.
+fn cut_warning(cut: &Cut, lost: Option<&str>) -> String {
+    let Place { line, column } = cut.place;
+    let part = match (&cut.half, lost) {
+        (Some(name), None) => format!(" and inside action {} ({name}), which is left out", cut.number),
+        (Some(name), Some(lost)) => format!(" and inside action {} ({name}); left out are this and {lost}", cut.number),
+        (None, Some(lost)) => format!("; left out is {lost}"),
+        (None, None) => String::new(),
+    };
+    format!(
+        "{line}:{column}: the recording ends after {} actions without the closing `]`{part}: its program was killed, or left before it dropped \
+         the device. What is whole is replayed; nothing of a frame that was not presented is shown",
+        cut.number
+    )
 }

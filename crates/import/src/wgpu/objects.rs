@@ -1,20 +1,78 @@
 //! The objects of a wgpu trace by address, and their native ids.
+//!
+//! wgpu writes down many actions before it knows whether they are valid. One that it refused makes an invalid object, or does nothing, and
+//! the program goes on; nothing in the recording says so. So an object that cannot be made here is invalid as well, with the reason
+//! ([`Refusal`]). Who makes another object of it makes an invalid object. It is an error only where a command that ran uses it.
+
+use std::rc::Rc;
 
 use gfx::format::Format;
 use gfx::state::ViewDimension;
 use num::*;
+use trace::Place;
 use trace::command::*;
 
 use wgpu_text::Id;
 
-/// Why an action cannot be imported.
-pub type Reason = String;
+/// Why an action is not translated.
+#[derive(Debug)]
+pub enum Reason {
+    /// No recorder writes this: the recording is damaged.
+    Damaged(String),
+    /// The data of the action are not there, or not all.
+    Data(String),
+    /// wgpu refuses the action, or it asks for what is not supported.
+    Refused(String),
+    /// It names an object that a refused action should have made.
+    Invalid(Rc<Refusal>),
+}
+
+impl Reason {
+    /// As it is of a part of the action.
+    pub fn within(self, part: std::fmt::Arguments<'_>) -> Reason {
+        match self {
+            Reason::Damaged(reason) => Reason::Damaged(format!("{part}: {reason}")),
+            Reason::Data(reason) => Reason::Data(format!("{part}: {reason}")),
+            Reason::Refused(reason) => Reason::Refused(format!("{part}: {reason}")),
+            invalid @ Reason::Invalid(_) => invalid,
+        }
+    }
+}
+
+impl From<String> for Reason {
+    fn from(reason: String) -> Reason {
+        Reason::Refused(reason)
+    }
+}
+
+impl From<&str> for Reason {
+    fn from(reason: &str) -> Reason {
+        Reason::Refused(reason.to_owned())
+    }
+}
+
+/// An action that made no object.
+#[derive(Debug)]
+pub struct Refusal {
+    /// Number of the action in the file.
+    pub action: u64,
+    /// Its name.
+    pub name: String,
+    /// Where it begins.
+    pub place: Place,
+    /// The object that it should have made.
+    pub object: String,
+    /// Why it did not.
+    pub reason: String,
+}
 
 /// A buffer.
 #[derive(Clone, Copy, Debug)]
 pub struct Buffer {
     pub id: BufferId,
     pub size: u64,
+    /// The queue may write to it.
+    pub writable: bool,
 }
 
 /// A texture.
@@ -22,6 +80,8 @@ pub struct Buffer {
 pub struct Texture {
     pub id: TextureId,
     pub desc: TextureDesc,
+    /// The queue may write to it.
+    pub writable: bool,
 }
 
 /// A view, with the properties of its texture that passes need.
@@ -75,16 +135,63 @@ pub struct PipelineLayout {
 /// A surface.
 #[derive(Clone, Debug, Default)]
 pub struct Surface {
-    /// What its textures are.
-    pub desc: Option<TextureDesc>,
+    /// How it was configured last; none: not yet.
+    pub textures: Option<SurfaceTextures>,
     /// The texture that was acquired and has neither been presented nor discarded.
-    pub acquired: Option<TextureId>,
+    pub acquired: Option<Acquired>,
+}
+
+/// What the textures of a surface are.
+#[derive(Clone, Debug)]
+pub struct SurfaceTextures {
+    pub desc: Result<TextureDesc, Rc<Refusal>>,
+    /// The queue may write to them.
+    pub writable: bool,
+    /// Its number among the configurations of all surfaces.
+    pub number: usize,
+}
+
+/// A texture that a surface gave out.
+#[derive(Clone, Debug)]
+pub struct Acquired {
+    /// The id that the trace has for it.
+    pub id: Id,
+    pub texture: Result<TextureId, Rc<Refusal>>,
+    /// The configuration that it is of.
+    pub configuration: usize,
+    /// The program destroyed it: it cannot be presented.
+    pub destroyed: bool,
+}
+
+/// An object that a trace knows by address.
+pub trait Known {
+    /// The native object.
+    fn object(&self) -> Object;
+}
+
+macro_rules! known {
+    ($($ty:ty: $object:ident $(. $field:ident)?),* $(,)?) => {
+        $(
+            impl Known for $ty {
+                fn object(&self) -> Object {
+                    Object::$object((*self)$(.$field)?)
+                }
+            }
+        )*
+    };
+}
+
+known! {
+    Buffer: Buffer.id, Texture: Texture.id, View: View.id, SamplerId: Sampler, ShaderId: Shader, GroupLayout: BindGroupLayout.id,
+    PipelineLayout: PipelineLayout.id, BindGroupId: BindGroup, RenderPipeline: RenderPipeline.id,
+    ComputePipeline: ComputePipeline.id, BundleId: Bundle, QuerySetId: QuerySet,
 }
 
 /// Objects of one kind by address.
 pub struct Table<T> {
-    kind: &'static str,
-    by_address: NumberMap<u64, Option<T>>,
+    /// What messages call an object of the kind.
+    pub kind: &'static str,
+    by_address: NumberMap<u64, Result<T, Rc<Refusal>>>,
 }
 
 impl<T> Table<T> {
@@ -96,32 +203,20 @@ impl<T> Table<T> {
     pub fn get(&self, id: Id) -> Result<&T, Reason> {
         let (kind, address) = (self.kind, id.address());
         match self.by_address.get(address) {
-            Some(Some(object)) => Ok(object),
-            Some(None) => Err(format!("{kind} {address} is used, but was invalid when it was recorded")),
-            None => Err(format!("{kind} {address} is used, but no earlier action creates it")),
+            Some(Ok(object)) => Ok(object),
+            Some(Err(refusal)) => Err(Reason::Invalid(refusal.clone())),
+            None => Err(Reason::Damaged(format!("{kind} {address} is used, but no earlier action creates it"))),
         }
     }
 
     /// The object that an id names now, if there is one.
     pub fn find(&self, id: Id) -> Option<&T> {
-        self.by_address.get(id.address())?.as_ref()
+        self.by_address.get(id.address())?.as_ref().ok()
     }
 
-    /// Makes the id name this object. Returns the object that it named before.
-    pub fn set(&mut self, id: Id, object: T) -> Option<T> {
-        self.by_address.insert(id.address(), Some(object)).flatten()
-    }
-
-    /// Makes the id name an object that is invalid. Returns the object that it named before.
-    pub fn set_invalid(&mut self, id: Id) -> Option<T> {
-        self.by_address.insert(id.address(), None).flatten()
-    }
-}
-
-impl Table<Surface> {
-    /// The surface of an id. Nothing creates surfaces in a trace.
-    pub fn surface(&mut self, id: Id) -> &mut Surface {
-        self.by_address.get_or_insert_with(id.address(), || None).get_or_insert_default()
+    /// Makes the id name this object, or an invalid one. Returns the object that it named before.
+    pub fn set(&mut self, id: Id, object: Result<T, Rc<Refusal>>) -> Option<T> {
+        self.by_address.insert(id.address(), object)?.ok()
     }
 }
 
@@ -139,7 +234,7 @@ pub struct Objects {
     pub compute_pipelines: Table<ComputePipeline>,
     pub bundles: Table<BundleId>,
     pub query_sets: Table<QuerySetId>,
-    pub surfaces: Table<Surface>,
+    pub surfaces: NumberMap<u64, Surface>,
     next: [u32; 12],
 }
 
@@ -181,9 +276,16 @@ impl Objects {
             compute_pipelines: Table::new("compute pipeline"),
             bundles: Table::new("render bundle"),
             query_sets: Table::new("query set"),
-            surfaces: Table::new("surface"),
+            surfaces: NumberMap::new(),
             next: [0; 12],
         }
+    }
+}
+
+impl Objects {
+    /// The surface of an id. Nothing creates surfaces in a trace.
+    pub fn surface(&mut self, id: Id) -> &mut Surface {
+        self.surfaces.get_or_insert_with(id.address(), Surface::default)
     }
 }
 

@@ -25,7 +25,7 @@ impl Streams {
 
     fn offsets(&mut self, count: usize) -> Result<Vec<u32>, Reason> {
         if count > self.offsets.len() {
-            return Err(format!("{count} dynamic offsets are asked for, {} are left", self.offsets.len()));
+            return Err(damaged(format!("{count} dynamic offsets are asked for, {} are left", self.offsets.len())));
         }
         Ok(self.offsets.by_ref().take(count).collect())
     }
@@ -33,17 +33,17 @@ impl Streams {
     fn text(&mut self, length: usize) -> Result<String, Reason> {
         let left = self.text.len() - self.taken;
         if length > left {
-            return Err(format!("a command needs a label of {length} bytes, and {left} bytes of labels are left"));
+            return Err(damaged(format!("a command needs a label of {length} bytes, and {left} bytes of labels are left")));
         }
         let bytes = &self.text[self.taken..self.taken + length];
-        let text = std::str::from_utf8(bytes).map_err(|_| "a label is not UTF-8 text")?.to_owned();
+        let text = std::str::from_utf8(bytes).map_err(|_| damaged("a label is not UTF-8 text".into()))?.to_owned();
         self.taken += length;
         Ok(text)
     }
 
     fn immediates(&self, bytes: u32, first: Option<u32>) -> Result<Vec<u32>, Reason> {
         if !bytes.is_multiple_of(4) {
-            return Err(format!("{bytes} bytes of immediates are no whole words"));
+            return Err(damaged(format!("{bytes} bytes of immediates are no whole words")));
         }
         let count = (bytes / 4) as usize;
         let Some(first) = first else {
@@ -51,7 +51,10 @@ impl Streams {
         };
         let words = (first as usize).checked_add(count).and_then(|end| self.immediates.get(first as usize..end));
         words.map(<[u32]>::to_vec).ok_or_else(|| {
-            format!("{count} words of immediates from word {first} on are asked for, there are {}", self.immediates.len())
+            damaged(format!(
+                "{count} words of immediates from word {first} on are asked for, there are {}",
+                self.immediates.len()
+            ))
         })
     }
 }
@@ -61,7 +64,7 @@ const IMMEDIATE_WORDS_MAX: usize = 1 << 16;
 
 fn zeros(count: usize) -> Result<Vec<u32>, Reason> {
     if count > IMMEDIATE_WORDS_MAX {
-        return Err(format!("{count} words of immediates are more than any device has"));
+        return Err(damaged(format!("{count} words of immediates are more than any device has")));
     }
     Ok(vec![0; count])
 }
@@ -169,18 +172,15 @@ impl Translator {
 
     pub(super) fn create_bundle(
         &mut self,
-        id: Id,
         desc: schema::RenderBundleDescriptor,
         base: Pass<schema::RenderCommand>,
-    ) -> Result<(), Reason> {
+    ) -> Result<BundleId, Reason> {
         check_multiview(desc.multiview)?;
-        let bundle = self.objects.new_bundle();
-        let old = self.objects.bundles.set(id, bundle);
-        self.gone(old.map(Object::Bundle));
-        self.emit(Command::BeginBundle { id: bundle });
+        let id = self.objects.new_bundle();
+        self.emit(Command::BeginBundle { id });
         self.render_commands(base)?;
         self.emit(Command::EndBundle);
-        Ok(())
+        Ok(id)
     }
 
     fn render_commands(&mut self, pass: Pass<schema::RenderCommand>) -> Result<(), Reason> {
@@ -311,5 +311,10 @@ fn mesh() -> Reason {
 }
 
 fn within(index: usize, reason: Reason) -> Reason {
-    format!("command {index} of the pass: {reason}")
+    reason.within(format_args!("command {index} of the pass"))
+}
+
+/// What no recorder writes.
+fn damaged(reason: String) -> Reason {
+    Reason::Damaged(reason)
 }

@@ -1,7 +1,8 @@
 //! Shader modules, layouts and pipelines.
 
 use gfx::state::*;
-use num::PipelineLayoutId;
+use num::{PipelineLayoutId, ShaderId};
+use trace::check::{BIND_GROUPS_MAX, rules};
 use trace::command::*;
 
 use super::objects::*;
@@ -10,91 +11,96 @@ use super::translate::Translator;
 use wgpu_text::{self as schema, DataKind, Id};
 
 impl Translator {
-    pub(super) fn create_shader(&mut self, id: Id, label: Option<String>, data: schema::Data) -> Result<(), Reason> {
+    pub(super) fn create_shader(&mut self, label: Option<String>, data: schema::Data) -> Result<ShaderId, Reason> {
         let Some(kind) = data.kind() else {
-            return Err("the name of the shader's data does not say its language".into());
+            return Err(Reason::Damaged("the name of the shader's data does not say its language".into()));
         };
         let as_source = match kind {
             DataKind::Wgsl => ShaderSource::Wgsl,
             DataKind::Spv => ShaderSource::SpirV,
             DataKind::Ron => ShaderSource::NagaIr,
-            other => return Err(format!("shaders in {} are not supported", other.name())),
+            other => return Err(format!("shaders in {} are not supported", other.name()).into()),
         };
         let (blob, size) = self.blobs.add(&mut self.builder, data)?;
         if kind == DataKind::Spv && !size.is_multiple_of(4) {
-            return Err(format!("the SPIR-V in {blob:?} has {size} bytes, which are no whole words"));
+            return Err(Reason::Data(format!("the SPIR-V in {blob:?} has {size} bytes, which are no whole words")));
         }
-        let shader = self.objects.new_shader();
-        let old = self.objects.shaders.set(id, shader);
-        self.gone(old.map(Object::Shader));
-        self.emit(Command::CreateShader { id: shader, source: as_source(blob), label });
-        Ok(())
+        let id = self.objects.new_shader();
+        self.emit(Command::CreateShader { id, source: as_source(blob), label });
+        Ok(id)
     }
 
     /// A shader that wgpu passed to its driver unchanged, in one or several languages. Any of WGSL and SPIR-V is read.
-    pub(super) fn create_passthrough(&mut self, id: Id, label: Option<String>, data: Vec<schema::Data>) -> Result<(), Reason> {
+    pub(super) fn create_passthrough(&mut self, label: Option<String>, data: Vec<schema::Data>) -> Result<ShaderId, Reason> {
         let names: Vec<_> = data.iter().map(|data| data.kind().map_or("unknown", DataKind::name)).collect();
         let usable = |wanted| data.iter().position(|data| data.kind() == Some(wanted));
         match usable(DataKind::Wgsl).or_else(|| usable(DataKind::Spv)) {
-            Some(index) => self.create_shader(id, label, data[index].clone()),
-            None => Err(format!("passthrough shaders in {} are not supported", names.join(", "))),
+            Some(index) => self.create_shader(label, data[index].clone()),
+            None => Err(format!("passthrough shaders in {} are not supported", names.join(", ")).into()),
         }
     }
 
-    pub(super) fn create_group_layout(&mut self, id: Id, desc: schema::BindGroupLayoutDescriptor) -> Result<(), Reason> {
+    /// A bind group layout; none: the id names it already.
+    pub(super) fn create_group_layout(
+        &mut self,
+        id: Id,
+        desc: schema::BindGroupLayoutDescriptor,
+    ) -> Result<Option<GroupLayout>, Reason> {
         let mut entries = Vec::with_capacity(desc.entries.len());
         for entry in desc.entries {
             let binding = entry.binding;
-            let kind = binding_kind(entry.ty).map_err(|reason| format!("binding {binding}: {reason}"))?;
+            let kind = binding_kind(entry.ty).map_err(|reason| reason.within(format_args!("binding {binding}")))?;
             entries.push(LayoutEntry { binding, kind, count: entry.count });
         }
-        // Dynamic offsets are given in this order.
-        entries.sort_by_key(|entry| entry.binding);
-        self.set_group_layout(id, LayoutOrigin::Explicit(entries));
-        Ok(())
+        // Dynamic offsets are given in the order of the bindings.
+        let entries = rules::bind_group_layout(&entries)?;
+        Ok(self.new_group_layout(id, LayoutOrigin::Explicit(entries)))
     }
 
-    /// Gives an id a layout. wgpu shares equal layouts, so that a trace often creates a layout again with the same id.
-    fn set_group_layout(&mut self, id: Id, origin: LayoutOrigin) {
+    /// A layout. wgpu shares equal layouts, so that a trace often creates a layout again with the same id.
+    fn new_group_layout(&mut self, id: Id, origin: LayoutOrigin) -> Option<GroupLayout> {
         if self.objects.group_layouts.find(id).is_some_and(|known| known.origin == origin) {
-            return;
+            return None;
         }
         let native = self.objects.new_group_layout();
         self.emit(match &origin {
             LayoutOrigin::Explicit(entries) => Command::CreateBindGroupLayout { id: native, entries: entries.clone() },
             &LayoutOrigin::Derived(pipeline, group) => Command::GetBindGroupLayout { id: native, pipeline, group },
         });
-        let old = self.objects.group_layouts.set(id, GroupLayout { id: native, origin });
-        self.gone(old.map(|old| Object::BindGroupLayout(old.id)));
+        Some(GroupLayout { id: native, origin })
     }
 
     /// The layout of one of a pipeline's groups. A derived layout gets a new id; an explicit one is the layout that was given.
-    pub(super) fn get_group_layout(&mut self, id: Id, pipeline: AnyPipeline, groups: Groups, index: u32) -> Result<(), Reason> {
+    pub(super) fn get_group_layout(
+        &mut self,
+        id: Id,
+        pipeline: Result<(AnyPipeline, Groups), Reason>,
+        index: u32,
+    ) -> Result<Option<GroupLayout>, Reason> {
+        let (pipeline, groups) = pipeline?;
         let Some(groups) = groups else {
-            self.set_group_layout(id, LayoutOrigin::Derived(pipeline, index));
-            return Ok(());
+            if index >= BIND_GROUPS_MAX {
+                return Err(format!("group {index}, there are {BIND_GROUPS_MAX}").into());
+            }
+            return Ok(self.new_group_layout(id, LayoutOrigin::Derived(pipeline, index)));
         };
-        let old = match groups.into_iter().nth(index as usize).flatten() {
-            Some(layout) if self.objects.group_layouts.find(id).is_some_and(|known| known.id == layout.id) => None,
-            Some(layout) => self.objects.group_layouts.set(id, layout),
-            // The call failed when it was recorded, and gave out a layout that cannot be used.
-            None => self.objects.group_layouts.set_invalid(id),
-        };
-        self.gone(old.map(|old| Object::BindGroupLayout(old.id)));
-        Ok(())
+        match groups.into_iter().nth(index as usize).flatten() {
+            Some(layout) if self.objects.group_layouts.find(id).is_some_and(|known| known.id == layout.id) => Ok(None),
+            Some(layout) => Ok(Some(layout)),
+            None => Err(format!("the pipeline's layout has no group {index}").into()),
+        }
     }
 
-    pub(super) fn create_pipeline_layout(&mut self, id: Id, desc: schema::PipelineLayoutDescriptor) -> Result<(), Reason> {
+    pub(super) fn create_pipeline_layout(&mut self, desc: schema::PipelineLayoutDescriptor) -> Result<PipelineLayout, Reason> {
         let layouts = &self.objects.group_layouts;
         let groups = desc.bind_group_layouts.into_iter();
         let groups: Vec<Option<GroupLayout>> =
             groups.map(|group| group.map(|id| layouts.get(id).cloned()).transpose()).collect::<Result<_, _>>()?;
-        let native = self.objects.new_pipeline_layout();
+        rules::pipeline_layout(groups.len(), desc.immediate_size)?;
+        let id = self.objects.new_pipeline_layout();
         let ids = groups.iter().map(|group| group.as_ref().map(|group| group.id)).collect();
-        let old = self.objects.pipeline_layouts.set(id, PipelineLayout { id: native, groups });
-        self.gone(old.map(|old| Object::PipelineLayout(old.id)));
-        self.emit(Command::CreatePipelineLayout { id: native, groups: ids, immediate_size: desc.immediate_size });
-        Ok(())
+        self.emit(Command::CreatePipelineLayout { id, groups: ids, immediate_size: desc.immediate_size });
+        Ok(PipelineLayout { id, groups })
     }
 
     fn pipeline_layout(&self, id: Option<Id>) -> Result<(Option<PipelineLayoutId>, Groups), Reason> {
@@ -104,25 +110,28 @@ impl Translator {
     }
 
     fn stage(&self, stage: schema::ProgrammableStage) -> Result<Stage, Reason> {
-        Ok(Stage {
+        let stage = Stage {
             shader: *self.objects.shaders.get(stage.module)?,
             entry: stage.entry_point,
             constants: stage.constants.into_iter().collect(),
             zero_workgroup_memory: stage.zero_initialize_workgroup_memory,
-        })
+        };
+        rules::constants(&stage)?;
+        Ok(stage)
     }
 
-    pub(super) fn create_compute_pipeline(&mut self, id: Id, desc: schema::ComputePipelineDescriptor) -> Result<(), Reason> {
+    pub(super) fn create_compute_pipeline(
+        &mut self,
+        desc: schema::ComputePipelineDescriptor,
+    ) -> Result<ComputePipeline, Reason> {
         let (layout, groups) = self.pipeline_layout(desc.layout)?;
         let stage = self.stage(desc.stage)?;
-        let native = self.objects.new_compute_pipeline();
-        let old = self.objects.compute_pipelines.set(id, ComputePipeline { id: native, groups });
-        self.gone(old.map(|old| Object::ComputePipeline(old.id)));
-        self.emit(Command::CreateComputePipeline { id: native, layout, stage, label: desc.label });
-        Ok(())
+        let id = self.objects.new_compute_pipeline();
+        self.emit(Command::CreateComputePipeline { id, layout, stage, label: desc.label });
+        Ok(ComputePipeline { id, groups })
     }
 
-    pub(super) fn create_render_pipeline(&mut self, id: Id, desc: schema::RenderPipelineDescriptor) -> Result<(), Reason> {
+    pub(super) fn create_render_pipeline(&mut self, desc: schema::RenderPipelineDescriptor) -> Result<RenderPipeline, Reason> {
         let schema::VertexProcessor::Vertex(vertex) = desc.vertex else {
             return Err("mesh pipelines are not supported".into());
         };
@@ -141,7 +150,7 @@ impl Translator {
             vertex: self.stage(vertex.stage)?,
             buffers: vertex.buffers.into_iter().map(|slot| slot.map(vertex_buffer)).collect(),
             primitive: primitive(desc.primitive),
-            depth_stencil: desc.depth_stencil.map(depth_stencil),
+            depth_stencil: desc.depth_stencil.map(depth_stencil).transpose()?,
             multisample: Multisample {
                 count: desc.multisample.count,
                 // wgpu's mask has 64 bits; the lowest ones belong to the samples of the target.
@@ -149,13 +158,12 @@ impl Translator {
                 alpha_to_coverage: desc.multisample.alpha_to_coverage_enabled,
             },
             fragment,
-            targets: targets.into_iter().map(|slot| slot.map(color_target)).collect(),
+            targets: targets.into_iter().map(|slot| slot.map(color_target).transpose()).collect::<Result<_, _>>()?,
         };
-        let pipeline = self.objects.new_render_pipeline();
-        let old = self.objects.render_pipelines.set(id, RenderPipeline { id: pipeline, groups });
-        self.gone(old.map(|old| Object::RenderPipeline(old.id)));
-        self.emit(Command::CreateRenderPipeline { id: pipeline, desc: Box::new(native), label: desc.label });
-        Ok(())
+        rules::render_pipeline(&native)?;
+        let id = self.objects.new_render_pipeline();
+        self.emit(Command::CreateRenderPipeline { id, desc: Box::new(native), label: desc.label });
+        Ok(RenderPipeline { id, groups })
     }
 }
 
@@ -206,7 +214,8 @@ fn primitive(state: schema::PrimitiveState) -> Primitive {
     }
 }
 
-fn depth_stencil(state: schema::DepthStencilState) -> DepthStencil {
+fn depth_stencil(state: schema::DepthStencilState) -> Result<DepthStencil, Reason> {
+    let format = state.format.known()?;
     let face = |face: schema::StencilFaceState| StencilFace {
         compare: face.compare.into(),
         fail_op: face.fail_op.into(),
@@ -215,12 +224,12 @@ fn depth_stencil(state: schema::DepthStencilState) -> DepthStencil {
     };
     // As in wgpu: where both masks are 0, or the format has no stencil, the faces are ignored and there is no stencil test.
     let mut stencil = state.stencil;
-    if (stencil.read_mask | stencil.write_mask) == 0 || !state.format.0.has_stencil() {
+    if (stencil.read_mask | stencil.write_mask) == 0 || !format.has_stencil() {
         stencil.front = schema::StencilFaceState::default();
         stencil.back = schema::StencilFaceState::default();
     }
-    DepthStencil {
-        format: state.format.0,
+    Ok(DepthStencil {
+        format,
         depth_write: state.depth_write_enabled.unwrap_or(false),
         depth_compare: state.depth_compare.map_or(Compare::Always, Into::into),
         stencil_front: face(stencil.front),
@@ -230,18 +239,18 @@ fn depth_stencil(state: schema::DepthStencilState) -> DepthStencil {
         bias: state.bias.constant,
         bias_slope: state.bias.slope_scale,
         bias_clamp: state.bias.clamp,
-    }
+    })
 }
 
-fn color_target(state: schema::ColorTargetState) -> ColorTarget {
+fn color_target(state: schema::ColorTargetState) -> Result<ColorTarget, Reason> {
     let component = |c: schema::BlendComponent| BlendComponent {
         src: c.src_factor.into(),
         dst: c.dst_factor.into(),
         op: c.operation.into(),
     };
-    ColorTarget {
-        format: state.format.0,
+    Ok(ColorTarget {
+        format: state.format.known()?,
         blend: state.blend.map(|blend| Blend { color: component(blend.color), alpha: component(blend.alpha) }),
         write_mask: (state.write_mask & 15) as u8,
-    }
+    })
 }

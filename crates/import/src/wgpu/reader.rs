@@ -8,7 +8,7 @@ use host::ron_reason;
 use num::nearest;
 use trace::{Place, TraceError};
 
-use wgpu_text::{Action, Wrong};
+use wgpu_text::Action;
 
 /// Reads actions.
 pub struct Reader<'a> {
@@ -20,6 +20,19 @@ pub struct Reader<'a> {
     place: Place,
     /// Actions read.
     count: u64,
+    /// Where the text ends without the end of the list.
+    cut: Option<Cut>,
+}
+
+/// The end of a recording whose program was killed: the list has no `]`.
+#[derive(Clone, Debug)]
+pub struct Cut {
+    /// Where the first action begins that is not there, or not whole.
+    pub place: Place,
+    /// Its number.
+    pub number: u64,
+    /// Its name, if a part of it is there.
+    pub half: Option<String>,
 }
 
 /// One action.
@@ -41,11 +54,15 @@ impl<'a> Reader<'a> {
             Ok(text) => text,
             Err(error) => {
                 let good = std::str::from_utf8(&bytes[..error.valid_up_to()]).unwrap_or("");
-                let place = advance(Place { line: 1, column: 1 }, good);
-                return Err(TraceError::new(file, "is not UTF-8 text").at(Some(place)));
+                if error.error_len().is_some() {
+                    let place = advance(Place { line: 1, column: 1 }, good);
+                    return Err(TraceError::new(file, "is not UTF-8 text").at(Some(place)));
+                }
+                // The text ends inside a character.
+                good
             }
         };
-        let mut reader = Reader { file, text, at: 0, place: Place { line: 1, column: 1 }, count: 0 };
+        let mut reader = Reader { file, text, at: 0, place: Place { line: 1, column: 1 }, count: 0, cut: None };
         reader.skip_trivia();
         if !reader.take('[') {
             return Err(reader.error("expected `[`, the beginning of a list of actions"));
@@ -53,7 +70,7 @@ impl<'a> Reader<'a> {
         Ok(reader)
     }
 
-    /// The next action; none after the end of the list.
+    /// The next action; none after the end of the list, or of the text.
     pub fn step(&mut self) -> Result<Option<Step<'a>>, TraceError> {
         self.skip_trivia();
         if self.take(']') {
@@ -66,24 +83,27 @@ impl<'a> Reader<'a> {
         }
         let rest = &self.text[self.at..];
         if rest.is_empty() {
-            let reason = format!(
-                "the file ends after {} actions without the closing `]`: truncated, or its recorder was killed",
-                self.count
-            );
-            return Err(self.error(reason));
+            self.cut = Some(Cut { place: self.place, number: self.count, half: None });
+            return Ok(None);
         }
         let (number, place) = (self.count, self.place);
         let name = &rest[..rest.find(|c: char| !c.is_ascii_alphanumeric()).unwrap_or(rest.len())];
-        let wrong = |Wrong { error: found, ends }| {
-            // The span is relative to the action.
-            let at = found.span.end;
-            let column = if at.line == 1 { place.column + at.col - 1 } else { at.col };
-            let place = Place { line: place.line + at.line - 1, column };
-            let ends = if ends { ": the file ends inside this action, it is truncated" } else { "" };
-            let reason = format!("action {number} ({name}): {}{ends}", reason(&found.code));
-            TraceError::new(self.file, reason).at(Some(place))
+        let (action, read) = match wgpu_text::action(rest) {
+            Ok(read) => read,
+            Err(_) if is_last(rest) && ends_inside(rest) => {
+                let half = (!name.is_empty()).then(|| name.to_owned());
+                self.cut = Some(Cut { place, number, half });
+                return Ok(None);
+            }
+            Err(found) => {
+                // The span is relative to the action.
+                let at = found.span.end;
+                let column = if at.line == 1 { place.column + at.col - 1 } else { at.col };
+                let place = Place { line: place.line + at.line - 1, column };
+                let reason = format!("action {number} ({name}): {}", reason(&found.code));
+                return Err(TraceError::new(self.file, reason).at(Some(place)));
+            }
         };
-        let (action, read) = wgpu_text::action(rest).map_err(wrong)?;
         self.advance(read);
         self.count += 1;
         self.skip_trivia();
@@ -91,6 +111,11 @@ impl<'a> Reader<'a> {
             return Err(self.error(format!("expected `,` or `]` after action {number} ({name})")));
         }
         Ok(Some(Step { number, name, place, action }))
+    }
+
+    /// Where the text ends without the end of the list, once [`Reader::step`] has come to its end.
+    pub fn cut(&self) -> Option<&Cut> {
+        self.cut.as_ref()
     }
 
     fn skip_trivia(&mut self) {
@@ -115,6 +140,61 @@ impl<'a> Reader<'a> {
     fn error(&self, reason: impl std::fmt::Display) -> TraceError {
         TraceError::new(self.file, reason).at(Some(self.place))
     }
+}
+
+/// Whether an action that does not end is the last: the recorder begins each on a line of its own, and the list ends with one. What else does not
+/// end is damaged.
+fn is_last(rest: &str) -> bool {
+    let mut lines = rest.lines().skip(1);
+    !lines.any(|line| line == "]" || line.starts_with(|c: char| c.is_ascii_uppercase()))
+}
+
+/// Whether a text ends inside the action at its beginning: in its name, in brackets that are not closed, in a string or in a comment.
+fn ends_inside(rest: &str) -> bool {
+    let bytes = rest.as_bytes();
+    let (mut at, mut depth, mut opened) = (0, 0u32, false);
+    while at < bytes.len() {
+        let next = bytes.get(at + 1).copied();
+        match bytes[at] {
+            b'(' | b'[' | b'{' => {
+                depth += 1;
+                opened = true;
+            }
+            b')' | b']' | b'}' => {
+                depth = depth.saturating_sub(1);
+                if depth == 0 {
+                    return false;
+                }
+            }
+            b'/' if next == Some(b'/') => at += rest[at..].find('\n').unwrap_or(rest.len() - at),
+            b'/' if next == Some(b'*') => match block_comment(&rest[at..]) {
+                Some(length) => at += length - 1,
+                None => return true,
+            },
+            b'"' => {
+                let raw = rest[..at].trim_end_matches('#');
+                let hashes = at - raw.len();
+                if raw.ends_with('r') {
+                    let end = format!("\"{}", "#".repeat(hashes));
+                    match rest[at + 1..].find(&end) {
+                        Some(length) => at += length + end.len(),
+                        None => return true,
+                    }
+                } else {
+                    at += 1;
+                    while at < bytes.len() && bytes[at] != b'"' {
+                        at += if bytes[at] == b'\\' { 2 } else { 1 };
+                    }
+                    if at >= bytes.len() {
+                        return true;
+                    }
+                }
+            }
+            _ => {}
+        }
+        at += 1;
+    }
+    depth > 0 || !opened
 }
 
 /// What is wrong with an action. Of up to fifty valid names the message gives only the nearest.

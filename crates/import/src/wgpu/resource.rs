@@ -1,32 +1,38 @@
 //! Resources: buffers, textures, views, samplers, query sets, bind groups, surfaces.
 
 use gfx::state::{SamplerDesc, TextureDimension, ViewDimension};
-use num::TextureId;
+use num::{BindGroupId, QuerySetId, SamplerId};
+use trace::check::{OBJECT_MAX, rules};
 use trace::command::*;
 
-use super::copy;
 use super::objects::*;
 use super::translate::Translator;
+use super::{copy, refuse};
 use wgpu_text::{self as schema, Id};
 
 /// The largest anisotropy: wgpu clamps greater values.
 const ANISOTROPY_MAX: u16 = 16;
 
 impl Translator {
-    pub(super) fn create_buffer(&mut self, id: Id, desc: schema::BufferDescriptor) -> Result<(), Reason> {
-        let native = self.objects.new_buffer();
-        let old = self.objects.buffers.set(id, Buffer { id: native, size: desc.size });
-        self.gone(old.map(|old| Object::Buffer(old.id)));
-        self.emit(Command::CreateBuffer { id: native, size: desc.size, label: desc.label });
-        Ok(())
+    pub(super) fn create_buffer(&mut self, desc: schema::BufferDescriptor) -> Result<Buffer, Reason> {
+        if desc.size > OBJECT_MAX {
+            return Err(format!("a buffer of {} bytes is not supported, only {OBJECT_MAX} at most", desc.size).into());
+        }
+        let id = self.objects.new_buffer();
+        self.emit(Command::CreateBuffer { id, size: desc.size, label: desc.label });
+        Ok(Buffer { id, size: desc.size, writable: desc.usage.has("COPY_DST") })
     }
 
-    pub(super) fn write_buffer(&mut self, id: Id, data: schema::Data, offset: u64, size: u64) -> Result<(), Reason> {
+    /// A write of the queue, or of a buffer that was mapped.
+    pub(super) fn write_buffer(
+        &mut self,
+        id: Id,
+        data: schema::Data,
+        (offset, size): (u64, u64),
+        queued: bool,
+    ) -> Result<(), Reason> {
         let buffer = *self.objects.buffers.get(id)?;
-        if offset.checked_add(size).is_none_or(|end| end > buffer.size) {
-            let bytes = buffer.size;
-            return Err(format!("{size} bytes at offset {offset} reach past the end of the buffer of {bytes} bytes"));
-        }
+        refuse::buffer_write(&buffer, offset, size, queued)?;
         if size > 0 {
             let data = self.blobs.add_prefix(&mut self.builder, data, size)?;
             self.emit(Command::WriteBuffer { id: buffer.id, offset, data });
@@ -34,39 +40,46 @@ impl Translator {
         Ok(())
     }
 
-    pub(super) fn create_texture(&mut self, id: Id, desc: schema::TextureDescriptor) -> Result<(), Reason> {
+    pub(super) fn create_texture(&mut self, desc: schema::TextureDescriptor) -> Result<Texture, Reason> {
         check_samples(desc.sample_count)?;
         let native = TextureDesc {
             dimension: desc.dimension.into(),
             size: desc.size.into(),
             levels: desc.mip_level_count,
             samples: desc.sample_count,
-            format: desc.format.0,
+            format: desc.format.known()?,
             opaque: false,
         };
-        self.new_texture(id, native, desc.label);
-        Ok(())
+        refuse::texture(&native, &self.limits)?;
+        self.new_texture(native, desc.label, desc.usage.has("COPY_DST"))
     }
 
-    fn new_texture(&mut self, id: Id, desc: TextureDesc, label: Option<String>) -> TextureId {
-        let native = self.objects.new_texture();
-        let old = self.objects.textures.set(id, Texture { id: native, desc: desc.clone() });
-        self.gone(old.map(|old| Object::Texture(old.id)));
-        self.emit(Command::CreateTexture { id: native, desc, label });
-        native
+    fn new_texture(&mut self, desc: TextureDesc, label: Option<String>, writable: bool) -> Result<Texture, Reason> {
+        rules::texture(&desc)?;
+        let id = self.objects.new_texture();
+        self.emit(Command::CreateTexture { id, desc: desc.clone(), label });
+        Ok(Texture { id, desc, writable })
     }
 
     /// For each frame a surface gives out a texture without contents.
-    pub(super) fn acquire(&mut self, id: Id, surface: Id) -> Result<(), Reason> {
-        let state = self.objects.surfaces.surface(surface);
-        let Some(desc) = state.desc.clone() else {
-            return Err("the surface gives out a texture, but was never configured".into());
+    pub(super) fn acquire(&mut self, id: Id, surface: Id) -> Result<Texture, Reason> {
+        let Some(textures) = self.objects.surface(surface).textures.clone() else {
+            return Err(Reason::Damaged("the surface gives out a texture, but was never configured".into()));
         };
-        let old = state.acquired.take();
-        self.gone(old.map(Object::Texture));
-        let native = self.new_texture(id, desc, Some("surface".into()));
-        self.objects.surfaces.surface(surface).acquired = Some(native);
-        Ok(())
+        let made = match textures.desc {
+            Ok(desc) => self.new_texture(desc, Some("surface".into()), textures.writable),
+            Err(refusal) => Err(Reason::Invalid(refusal)),
+        };
+        let texture = match &made {
+            Ok(texture) => Ok(texture.id),
+            Err(Reason::Invalid(refusal)) => Err(refusal.clone()),
+            Err(Reason::Refused(reason)) => Err(self.refusal("surface texture", reason.clone())),
+            Err(Reason::Damaged(_) | Reason::Data(_)) => return made,
+        };
+        let acquired = Acquired { id, texture, configuration: textures.number, destroyed: false };
+        let old = self.objects.surface(surface).acquired.replace(acquired);
+        self.gone(old.and_then(|old| old.texture.ok()).map(Object::Texture));
+        made
     }
 
     pub(super) fn write_texture(
@@ -76,20 +89,22 @@ impl Translator {
         layout: schema::TexelCopyBufferLayout,
         size: schema::Extent3d,
     ) -> Result<(), Reason> {
-        let format = self.objects.textures.get(to.texture)?.desc.format;
+        let texture = self.objects.textures.get(to.texture)?.clone();
         let to = self.texture_end(to)?;
         let layout = copy::layout(layout);
         let size: [u32; 3] = size.into();
-        let needed = copy::bytes_needed(format, to.aspect, layout, size)?;
-        if size.contains(&0) {
-            return Ok(());
+        let needed = refuse::texture_write(&texture, &to, layout, size)?;
+        let (blob, length) = self.blobs.add(&mut self.builder, data)?;
+        if length < needed {
+            return Err(format!("{needed} bytes are needed, data {blob:?} has {length}").into());
         }
-        let data = self.blobs.add_prefix(&mut self.builder, data, needed)?;
-        self.emit(Command::WriteTexture { to, data, layout, size });
+        if !size.contains(&0) {
+            self.emit(Command::WriteTexture { to, data: Data { blob, offset: 0, size: needed }, layout, size });
+        }
         Ok(())
     }
 
-    pub(super) fn create_view(&mut self, id: Id, parent: Id, desc: schema::TextureViewDescriptor) -> Result<(), Reason> {
+    pub(super) fn create_view(&mut self, parent: Id, desc: schema::TextureViewDescriptor) -> Result<View, Reason> {
         let texture = self.objects.textures.get(parent)?;
         let (parent, of) = (texture.id, texture.desc.clone());
         let range = desc.range;
@@ -103,7 +118,7 @@ impl Translator {
         };
         let levels = range.mip_level_count.unwrap_or_else(|| of.levels.saturating_sub(range.base_mip_level));
         let native = ViewDesc {
-            format: desc.format.map(|format| format.0).filter(|&format| format != of.format),
+            format: desc.format.map(|format| format.known()).transpose()?.filter(|&format| format != of.format),
             dimension: Some(dimension),
             aspect: copy::aspect(range.aspect)?,
             base_level: range.base_mip_level,
@@ -111,14 +126,13 @@ impl Translator {
             base_layer: range.base_array_layer,
             layers: if layered { Some(range.array_layer_count.unwrap_or(layers)) } else { range.array_layer_count },
         };
-        let view = self.objects.new_view();
-        let old = self.objects.views.set(id, View { id: view, format: of.format });
-        self.gone(old.map(|old| Object::View(old.id)));
-        self.emit(Command::CreateView { id: view, texture: parent, desc: native });
-        Ok(())
+        rules::view(parent, &of, &native)?;
+        let id = self.objects.new_view();
+        self.emit(Command::CreateView { id, texture: parent, desc: native });
+        Ok(View { id, format: of.format })
     }
 
-    pub(super) fn create_sampler(&mut self, id: Id, desc: schema::SamplerDescriptor) -> Result<(), Reason> {
+    pub(super) fn create_sampler(&mut self, desc: schema::SamplerDescriptor) -> Result<SamplerId, Reason> {
         let native = SamplerDesc {
             address: desc.address_modes.map(Into::into),
             mag: desc.mag_filter.into(),
@@ -130,40 +144,36 @@ impl Translator {
             anisotropy: desc.anisotropy_clamp.clamp(1, ANISOTROPY_MAX),
             border: desc.border_color.map(Into::into).unwrap_or_default(),
         };
-        let sampler = self.objects.new_sampler();
-        let old = self.objects.samplers.set(id, sampler);
-        self.gone(old.map(Object::Sampler));
-        self.emit(Command::CreateSampler { id: sampler, desc: native });
-        Ok(())
+        rules::sampler(&native)?;
+        let id = self.objects.new_sampler();
+        self.emit(Command::CreateSampler { id, desc: native });
+        Ok(id)
     }
 
-    pub(super) fn create_query_set(&mut self, id: Id, desc: schema::QuerySetDescriptor) -> Result<(), Reason> {
+    pub(super) fn create_query_set(&mut self, desc: schema::QuerySetDescriptor) -> Result<QuerySetId, Reason> {
         let kind = match desc.ty {
             schema::QueryType::Occlusion => QueryKind::Occlusion,
             schema::QueryType::Timestamp => QueryKind::Timestamp,
             schema::QueryType::PipelineStatistics(flags) => QueryKind::PipelineStatistics(statistics(&flags)?),
         };
-        let set = self.objects.new_query_set();
-        let old = self.objects.query_sets.set(id, set);
-        self.gone(old.map(Object::QuerySet));
-        self.emit(Command::CreateQuerySet { id: set, kind, count: desc.count });
-        Ok(())
+        rules::query_set(kind, desc.count)?;
+        let id = self.objects.new_query_set();
+        self.emit(Command::CreateQuerySet { id, kind, count: desc.count });
+        Ok(id)
     }
 
-    pub(super) fn create_bind_group(&mut self, id: Id, desc: schema::BindGroupDescriptor) -> Result<(), Reason> {
+    pub(super) fn create_bind_group(&mut self, desc: schema::BindGroupDescriptor) -> Result<BindGroupId, Reason> {
         let layout = self.objects.group_layouts.get(desc.layout)?.id;
         let mut entries = Vec::with_capacity(desc.entries.len());
         for entry in desc.entries {
             let binding = entry.binding;
-            let resource = self.bound(entry.resource).map_err(|reason| format!("binding {binding}: {reason}"))?;
+            let resource = self.bound(entry.resource).map_err(|reason| reason.within(format_args!("binding {binding}")))?;
             entries.push(BindGroupEntry { binding, resource });
         }
         entries.sort_by_key(|entry| entry.binding);
-        let group = self.objects.new_bind_group();
-        let old = self.objects.bind_groups.set(id, group);
-        self.gone(old.map(Object::BindGroup));
-        self.emit(Command::CreateBindGroup { id: group, layout, entries });
-        Ok(())
+        let id = self.objects.new_bind_group();
+        self.emit(Command::CreateBindGroup { id, layout, entries });
+        Ok(id)
     }
 
     fn bound(&self, resource: schema::BindingResource) -> Result<BoundResource, Reason> {
@@ -196,7 +206,7 @@ impl Translator {
 pub(super) fn check_samples(count: u32) -> Result<(), Reason> {
     match count {
         1 | 4 => Ok(()),
-        _ => Err(format!("sample count {count} is not supported, only 1 and 4 are")),
+        _ => Err(format!("sample count {count} is not supported, only 1 and 4 are").into()),
     }
 }
 
@@ -210,7 +220,7 @@ fn statistics(flags: &str) -> Result<u8, Reason> {
             "CLIPPER_PRIMITIVES_OUT" => 4,
             "FRAGMENT_SHADER_INVOCATIONS" => 8,
             "COMPUTE_SHADER_INVOCATIONS" => 16,
-            _ => return Err(format!("pipeline statistic {flag:?} is not supported")),
+            _ => return Err(format!("pipeline statistic {flag:?} is not supported").into()),
         };
     }
     Ok(bits)
