@@ -6,9 +6,10 @@ use anyhow::{Result, bail};
 
 use super::Verdict;
 use crate::import;
+use crate::render::{Frames, Image, Inspection, inspect};
 use crate::report::summary::{bytes, grouped};
-use crate::trace::check;
 use crate::trace::command::{Command, ShaderSource};
+use crate::trace::{Summary, Trace, check};
 
 /// Show what is in a trace, and check it
 #[derive(clap::Args)]
@@ -24,6 +25,9 @@ pub struct Arguments {
     /// Print the WGSL that the fixed functions and programs of an OpenGL recording became, each once
     #[arg(long)]
     shaders: bool,
+    /// List the limits that a recorded wgpu program asked of its device
+    #[arg(long)]
+    device_limits: bool,
     /// Print the counts as JSON
     #[arg(long)]
     json: bool,
@@ -31,10 +35,14 @@ pub struct Arguments {
 
 pub fn run(arguments: &Arguments) -> Result<Verdict> {
     let (trace, report) = arguments.reading.open_reported(&arguments.trace)?;
-    let summary = check(&trace)?;
+    let inspection = inspected(&trace)?;
+    let summary = &inspection.summary;
+    let verdict = if inspection.refused.is_empty() { Verdict::Done } else { Verdict::Failed };
+    let origin = trace.origin();
     if arguments.json {
-        super::say_json(&summary)?;
-        return Ok(Verdict::Done);
+        super::say_json(summary)?;
+        inspection.refused.iter().for_each(|error| eprintln!("will be refused: {error}"));
+        return Ok(verdict);
     }
     println!(
         "{}: {} trace",
@@ -81,6 +89,26 @@ pub fn run(arguments: &Arguments) -> Result<Verdict> {
             }
         }
     }
+    println!("{}", what_frames_are(&inspection, summary));
+    for (name, value) in &origin.facts {
+        println!("{name}: {value}");
+    }
+    for (heading, errors) in [("will be refused", &inspection.refused), ("cannot be made, and is not used", &inspection.unused)]
+    {
+        errors.iter().for_each(|error| println!("{heading}: {error}"));
+    }
+    let (skips, skipped) = origin.skipped();
+    skipped.iter().for_each(|line| println!("left out (failed when it was recorded, or not supported and not used): {line}"));
+    if skips > skipped.len() as u64 {
+        println!("left out: {} more", grouped(skips - skipped.len() as u64));
+    }
+    for warning in &origin.warnings {
+        println!("warning: {warning}");
+    }
+    if arguments.device_limits && !origin.details.is_empty() {
+        println!("limits asked for:");
+        origin.details.iter().for_each(|(name, value)| println!("  {name:<56}{value:>12}"));
+    }
     if arguments.shaders {
         let Some(report) = &report else { bail!("--shaders: {} is no OpenGL recording", arguments.trace.display()) };
         for (label, text) in &report.shaders {
@@ -93,7 +121,41 @@ pub fn run(arguments: &Arguments) -> Result<Verdict> {
             anyhow::Ok(())
         })?;
     }
-    Ok(Verdict::Done)
+    Ok(verdict)
+}
+
+/// What is in a trace. Where its commands are made while they are read, they are checked, and nothing is compiled: what such a recording asks
+/// for and is not supported is in its report.
+fn inspected(trace: &Trace) -> Result<Inspection> {
+    if !trace.is_stream() {
+        return Ok(inspect(trace)?);
+    }
+    let summary = check(trace)?;
+    let frames = if summary.presented.is_some() { Frames::Presents } else { Frames::None };
+    Ok(Inspection { summary, frames, refused: Vec::new(), unused: Vec::new() })
+}
+
+/// A line about what frames show.
+fn what_frames_are(inspection: &Inspection, summary: &Summary) -> String {
+    let image = |image: &Image| {
+        let label = image.label.as_ref().map_or(String::new(), |label| format!(" {label:?}"));
+        let (level, layer) = image.part;
+        let part = if image.part == (0, 0) { String::new() } else { format!(", level {level}, layer {layer}") };
+        let [width, height] = image.size;
+        format!("texture {}{label}{part}: {width}x{height}, {}", image.texture, image.format)
+    };
+    match &inspection.frames {
+        Frames::Presents => "a frame is what is drawn until a present, and shows what is presented".into(),
+        Frames::Copied(from) => format!(
+            "nothing is presented: the trace is one frame, which shows what the last copy from a texture to a buffer reads, {}",
+            image(from)
+        ),
+        Frames::Drawn(target) => {
+            format!("nothing is presented: the trace is one frame, which shows the last colour target, {}", image(target))
+        }
+        Frames::None if summary.draws_nothing() => "nothing is drawn: there is no pass and no picture".into(),
+        Frames::None => "nothing is presented, and no colour target is drawn: the trace is one frame without a picture".into(),
+    }
 }
 
 /// A command on one line, cut where it gets long.

@@ -60,6 +60,7 @@ impl Reading {
     }
 
     fn supported(&self, path: &Path, (trace, report): (Trace, Option<Report>)) -> Result<Trace> {
+        warn_of_recording(path, &trace);
         if let Some(refusal) = report.and_then(|report| report.refusal()) {
             if !self.lenient {
                 return Err(import::gl::unsupported(path, &refusal).into());
@@ -111,6 +112,22 @@ impl Reading {
             window: self.window,
             in_memory: None,
         })
+    }
+}
+
+/// Says what a recording lacks: its end, or actions that its program's own driver refused.
+fn warn_of_recording(path: &Path, trace: &Trace) {
+    let origin = trace.origin();
+    for warning in &origin.warnings {
+        eprintln!("warning: {}: {warning}", path.display());
+    }
+    if let (count, [first, ..]) = origin.skipped() {
+        let actions = if count == 1 { "1 action is".to_owned() } else { format!("{count} actions are, the first of them") };
+        eprintln!(
+            "warning: {}: left out, since it failed when it was recorded, or since it is not supported and nothing uses what it makes: \
+             {actions} {first}",
+            path.display()
+        );
     }
 }
 

@@ -24,6 +24,7 @@ use crate::run::replay::{Fidelity, Frame, Options, frame_range, no_frames, repla
 use crate::run::sample::Sampling;
 use crate::run::timeline::Timeline;
 use crate::sim::Clock;
+use crate::trace::{Summary, check};
 
 /// Replay a trace on a configured card: images, statistics, a short report
 #[derive(clap::Args)]
@@ -349,6 +350,12 @@ pub fn run(arguments: &Arguments) -> Result<Verdict> {
     if seen.frames == 0 {
         bail!("the trace has {}", no_frames(&trace, &options.frames)?);
     }
+    // Rare, so that the trace is read once more to know.
+    let without_picture = if seen.has_picture() { None } else { Some(check(&trace)?) };
+    let nothing = without_picture.as_ref().is_some_and(Summary::draws_nothing);
+    if nothing && let Some(path) = &arguments.report {
+        bail!("{}: the trace draws nothing, so that there is no frame to show in a page", path.display());
+    }
     let replayed = done.sampled.as_ref().map_or(seen.frames as u64, |sampled| sampled.frames);
     if options.frames.end != u32::MAX && replayed < options.frames.len() as u64 {
         let last = u64::from(options.frames.start) + replayed - 1;
@@ -370,7 +377,16 @@ pub fn run(arguments: &Arguments) -> Result<Verdict> {
             report::Subject { statistics, picture, config: Some(options.config.clone()), command: Some(report::given()) };
         subject.write(path, Some(&trace), arguments.why)?;
     }
-    println!("{name} on {}: {}", options.config.name, terminal::report(&done, &mut seen, &options, &changed));
+    if nothing {
+        println!(
+            "{name}: nothing is drawn: the trace has no pass and presents nothing, so that there is no picture and nothing to time"
+        );
+    } else {
+        println!("{name} on {}: {}", options.config.name, terminal::report(&done, &mut seen, &options, &changed));
+        if without_picture.is_some_and(|summary| summary.render_passes == 0 && summary.presented.is_none()) {
+            println!("there is no picture: no pass draws, and nothing is presented");
+        }
+    }
     if let Some(out) = &arguments.out {
         println!("written to {}", out.display());
     }

@@ -45,6 +45,11 @@ impl Seen {
         }
     }
 
+    /// Whether a frame that has left shows a picture.
+    pub fn has_picture(&self) -> bool {
+        self.pictures.is_some()
+    }
+
     /// The pictures that the counts of a replay are of. Where frames were sampled these are all frames of the sequence, and those that were
     /// reported are taken to show as many pictures as the others.
     fn pictures_counted(&self, done: &Outcome) -> Option<Pictures> {

@@ -27,6 +27,7 @@ mod images;
 mod notebook;
 mod pages;
 mod recorded_scenes;
+mod recordings;
 mod report;
 mod scenes;
 mod sweep;
