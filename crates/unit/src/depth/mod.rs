@@ -200,7 +200,7 @@ impl Depth {
         memory: &mut Touching,
     ) -> Option<DepthBounds> {
         let left = self.cache.visit(frame, at, written, memory);
-        match left.filter(|_| self.tells(HierarchicalUpdate::Eviction)) {
+        match left.filter(|&(surface, _)| surface == at.0 && self.tells(HierarchicalUpdate::Eviction)) {
             Some((surface, block)) => Some(bounds(&frame.stores[surface], block, pass)),
             None if written && self.tells(HierarchicalUpdate::Write) => Some(bounds(&frame.stores[at.0], at.1, pass)),
             None => None,
@@ -236,7 +236,9 @@ impl Depth {
             Ahead::Nothing => Quads::ANY,
         };
         let place = self.cache.pin(frame, surface, group.block, quads, &mut left)?;
-        if let Some((surface, block)) = left
+        // A block of another surface, kept from a pass before, says nothing of this one's depths.
+        if let Some((left, block)) = left
+            && left == surface
             && self.tells(HierarchicalUpdate::Eviction)
         {
             self.bounds.push_back(bounds(&frame.stores[surface], block, pass_number));
