@@ -387,8 +387,7 @@ impl Readings {
         let number = end.as_ref().map_or(0, |end| end.number);
         let picture = end.and_then(|end| {
             let shown = end.shown?;
-            let own = machine.card.frame.find(shown.key).filter(|_| end.drawn);
-            Some(match own.map(|index| &machine.card.frame.stores[index]) {
+            Some(match machine.card.drawn_picture(&end) {
                 Some(store) => {
                     let bytes = store.to_bytes();
                     let wrong_pixels = store.differing(&bytes, &end.reference);

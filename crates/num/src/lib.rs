@@ -26,6 +26,10 @@ pub use prefetch::prefetch;
 pub use random::{Random, hash};
 pub use words::{NoMemory, Words};
 
+/// The end of a message in which one part of the program contradicts another. No trace and no configuration is to blame for it.
+pub const OUR_FAULT: &str = "This is a fault of Fillrate, not of the trace. Please report it with the trace, the configuration, the output \
+                             of `fillrate --version` and the command line.";
+
 /// A point in simulated time: clock edges of the card since the start of the replay.
 pub type Cycle = u64;
 

@@ -3,14 +3,14 @@
 use gfx::format::{Format, TexelKind};
 use gfx::state::TextureDimension;
 use gfx::texel;
-use num::TextureId;
-use work::{Contents, Event, Surface};
+use num::{OUR_FAULT, TextureId};
+use work::{Aspects, Contents, Event, Surface, SurfaceKey};
 
 use super::execute::{Fault, Renderer};
 use super::flight::{Source, Tiles};
 use super::ledger::Claim;
 use super::resources::{ImageState, Resources};
-use super::surface::{ALL, Shape, TileSurface, aspect_masks};
+use super::surface::{ALL, Shape, TileSurface};
 
 /// Where an attachment's image is.
 #[derive(Clone, Copy, Debug)]
@@ -20,36 +20,37 @@ pub(super) struct Place {
     pub layer: u32,
 }
 
-/// What a pass keeps of an attachment; the rest becomes zeros, as WebGPU has it.
-#[derive(Clone, Copy, Debug)]
-pub(super) struct Keep {
-    /// Colour, or depth.
-    pub main: bool,
-    /// Stencil.
-    pub stencil: bool,
+impl Place {
+    /// The image's name among surfaces.
+    pub fn key(self) -> SurfaceKey {
+        SurfaceKey { texture: self.texture.0, level: self.level, layer: self.layer }
+    }
 }
 
-impl Keep {
-    /// Whether anything is kept.
-    pub fn any(self) -> bool {
-        self.main || self.stencil
-    }
+/// The aspects of an attachment's format that a pass keeps. What it does not keep becomes zeros, as WebGPU has it.
+pub(super) fn kept(keeps: Aspects, format: Format) -> Aspects {
+    keeps.and(Aspects::of(format))
+}
 
-    /// The bits of stored texels that are lost though others are kept. Colours have no such parts.
-    pub fn lost(self, format: Format) -> [u32; 4] {
-        let (depth, stencil) = aspect_masks(format);
-        let lost = |kept: bool, bits: u32| if kept || !self.any() { 0 } else { bits };
-        std::array::from_fn(|w| lost(self.main, depth[w]) | lost(self.stencil, stencil[w]))
+/// The bits of stored texels that are lost though the other aspect is kept.
+pub(super) fn lost(keeps: Aspects, format: Format) -> [u32; 4] {
+    let (depth, stencil) = texel::aspect_masks(format);
+    let kept = kept(keeps, format);
+    let lost = |kept: bool, bits: u32| if kept { 0 } else { bits };
+    match kept.any() {
+        true => std::array::from_fn(|w| lost(kept.main, depth[w]) | lost(kept.stencil, stencil[w])),
+        false => [0; 4],
     }
+}
 
-    /// Clears what is not kept.
-    pub fn apply(self, tiles: &mut TileSurface) {
-        let lost = self.lost(tiles.shape().format);
-        if !self.any() {
-            tiles.clear([0; 4]);
-        } else if lost != [0; 4] {
-            tiles.clear_masked([0; 4], lost);
-        }
+/// Clears what a pass does not keep of an attachment.
+pub(super) fn discard(keeps: Aspects, tiles: &mut TileSurface) {
+    let format = tiles.shape().format;
+    let lost = lost(keeps, format);
+    if !kept(keeps, format).any() {
+        tiles.clear([0; 4]);
+    } else if lost != [0; 4] {
+        tiles.clear_masked([0; 4], lost);
     }
 }
 
@@ -132,55 +133,35 @@ pub(super) fn take_tiles(res: &mut Resources, place: Place, clearing: Clearing) 
     Ok(Source::Tiles(tiles))
 }
 
-/// Puts an image's contents back after a pass; whether they were kept ([`Keep`]). A claim replaces that of the tiles that the image had.
-pub(super) fn put_tiles(
-    renderer: &mut Renderer<'_, '_>,
-    place: Place,
-    tiles: Tiles,
-    keep: bool,
-    claim: Option<Claim>,
-) -> Result<(), Fault> {
-    let followed = renderer.recording();
-    let texture = renderer.res.textures.get_mut(place.texture.0)?;
+/// Puts an image's contents back after a pass. A claim replaces that of the tiles that the image had.
+pub(super) fn put_tiles(res: &mut Resources, place: Place, tiles: Tiles, claim: Option<Claim>) -> Result<(), Fault> {
+    let texture = res.textures.get_mut(place.texture.0)?;
     texture.version += 1;
     let state = texture.images.get_or_insert_with((place.level, place.layer), ImageState::default);
     (state.tiles, state.stored) = (Some(tiles), false);
     if claim.is_some() {
         state.working = claim;
     }
-    // What a pass did not keep is zeros here and whatever it was in the machine: the machine must be told before it loads.
-    state.machine_knows = followed && keep;
-    state.drawn = keep;
     Ok(())
 }
 
-/// Tells a machine the contents of an attachment that it is about to load and cannot know.
+/// Hands a machine the contents of an attachment of which a pass is about to load some aspects, where its stores do not hold these.
 pub(super) fn announce(
     renderer: &mut Renderer<'_, '_>,
-    place: Place,
     surface: &Surface,
-    loads: bool,
-    tiles: Option<&TileSurface>,
+    loads: Aspects,
+    source: &Source,
 ) -> Result<(), Fault> {
-    if !loads || !renderer.recording() {
+    if !renderer.recording() || renderer.res.holdings.holds(surface, loads) {
         return Ok(());
     }
-    let state = renderer
-        .res
-        .textures
-        .get_mut(place.texture.0)?
-        .images
-        .get_or_insert_with((place.level, place.layer), ImageState::default);
-    if state.machine_knows {
-        return Ok(());
-    }
-    state.machine_knows = true;
-    if let Some(tiles) = tiles {
-        renderer.ledger.bytes.charge(tiles.shape().bytes())?;
-        renderer.ledger.passing("the contents of an attachment", 2 * tiles.shape().bytes())?;
-    }
-    let bytes = tiles.map(TileSurface::to_bytes).unwrap_or_default();
-    renderer.emit(Event::Contents(Contents { surface: *surface, bytes: bytes.into() }))
+    let Some(tiles) = source.tiles() else {
+        return Err(format!("the contents of {:?} are not there yet where work is recorded. {OUR_FAULT}", surface.key).into());
+    };
+    let bytes = tiles.shape().bytes();
+    renderer.ledger.bytes.charge(bytes)?;
+    renderer.ledger.passing("the contents of an attachment", 2 * bytes)?;
+    renderer.emit(Event::Contents(Contents { surface: *surface, bytes: tiles.to_bytes().into() }))
 }
 
 /// A clear value as the bits that `texel::encode` takes.
@@ -190,10 +171,4 @@ pub(super) fn clear_bits(kind: TexelKind, value: [f64; 4]) -> [u32; 4] {
         TexelKind::Sint => c as i32 as u32,
         TexelKind::Float | TexelKind::Depth => (c as f32).to_bits(),
     })
-}
-
-/// A value as the words of a stored texel.
-pub(super) fn stored_words(format: Format, bits: [u32; 4]) -> [u32; 4] {
-    let bytes = texel::encode(format, bits);
-    std::array::from_fn(|i| u32::from_le_bytes(std::array::from_fn(|k| bytes[4 * i + k])))
 }

@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use gfx::image::ImageDesc;
 use gfx::texture::{self, Sampler, ViewRange};
-use num::{BufferId, ViewId, Words};
+use num::{BufferId, TextureId, ViewId, Words};
 use shader::{Binding, BindingKind, BufferRange, Interface, Resource, StorageImage};
 use trace::command::BoundResource;
 
@@ -174,7 +174,7 @@ impl ResolvedBindings {
         for (_, elements) in interface.bindings.iter().zip(self.bindings()).filter(|(binding, _)| binding.written) {
             for held in elements {
                 match held {
-                    Held::Storage { texture, .. } => res.textures.get_mut(*texture)?.overwritten_all(),
+                    Held::Storage { texture, .. } => res.overwritten_all(TextureId(*texture))?,
                     Held::Buffer { buffer, .. } => res.buffers.get(buffer.0)?.changed(),
                     Held::Texture { .. } | Held::Sampler(_) => {}
                 }

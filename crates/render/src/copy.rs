@@ -7,7 +7,7 @@ use trace::command::*;
 use work::{Event, Transfer, TransferKind};
 
 use super::execute::{Fault, Renderer};
-use super::resources::{ImageState, View};
+use super::resources::View;
 use super::transfer::{Region, clear_image, layers_of};
 
 impl Renderer<'_, '_> {
@@ -95,16 +95,16 @@ impl Renderer<'_, '_> {
                     let layers = layers_of(&image, level, base_layer, view.range.layers).len() as u64;
                     self.moves(layers * image.layer_bytes(level), 0)?;
                 }
-                let texture = self.res.flushed(id)?;
+                self.res.flushed(id)?;
                 for level in base_level..base_level + view.range.levels {
                     for layer in layers_of(&image, level, base_layer, view.range.layers) {
-                        clear_image(&image, &texture.words, level, layer, aspect);
-                        texture.overwritten(level, layer);
+                        clear_image(&image, &self.res.textures.get(id.0)?.words, level, layer, aspect);
+                        self.res.overwritten(id, level, layer)?;
                         moved.bytes += image.layer_bytes(level);
                     }
                 }
                 moved.kind = TransferKind::Clear;
-                moved.to = Some(texture.address);
+                moved.to = Some(self.res.textures.get(id.0)?.address);
             }
             &Command::WriteTimestamp { set, index } => return self.write_timestamp(set, index),
             &Command::ResolveQuerySet { set: id, first, count, to, to_offset } => {
@@ -142,8 +142,6 @@ impl Renderer<'_, '_> {
 
     fn copy_texture(&mut self, from: &TextureEnd, to: &TextureEnd, size: [u32; 3], moved: &mut Transfer) -> Result<(), Fault> {
         let (source, source_words, source_address) = self.texture_end(from, size, false)?;
-        let knows = self.res.textures.get(from.texture.0)?.images.get((from.level, from.origin[2]));
-        let (knows, drawn) = knows.map_or((false, false), |state| (state.machine_knows, state.drawn));
         let (target, target_words, target_address) = self.texture_end(to, size, true)?;
         // A layer is read whole before it is written.
         self.moves(source.bytes(), source.bytes())?;
@@ -151,15 +149,13 @@ impl Renderer<'_, '_> {
         moved.from = Some(source_address);
         moved.to = Some(target_address);
         moved.bytes = source.bytes();
-        if knows && source.is_whole_image() && target.is_whole_image() {
-            let texture = self.res.textures.get_mut(to.texture.0)?;
-            let state = texture.images.get_or_insert_with((to.level, to.origin[2]), ImageState::default);
-            state.machine_knows = true;
-            state.drawn = drawn;
-            let key = |end: &TextureEnd| {
-                self.res.textures.get(end.texture.0).map(|t| t.surface(end.texture, end.level, end.origin[2]).key)
-            };
-            moved.surfaces = Some((key(from)?, key(to)?));
+        let surface = |end: &TextureEnd| {
+            self.res.textures.get(end.texture.0).map(|texture| texture.surface(end.texture, end.level, end.origin[2]))
+        };
+        let (from, to) = (surface(from)?, surface(to)?);
+        if source.is_whole_image() && target.is_whole_image() && self.res.holdings.can_copy(&from, &to) {
+            self.claim_images(&to)?;
+            moved.surfaces = Some((from, to));
         }
         Ok(())
     }
@@ -167,12 +163,13 @@ impl Renderer<'_, '_> {
     /// One end of a copy: the box, the texture's bytes brought up to date, and the address of the image.
     fn texture_end(&mut self, end: &TextureEnd, size: [u32; 3], written: bool) -> Result<(Region, Arc<Words>, u64), Fault> {
         let region = Region::new(&self.res.textures.get(end.texture.0)?.image, end, size)?;
-        let texture = self.res.flushed(end.texture)?;
+        self.res.flushed(end.texture)?;
         if written {
             for layer in region.layers() {
-                texture.overwritten(end.level, layer);
+                self.res.overwritten(end.texture, end.level, layer)?;
             }
         }
+        let texture = self.res.textures.get(end.texture.0)?;
         let address = texture.surface(end.texture, end.level, end.origin[2]).address;
         Ok((region, texture.words.clone(), address))
     }

@@ -384,6 +384,9 @@ impl<'t, 's> Renderer<'t, 's> {
         if !self.in_range() {
             return Ok(());
         }
+        if self.recording() {
+            self.res.holdings.apply(&event).map_err(|wrong| wrong.to_string())?;
+        }
         let piece = match &event {
             // Counts alone are small, and the picture has its own claim.
             Event::Segment(_) if !self.recording() => 0,
@@ -553,7 +556,7 @@ impl<'t, 's> Renderer<'t, 's> {
     pub(super) fn begin_frame(&mut self) {
         self.frame += 1;
         if self.options.begins.as_ref().is_some_and(|frames| frames.contains(self.frame)) {
-            self.res.forget_machine();
+            self.res.holdings.forget_all();
         }
     }
 
@@ -579,7 +582,7 @@ impl<'t, 's> Renderer<'t, 's> {
             let texture = self.res.textures.get(id.0)?;
             let surface: Surface = texture.surface(id, level, layer);
             let (address, version, bytes) = (texture.address, texture.version, texture.image.layer_bytes(level));
-            end.drawn = texture.images.get((level, layer)).is_some_and(|state| state.machine_knows && state.drawn);
+            end.drawn = self.res.holdings.is_drawn(&surface);
             end.shown = Some(surface);
             self.ledger.bytes.charge(bytes)?;
             match &self.shown {

@@ -27,9 +27,9 @@ use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
 use std::time::Duration;
 
 use gfx::format::Format;
-use work::Funnel;
+use work::{Aspects, Funnel};
 
-use super::attachments::{Clearing, Keep};
+use super::attachments::{Clearing, discard};
 use super::draw::RenderPass;
 use super::ledger::Ledger;
 use super::queued::{QueuedDraw, Shared};
@@ -83,7 +83,7 @@ struct Attached {
     shape: Shape,
     /// Format in which it is drawn.
     format: Format,
-    keep: Keep,
+    keeps: Aspects,
     /// A texel of which these bits are known when the pass begins.
     value: [u32; 4],
     known: [u32; 4],
@@ -94,7 +94,7 @@ pub(super) struct Boarding {
     pub source: Source,
     /// Format in which it is drawn.
     pub format: Format,
-    pub keep: Keep,
+    pub keeps: Aspects,
 }
 
 /// A pass as it begins.
@@ -216,7 +216,7 @@ impl Flight {
         let (mut starts, mut surfaces, mut attachments) = (Vec::new(), Vec::new(), Vec::new());
         let mut sources: Vec<Arc<Flight>> = Vec::new();
         for boarding in boarding {
-            let Some(Boarding { source, format, keep }) = boarding else {
+            let Some(Boarding { source, format, keeps }) = boarding else {
                 starts.push(None);
                 surfaces.push(None);
                 attachments.push(None);
@@ -239,7 +239,7 @@ impl Flight {
             };
             starts.push(Some(start));
             surfaces.push(tiles);
-            attachments.push(Some(Attached { shape, format, keep, value, known }));
+            attachments.push(Some(Attached { shape, format, keeps, value, known }));
         }
         let begun = sources.is_empty();
         let pass = begun.then(|| begin.pass(&attachments, std::mem::take(&mut surfaces)));
@@ -329,7 +329,7 @@ impl Flight {
         let mut tiles: Vec<_> = ended.color.into_iter().chain([ended.depth]).collect();
         for (tiles, attachment) in tiles.iter_mut().zip(&self.attachments) {
             if let (Some(tiles), Some(attachment)) = (tiles, attachment) {
-                attachment.keep.apply(tiles);
+                discard(attachment.keeps, tiles);
             }
         }
         tiles

@@ -289,7 +289,10 @@ impl Renderer<'_, '_> {
     fn destroy(&mut self, object: Object) -> Result<(), Fault> {
         match object {
             Object::Buffer(id) => drop(self.res.buffers.remove(id.0)?),
-            Object::Texture(id) => drop(self.res.textures.remove(id.0)?),
+            Object::Texture(id) => {
+                drop(self.res.textures.remove(id.0)?);
+                self.res.holdings.forget_texture(id.0);
+            }
             Object::View(id) => drop(self.res.views.remove(id.0)?),
             Object::Sampler(id) => drop(self.res.samplers.remove(id.0)?),
             Object::Shader(id) => drop(self.res.shaders.remove(id.0)?),

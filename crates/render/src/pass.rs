@@ -3,12 +3,13 @@
 use std::sync::Arc;
 
 use gfx::format::Format;
+use gfx::texel;
 use num::QuerySetId;
 use shader::{self, BuiltIn, Interface, Program};
 use trace::command::*;
-use work::{Attachment, Event, Funnel, Load, Pass, Segment, Signature, Surface};
+use work::{Aspects, Attachment, Event, Funnel, Load, Pass, Segment, Signature, Surface};
 
-use super::attachments::{Clearing, Keep, Place, announce, clear_bits, place_of, put_tiles, stored_words, take_tiles};
+use super::attachments::{Clearing, Place, announce, clear_bits, discard, lost, place_of, put_tiles, take_tiles};
 use super::bind::ResolvedBindings;
 use super::draw::{self, BufferRange, IndexRange, RenderPass, Signer};
 use super::execute::{Fault, Renderer, counts};
@@ -26,7 +27,7 @@ struct Bound {
     /// Format in which it is drawn: the view's.
     format: Format,
     resolve: Option<Place>,
-    keep: Keep,
+    keeps: Aspects,
     /// Neither aspect may be written: the texture keeps its contents, and shaders may read it meanwhile.
     read_only: bool,
 }
@@ -100,35 +101,31 @@ impl ActivePass {
             check_extent(&surface)?;
             renderer.claim_images(&surface)?;
             let (load, clearing) = match attachment.clear.map(|value| clear_bits(format.kind(), value)) {
-                Some(bits) => (Load::Clear(bits), Clearing::to(stored_words(format, bits))),
+                Some(bits) => (Load::Clear(bits), Clearing::to(texel::encode_code(format, bits))),
                 None => (Load::Load, Clearing::NONE),
             };
             let tiles = take_tiles(&mut renderer.res, place, clearing)?;
-            let resolve = match attachment.resolve {
-                Some(view) => Some(place_of(renderer, view.0, None)?.0),
-                None => None,
-            };
-            let resolve_surface = match resolve {
-                Some(to) => Some(renderer.res.textures.get(to.texture.0)?.surface(to.texture, to.level, to.layer)),
-                None => None,
-            };
-            announce(renderer, place, &surface, load == Load::Load, tiles.tiles())?;
-            storage.push(Some(tiles));
-            bound.push(Some(Bound {
-                place,
-                format,
-                resolve,
-                keep: Keep { main: attachment.store, stencil: false },
-                read_only: false,
-            }));
-            attachments.push(Some(Attachment {
+            let (mut resolve, mut resolve_surface) = (None, None);
+            if let Some(view) = attachment.resolve {
+                let (to, format) = place_of(renderer, view.0, None)?;
+                let surface = renderer.res.textures.get(to.texture.0)?.surface(to.texture, to.level, to.layer);
+                renderer.claim_images(&surface)?;
+                (resolve, resolve_surface) = (Some(to), Some(Surface { format, ..surface }));
+            }
+            let keeps = Aspects { main: attachment.store, stencil: false };
+            let attachment = Attachment {
                 surface: Surface { format, ..surface },
                 load,
                 store: attachment.store,
                 stencil_load: Load::Load,
                 stencil_store: false,
+                keeps,
                 resolve: resolve_surface,
-            }));
+            };
+            announce(renderer, &attachment.surface, attachment.loads(), &tiles)?;
+            storage.push(Some(tiles));
+            bound.push(Some(Bound { place, format, resolve, keeps, read_only: false }));
+            attachments.push(Some(attachment));
         }
         let mut depth_storage = None;
         let mut depth_bound = None;
@@ -146,34 +143,27 @@ impl ActivePass {
             renderer.claim_images(&surface)?;
             let depth_load = attachment.depth_clear.map_or(Load::Load, |z| Load::Clear([z.to_bits(), 0, 0, 0]));
             let stencil_load = attachment.stencil_clear.map_or(Load::Load, |s| Load::Clear([0, s & 0xff, 0, 0]));
-            let value = [attachment.depth_clear.unwrap_or(0.0).to_bits(), attachment.stencil_clear.unwrap_or(0) & 0xff, 0, 0];
-            let (depth_mask, stencil_mask) = draw::aspect_masks(format);
-            let cleared_bits = |load: Load, bits: u32| if load == Load::Load { 0 } else { bits };
-            let mask =
-                std::array::from_fn(|i| cleared_bits(depth_load, depth_mask[i]) | cleared_bits(stencil_load, stencil_mask[i]));
+            let (value, mask) = texel::depth_stencil_code(format, attachment.depth_clear, attachment.stencil_clear);
+            let (depth_mask, stencil_mask) = texel::aspect_masks(format);
             let whole = (0..4).all(|i| mask[i] == depth_mask[i] | stencil_mask[i]);
-            let clearing = Clearing { mask, value: stored_words(format, value), whole };
-            let tiles = take_tiles(&mut renderer.res, place, clearing)?;
-            announce(renderer, place, &surface, !whole, tiles.tiles())?;
-            depth_storage = Some(tiles);
-            depth_bound = Some(Bound {
-                place,
-                format,
-                resolve: None,
-                keep: Keep {
-                    main: attachment.depth_store || attachment.depth_read_only,
-                    stencil: attachment.stencil_store || attachment.stencil_read_only,
-                },
-                read_only,
-            });
-            depth_attachment = Some(Attachment {
+            let tiles = take_tiles(&mut renderer.res, place, Clearing { mask, value, whole })?;
+            let keeps = Aspects {
+                main: attachment.depth_store || attachment.depth_read_only,
+                stencil: attachment.stencil_store || attachment.stencil_read_only,
+            };
+            let attachment = Attachment {
                 surface,
                 load: depth_load,
                 store: attachment.depth_store && !attachment.depth_read_only,
                 stencil_load,
                 stencil_store: attachment.stencil_store && !attachment.stencil_read_only,
+                keeps,
                 resolve: None,
-            });
+            };
+            announce(renderer, &surface, attachment.loads(), &tiles)?;
+            depth_storage = Some(tiles);
+            depth_bound = Some(Bound { place, format, resolve: None, keeps, read_only });
+            depth_attachment = Some(attachment);
         }
         let (width, height, samples) = extent.ok_or("a render pass without attachments")?;
         let number = renderer.passes;
@@ -200,7 +190,7 @@ impl ActivePass {
             let boarding = bound.iter().chain([&depth_bound]).zip(storage.into_iter().chain([depth_storage]));
             let boarding = boarding.map(|(bound, source)| {
                 let (bound, source) = (bound.as_ref()?, source?);
-                Some(Boarding { source, format: bound.format, keep: bound.keep })
+                Some(Boarding { source, format: bound.format, keeps: bound.keeps })
             });
             Way::Away(renderer.depart(begin, boarding.collect())?)
         } else {
@@ -482,7 +472,7 @@ impl ActivePass {
         let tiles = ended.color.into_iter().chain([ended.depth]);
         let boarding = self.color.iter().chain([&self.depth]).zip(tiles).map(|(bound, tiles)| {
             let (bound, tiles) = (bound.as_ref()?, tiles?);
-            Some(Boarding { source: Source::Tiles(tiles), format: bound.format, keep: bound.keep })
+            Some(Boarding { source: Source::Tiles(tiles), format: bound.format, keeps: bound.keeps })
         });
         self.way = Way::Away(renderer.depart(begin, boarding.collect())?);
         Ok(())
@@ -557,6 +547,13 @@ impl ActivePass {
             Way::Away(departure) => departure.end().into_iter().map(|away| away.map(Tiles::Away)).collect(),
             Way::Over => Vec::new(),
         };
+        if !renderer.recording() {
+            // A machine does not see what this pass has written.
+            let places = self.color.iter().chain([&self.depth]).flatten().filter(|bound| !bound.read_only);
+            for place in places.flat_map(|bound| [Some(bound.place), bound.resolve]).flatten() {
+                renderer.res.holdings.forget(place.key());
+            }
+        }
         for (bound, tiles) in self.color.iter().chain([&self.depth]).zip(images) {
             let (Some(bound), Some(mut tiles)) = (bound, tiles) else { continue };
             let (Place { texture, level, layer }, shape) = (bound.place, tiles.shape());
@@ -564,22 +561,22 @@ impl ActivePass {
                 if bound.read_only {
                     continue;
                 }
-                if bound.keep.lost(shape.format) != [0; 4] {
+                if lost(bound.keeps, shape.format) != [0; 4] {
                     renderer.ledger.bytes.charge(shape.bytes())?;
                 }
             } else if let (Some(to), Tiles::Here(tiles), Need::Colors) = (bound.resolve, &tiles, self.shared.need) {
                 renderer.ledger.bytes.charge(shape.bytes())?;
                 let single = Shape { samples: 1, ..shape };
                 let claim = renderer.ledger.claim("the resolved samples of an attachment", single.tiled_bytes())?;
-                put_tiles(renderer, to, Tiles::Here(tiles.resolve(bound.format)), true, Some(claim))?;
+                put_tiles(&mut renderer.res, to, Tiles::Here(tiles.resolve(bound.format)), Some(claim))?;
                 renderer.drawn = Some((to.texture, to.level, to.layer));
             } else if shape.samples == 1 {
                 renderer.drawn = Some((texture, level, layer));
             }
             if let Tiles::Here(tiles) = &mut tiles {
-                bound.keep.apply(tiles);
+                discard(bound.keeps, tiles);
             }
-            put_tiles(renderer, bound.place, tiles, bound.keep.any(), None)?;
+            put_tiles(&mut renderer.res, bound.place, tiles, None)?;
         }
         if let Some(PassTimestamps { set, end: Some(index), .. }) = self.timestamps {
             renderer.write_timestamp(set, index)?;

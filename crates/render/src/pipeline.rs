@@ -5,13 +5,12 @@ use gfx::state::{
     BlendFactor, ColorTarget, DepthStencil, Primitive, StencilFace, StencilOp, StepMode, VertexAttribute, VertexBufferLayout,
     VertexFormat,
 };
+use gfx::texel::aspect_masks;
 use gfx::vertex::{ComponentKind, component_kind};
 use host::one_line;
 use shader::{self, BuiltIn, Connection, InputRegister, Interface, Interpolation, Module, Program, Sampling, Scalar, Slot};
 use trace::command::RenderPipelineDesc;
 use work::Needless;
-
-use super::surface::aspect_masks;
 
 /// A vertex attribute that the vertex stage reads.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

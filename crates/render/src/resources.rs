@@ -9,7 +9,7 @@ use gfx::texture::{self, Sampler, ViewRange};
 use num::{BufferId, NoMemory, NumberMap, TextureId, Words};
 use shader::Module;
 use trace::command::{BindGroupEntry, BindingKind, BoundResource, Command, LayoutEntry, QueryKind, ViewDesc};
-use work::{Funnel, Surface, SurfaceKey};
+use work::{Funnel, Holdings, Surface, SurfaceKey};
 
 use super::deferred::Deferred;
 use super::flight::{Flights, Tiles};
@@ -150,10 +150,6 @@ pub struct ImageState {
     pub loaded: bool,
     /// Memory of the tiles, there or in the pass that draws in them.
     pub working: Option<Claim>,
-    /// A machine that follows the event stream has these contents in its own frame buffers.
-    pub machine_knows: bool,
-    /// The last writer was a draw.
-    pub drawn: bool,
 }
 
 /// A texture.
@@ -202,21 +198,11 @@ impl Texture {
     }
 
     /// Notes that something other than a draw has written an image; the words must be flushed before.
-    pub fn overwritten(&mut self, level: u32, layer: u32) {
+    fn overwritten(&mut self, level: u32, layer: u32) {
         self.version += 1;
         if let Some(state) = self.images.get_mut((level, layer)) {
             debug_assert!(state.stored || state.tiles.is_none(), "the newest contents were in tiles");
             (state.tiles, state.working, state.stored) = (None, None, false);
-            state.machine_knows = false;
-            state.drawn = false;
-        }
-    }
-
-    /// Notes that something other than a draw may have written any image.
-    pub fn overwritten_all(&mut self) {
-        self.version += 1;
-        for (level, layer) in self.images.keys() {
-            self.overwritten(level, layer);
         }
     }
 
@@ -460,13 +446,33 @@ pub struct Resources {
     /// Charges of bytes since a draw began to look up its bindings.
     pub charged: Vec<u64>,
     pub flights: Flights,
+    /// What the stores of a machine hold that has taken all events so far.
+    pub holdings: Holdings,
 }
 
 impl Resources {
-    /// Notes that the machine that follows knows no contents of any texture.
-    pub fn forget_machine(&mut self) {
-        let textures = self.textures.objects.values_mut();
-        textures.flat_map(|(texture, _)| texture.images.values_mut()).for_each(|state| state.machine_knows = false);
+    /// Notes that something other than a draw has written an image of a texture; its words must be flushed before.
+    ///
+    /// # Errors
+    /// If the texture does not exist.
+    pub fn overwritten(&mut self, texture: TextureId, level: u32, layer: u32) -> Result<(), String> {
+        self.textures.get_mut(texture.0)?.overwritten(level, layer);
+        self.holdings.forget(SurfaceKey { texture: texture.0, level, layer });
+        Ok(())
+    }
+
+    /// Notes that something other than a draw may have written any image of a texture.
+    ///
+    /// # Errors
+    /// If the texture does not exist.
+    pub fn overwritten_all(&mut self, texture: TextureId) -> Result<(), String> {
+        let of = self.textures.get_mut(texture.0)?;
+        of.version += 1;
+        for (level, layer) in of.images.keys() {
+            of.overwritten(level, layer);
+        }
+        self.holdings.forget_texture(texture.0);
+        Ok(())
     }
 
     /// No objects.
@@ -487,6 +493,7 @@ impl Resources {
             ledger,
             charged: Vec::new(),
             flights: Flights::default(),
+            holdings: Holdings::default(),
         }
     }
 

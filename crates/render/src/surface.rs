@@ -25,23 +25,6 @@ pub fn quad_of(x: u32, y: u32) -> u32 {
     block * 16 + (y % BLOCK / 2) * 4 + x % BLOCK / 2
 }
 
-/// The bits of a stored texel's words that belong to depth, and those that belong to stencil.
-pub fn aspect_masks(format: Format) -> ([u32; 4], [u32; 4]) {
-    let depth = match format {
-        Format::Depth16Unorm => 0xffff,
-        Format::Depth24Plus | Format::Depth24PlusStencil8 => 0x00ff_ffff,
-        Format::Depth32Float | Format::Depth32FloatStencil8 => u32::MAX,
-        _ => 0,
-    };
-    let stencil = match format {
-        Format::Stencil8 => [0xff, 0, 0, 0],
-        Format::Depth24PlusStencil8 => [0xff00_0000, 0, 0, 0],
-        Format::Depth32FloatStencil8 => [0, 0xff, 0, 0],
-        _ => [0; 4],
-    };
-    ([depth, 0, 0, 0], stencil)
-}
-
 /// Shape of a surface.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Shape {
@@ -177,7 +160,7 @@ impl TileSurface {
         self.clear.iter().all(|&clear| clear)
     }
 
-    /// Sets the bits of every texel that `mask` selects (an aspect: see [`aspect_masks`]) and keeps the others.
+    /// Sets the bits of every texel that `mask` selects (an aspect: see [`texel::aspect_masks`](gfx::texel::aspect_masks)) and keeps the others.
     pub fn clear_masked(&mut self, value: [u32; 4], mask: [u32; 4]) {
         let merge = |old: u32, w: usize| old & !mask[w] | value[w] & mask[w];
         let words = self.shape.words();
@@ -295,6 +278,7 @@ impl TileSurface {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use gfx::texel::aspect_masks;
     use num::Words;
 
     fn pattern(shape: Shape, offset: u64) -> (Words, Vec<u8>) {

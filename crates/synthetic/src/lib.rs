@@ -177,6 +177,7 @@ pub fn events(scene: &Scene) -> Vec<Event> {
         store: true,
         stencil_load: Load::Clear([0, 0, 0, 0]),
         stencil_store: true,
+        keeps: Aspects { main: true, stencil: true },
         resolve: None,
     };
     let far = match scene.compare {

@@ -3,7 +3,7 @@
 use std::collections::VecDeque;
 
 use super::frame::{BlockState, Store};
-use gfx::format::{Format, TexelKind};
+use gfx::format::TexelKind;
 use gfx::texel;
 use work::{Attachment, Load};
 
@@ -37,44 +37,28 @@ impl Clears {
     /// values that are all the same.
     pub fn depth(&mut self, store: &mut Store, attachment: &Attachment) {
         let format = attachment.surface.format;
-        let depth = match attachment.load {
-            Load::Clear(value) if format.has_depth() => Some(texel::depth_code(format, f32::from_bits(value[0]))),
-            _ => None,
-        };
-        let mut stencil = match attachment.stencil_load {
-            Load::Clear(value) if format.has_stencil() => Some(value[1] & 0xff),
-            _ => None,
-        };
-        let (mut code, mut mask) = ([0; 2], [0; 2]);
-        // Where depth and stencil lie in the words of a texel.
-        let (depth_mask, stencil_word, shift) = match format {
-            Format::Depth24PlusStencil8 => (0x00ff_ffff, 0, 24),
-            Format::Depth32FloatStencil8 => (u32::MAX, 1, 0),
-            Format::Stencil8 => (0, 0, 0),
-            _ => (u32::MAX, 0, 0),
-        };
-        if let Some(depth) = depth {
-            code[0] |= depth & depth_mask;
-            mask[0] |= depth_mask;
-        }
-        if let Some(stencil) = stencil {
-            code[stencil_word] |= stencil << shift;
-            mask[stencil_word] |= 0xff << shift;
-        }
-        if depth.is_some()
-            && stencil.is_none()
-            && let Some(value) = store.uniform(stencil_word as u32, 0xff << shift).filter(|_| format.has_stencil())
+        let value = |load: Load| if let Load::Clear(value) = load { Some(value) } else { None };
+        let depth = value(attachment.load).map(|value| f32::from_bits(value[0]));
+        let stencil = value(attachment.stencil_load).map(|value| value[1]);
+        let (mut code, mut mask) = texel::depth_stencil_code(format, depth, stencil);
+        let (depth_mask, stencil_mask) = texel::aspect_masks(format);
+        let both: [u32; 4] = std::array::from_fn(|w| depth_mask[w] | stencil_mask[w]);
+        let stencil_word = stencil_mask.iter().position(|&bits| bits != 0);
+        if mask == depth_mask
+            && mask != both
+            && format.has_depth()
+            && let Some(word) = stencil_word
+            && let Some(value) = store.uniform(word as u32, stencil_mask[word])
         {
             // All stencil values are the same: the flag can stand for them, too.
-            code[stencil_word] |= value;
-            mask[stencil_word] |= 0xff << shift;
-            stencil = Some(value);
+            code[word] |= value;
+            mask = both;
         }
-        let whole = (depth.is_some() || !format.has_depth()) && (stencil.is_some() || !format.has_stencil());
+        let whole = mask == both;
         if whole {
-            store.clear([code[0], code[1], 0, 0]);
-        } else if depth.is_some() || stencil.is_some() {
-            store.clear_masked(code, mask);
+            store.clear(code);
+        } else if mask != [0; 4] {
+            store.clear_masked([code[0], code[1]], [mask[0], mask[1]]);
         }
         if whole && format.kind() == TexelKind::Depth {
             self.mark(store);

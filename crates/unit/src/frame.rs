@@ -4,6 +4,7 @@
 //! sees. In a block lie 16 quads row by row; in a quad sample after sample, in a sample word after word, and last the four
 //! pixels. The codes of a quad are one run in the order of coverage bits (`4 sample + pixel`). A texel takes whole words.
 
+use super::card::Fault;
 use super::stamps::Stamps;
 use work::{BLOCK, LINE, Signature, Surface, SurfaceKey};
 
@@ -314,21 +315,20 @@ impl FrameBuffers {
         self.stores.iter().position(|store| store.surface.key == key)
     }
 
-    /// The index of a surface; made of zeros where it is new or has changed its shape.
+    /// The index of a surface; made of zeros where it is new or has changed its shape. The store takes the surface's format: views of one image
+    /// share its texels.
     pub fn surface(&mut self, surface: &Surface) -> usize {
         match self.find(surface.key) {
             Some(index) => {
-                let known = &self.stores[index].surface;
-                let shape = |s: &Surface| (s.format, s.width, s.height, s.samples);
-                if shape(known) != shape(surface) {
-                    let renewals = self.stores[index].renewals.wrapping_add(1);
-                    self.stores[index] = Store { renewals, ..Store::new(*surface) };
-                }
                 let store = &mut self.stores[index];
+                if store.surface.store_shape() != surface.store_shape() {
+                    let renewals = store.renewals.wrapping_add(1);
+                    *store = Store { renewals, ..Store::new(*surface) };
+                }
                 if store.surface.address != surface.address {
-                    store.surface.address = surface.address;
                     store.signatures.forget();
                 }
+                store.surface = *surface;
                 index
             }
             None => {
@@ -358,16 +358,20 @@ impl FrameBuffers {
         }
     }
 
-    /// Makes one surface the copy of another, if the other is known.
-    pub fn copy(&mut self, from: SurfaceKey, to: SurfaceKey) {
-        let (Some(from), Some(to)) = (self.find(from), self.find(to)) else { return };
-        if from != to {
-            let codes = self.stores[from].codes.clone();
-            let target = &mut self.stores[to];
-            if codes.len() == target.codes.len() {
-                target.codes = codes;
-                target.in_memory();
-            }
+    /// Makes one surface the copy of another.
+    ///
+    /// # Errors
+    /// If there is no store of the other, or its texels lie otherwise.
+    pub fn copy(&mut self, from: &Surface, to: &Surface) -> Result<(), Fault> {
+        let source = self.find(from.key).filter(|&index| self.stores[index].surface.store_shape() == to.store_shape());
+        let Some(source) = source else { return Err(Fault::Copy { from: from.key, to: to.key }) };
+        let target = self.surface(to);
+        if source != target {
+            let codes = self.stores[source].codes.clone();
+            let target = &mut self.stores[target];
+            target.codes = codes;
+            target.in_memory();
         }
+        Ok(())
     }
 }

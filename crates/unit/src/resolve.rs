@@ -6,6 +6,7 @@ use super::card::Card;
 use super::frame::{BlockState, FrameBuffers};
 use super::misses::Misses;
 use super::token::{Ack, Kind, Piece};
+use gfx::format::Format;
 use gfx::rop;
 use knob::Allowed;
 use mem::{self, MemoryPort};
@@ -77,14 +78,13 @@ pub(super) fn requests(address: u64, bytes: u32, queue: &mut VecDeque<Operation>
     (queue.len() - before) as u32
 }
 
-/// Resolves a block of one surface into another.
-fn resolve_block(frame: &mut FrameBuffers, from: usize, to: usize, block: u32) {
+/// Resolves a block of one surface into another; the values of both are those of a format.
+fn resolve_block(frame: &mut FrameBuffers, format: Format, from: usize, to: usize, block: u32) {
     if from == to {
         return;
     }
     let (low, high) = frame.stores.split_at_mut(from.max(to));
     let (source, target) = if from < to { (&low[from], &mut high[0]) } else { (&high[0], &mut low[to]) };
-    let format = target.surface.format;
     let samples = source.surface.samples as usize;
     let words = target.words as usize;
     for position in 0..16_u8 {
@@ -139,8 +139,9 @@ impl Unit<Card> for Resolve {
         let Card { pass, frame, .. } = card;
         let pass = pass.as_ref().expect("a pass is ending");
         let location = usize::from(piece.slot);
-        let target = pass.pass.color[location].and_then(|attachment| attachment.resolve);
-        let (Some(from), Some(target)) = (pass.color[location], target) else {
+        let attachment = pass.pass.color[location];
+        let resolved = attachment.and_then(|attachment| Some((attachment.surface.format, attachment.resolve?)));
+        let (Some(from), Some((format, target))) = (pass.color[location], resolved) else {
             wires.pop(&self.input);
             return Tick::Moved;
         };
@@ -156,7 +157,7 @@ impl Unit<Card> for Resolve {
                 did = did.or(Tick::Working);
             } else {
                 let block = self.resolved;
-                resolve_block(frame, from, to, block);
+                resolve_block(frame, format, from, to, block);
                 let store = &mut frame.stores[to];
                 let bytes = store.block_bytes();
                 store.blocks[block as usize] = BlockState::Stored(bytes as u16);

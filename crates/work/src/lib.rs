@@ -11,6 +11,7 @@ mod cost;
 mod draw;
 mod funnel;
 mod groups;
+mod held;
 mod key;
 mod pass;
 pub mod profile;
@@ -22,6 +23,7 @@ pub use cost::{Class, Cost, CostId, CostTable, Point, RequestKind, Span, Step};
 pub use draw::{AttributeFetch, Culling, Draw, ShaderShape, Target};
 pub use funnel::{FUNNEL, Funnel};
 pub use groups::{Dispatch, Groups, Packet};
+pub use held::{Aspects, Holdings, NotHeld, StoreShape};
 pub use key::{Cull, Needless, RenderKey, Shade, Signature};
 pub use pass::{Attachment, Contents, EndFrame, Load, Pass, Sprite, Surface, SurfaceKey, Transfer, TransferKind};
 pub use segment::{

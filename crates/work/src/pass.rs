@@ -4,6 +4,8 @@ use std::sync::Arc;
 
 use gfx::format::Format;
 
+use super::held::Aspects;
+
 /// Names one image of a texture: all samples of one layer (or slice) of one level.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub struct SurfaceKey {
@@ -60,14 +62,24 @@ pub struct Attachment {
     pub surface: Surface,
     /// What it holds at the beginning (colour, or depth).
     pub load: Load,
-    /// Whether the result is kept (colour, or depth).
+    /// Whether the result is written to memory (colour, or depth). That of an aspect that a pass only reads is not.
     pub store: bool,
     /// Stencil: what it holds at the beginning.
     pub stencil_load: Load,
-    /// Stencil: whether the result is kept.
+    /// Stencil: whether the result is written to memory.
     pub stencil_store: bool,
+    /// The aspects that have their contents after the pass, written or only read. The others are zeros then.
+    pub keeps: Aspects,
     /// Where samples are resolved to at the end.
     pub resolve: Option<Surface>,
+}
+
+impl Attachment {
+    /// The aspects that the pass begins with as they were.
+    pub fn loads(&self) -> Aspects {
+        let loads = Aspects { main: self.load == Load::Load, stencil: self.stencil_load == Load::Load };
+        loads.and(Aspects::of(self.surface.format))
+    }
 }
 
 /// A render pass.
@@ -87,6 +99,13 @@ pub struct Pass {
     pub color: Vec<Option<Attachment>>,
     /// Depth and stencil attachment.
     pub depth: Option<Attachment>,
+}
+
+impl Pass {
+    /// All attachments: colours by location, then depth and stencil.
+    pub fn attachments(&self) -> impl Iterator<Item = &Attachment> {
+        self.color.iter().flatten().chain(&self.depth)
+    }
 }
 
 /// What a transfer is.
@@ -116,7 +135,7 @@ pub struct Transfer {
     /// Bytes.
     pub bytes: u64,
     /// Surfaces: this one becomes that one, whole (a texture copy that the machine must repeat in its own frame buffers).
-    pub surfaces: Option<(SurfaceKey, SurfaceKey)>,
+    pub surfaces: Option<(Surface, Surface)>,
 }
 
 /// The end of a frame.

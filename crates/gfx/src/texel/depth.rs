@@ -37,6 +37,41 @@ pub fn depth_value(format: Format, code: u32) -> f32 {
     }
 }
 
+/// The bits of a stored texel's words that belong to depth, and those that belong to stencil.
+pub fn aspect_masks(format: Format) -> ([u32; 4], [u32; 4]) {
+    let depth = match format {
+        Format::Depth16Unorm => 0xffff,
+        Format::Depth24Plus | Format::Depth24PlusStencil8 => 0x00ff_ffff,
+        Format::Depth32Float | Format::Depth32FloatStencil8 => u32::MAX,
+        _ => 0,
+    };
+    let stencil = match format {
+        Format::Stencil8 => [0xff, 0, 0, 0],
+        Format::Depth24PlusStencil8 => [0xff00_0000, 0, 0, 0],
+        Format::Depth32FloatStencil8 => [0, 0xff, 0, 0],
+        _ => [0; 4],
+    };
+    ([depth, 0, 0, 0], stencil)
+}
+
+/// The words of a stored texel of a depth or stencil format with these values, and the bits of the words that the values take. Of a stencil value
+/// the low eight bits count. A value whose aspect the format does not have takes no bits.
+pub fn depth_stencil_code(format: Format, depth: Option<f32>, stencil: Option<u32>) -> ([u32; 4], [u32; 4]) {
+    let (depth_mask, stencil_mask) = aspect_masks(format);
+    let (mut code, mut mask) = ([0; 4], [0; 4]);
+    for w in 0..4 {
+        if let Some(depth) = depth {
+            code[w] |= depth_code(format, depth) & depth_mask[w];
+            mask[w] |= depth_mask[w];
+        }
+        if let Some(stencil) = stencil {
+            code[w] |= stencil.checked_shl(stencil_mask[w].trailing_zeros()).unwrap_or(0) & stencil_mask[w];
+            mask[w] |= stencil_mask[w];
+        }
+    }
+    (code, mask)
+}
+
 /// The stencil value of a texel's bytes; 0 where the format has none.
 ///
 /// # Panics

@@ -16,7 +16,7 @@ mod tests;
 pub use block::decode_block;
 #[allow(unused_imports, reason = "for prepared textures")]
 pub(crate) use block::decode_block_rgba8;
-pub use depth::{depth_code, depth_value, stencil_value, unorm24};
+pub use depth::{aspect_masks, depth_code, depth_stencil_code, depth_value, stencil_value, unorm24};
 pub use pack::{Rgba8, pack_rgba8};
 pub use small_float::{f16_to_f32, f32_to_f16};
 pub(crate) use srgb::Encoder as SrgbEncoder;

@@ -3,6 +3,7 @@
 use std::sync::Arc;
 
 use gfx::format::Format;
+use gfx::texel::aspect_masks;
 use work::{Areas, Event, Funnel};
 
 use super::super::needs::Need;
@@ -15,7 +16,7 @@ use super::signature;
 use super::tile::{self, MAX_COLORS, SegmentInput, TileJob};
 use super::{DrawCall, DrawError, Drawn};
 use crate::parallel;
-use crate::surface::{ALL, TileSurface, aspect_masks};
+use crate::surface::{ALL, TileSurface};
 
 /// Tiles that are not worth other threads.
 const FEW_TILES: usize = 2;

@@ -46,7 +46,6 @@ use super::ledger::Ledger;
 use super::needs::Need;
 use super::pipeline::RenderPipeline;
 
-pub use super::surface::aspect_masks;
 pub use cull::Boxes;
 pub use signature::Signer;
 

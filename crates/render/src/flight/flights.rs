@@ -7,6 +7,7 @@ use std::sync::atomic::Ordering::Relaxed;
 
 use work::Funnel;
 
+use super::super::attachments::{kept, lost};
 use super::super::draw::RenderPass;
 use super::super::ledger::{FLIGHTS, Ledger};
 use super::super::queued::QueuedDraw;
@@ -131,8 +132,8 @@ impl Departure {
         let away = |(slot, attached): (usize, &Option<Attached>)| {
             let attached = attached.as_ref()?;
             let depth = slot + 1 == self.flight.attachments.len();
-            let lost = attached.keep.lost(attached.shape.format);
-            let (value, known) = match (attached.keep.any(), depth) {
+            let lost = lost(attached.keeps, attached.shape.format);
+            let (value, known) = match (kept(attached.keeps, attached.shape.format).any(), depth) {
                 (false, _) => ([0; 4], ALL),
                 // Of colours it is not looked at which draws write them.
                 (true, false) => ([0; 4], [0; 4]),

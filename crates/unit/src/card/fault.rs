@@ -1,10 +1,13 @@
 //! Why a run must stop.
 
+use num::OUR_FAULT;
+use work::{NotHeld, SurfaceKey};
+
 /// Something that the machine cannot do, or that the work got wrong; the run stops with it.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum Fault {
     /// The order of events is not one.
-    #[error("event {event} of the work comes where it cannot: {what}")]
+    #[error("event {event} of the work comes where it cannot: {what}. {OUR_FAULT}")]
     Order {
         /// Number of the event, from 0.
         event: u64,
@@ -48,7 +51,9 @@ pub enum Fault {
         what: String,
     },
     /// A quad passed this machine's early tests but was not shaded in API order.
-    #[error("draw {draw}: a quad in block ({x}, {y}) passed early depth and stencil tests here, but not in API order")]
+    #[error(
+        "draw {draw}: a quad in block ({x}, {y}) passed early depth and stencil tests here, but not in API order. {OUR_FAULT}"
+    )]
     Visibility {
         /// The draw.
         draw: u32,
@@ -56,5 +61,16 @@ pub enum Fault {
         x: u32,
         /// Block row.
         y: u32,
+    },
+    /// Work asks for an image that the machine's stores do not hold.
+    #[error(transparent)]
+    NotHeld(#[from] NotHeld),
+    /// A copy of a whole image cannot be made.
+    #[error("an image of {from:?} cannot be copied to {to:?} in the machine's stores. {OUR_FAULT}")]
+    Copy {
+        /// The image that is copied.
+        from: SurfaceKey,
+        /// The one that becomes its copy.
+        to: SurfaceKey,
     },
 }

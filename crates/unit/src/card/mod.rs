@@ -25,7 +25,7 @@ use std::collections::VecDeque;
 use std::sync::Arc;
 
 use super::class_state::ClassState;
-use super::frame::FrameBuffers;
+use super::frame::{FrameBuffers, Store};
 use super::interleave::Interleave;
 use super::phase::Phases;
 use super::stamps::{MAX_PRIMITIVES, Marks};
@@ -33,7 +33,7 @@ use super::warp::{Execution, Item, Program, Warps};
 use gfx::format::Format;
 use gfx::rop::{ColorState, DepthStencilState};
 use gfx::state::ColorTarget;
-use work::{Attachment, CostTable, Draw, Event, Quad, Segment, TILE, Target};
+use work::{Attachment, CostTable, Draw, EndFrame, Event, Holdings, Quad, Segment, TILE, Target};
 
 /// Pipelines that a set of them, a 64-bit mask, can name.
 pub const MAX_PIPELINES: usize = 64;
@@ -53,6 +53,8 @@ pub struct Card {
     pub pass: Option<PassState>,
     /// The machine's own surfaces.
     pub frame: FrameBuffers,
+    /// What they hold.
+    pub holdings: Holdings,
     /// The state that the machine's sort class adds.
     pub class_state: ClassState,
     /// Which pipeline owns which pixels.
@@ -99,6 +101,7 @@ impl Card {
             warps: vec![Warps::new(execution); pipelines + 1],
             pass: None,
             frame: FrameBuffers::default(),
+            holdings: Holdings::default(),
             class_state,
             interleave,
             bins: Vec::new(),
@@ -224,6 +227,12 @@ impl Card {
             self.stop(Fault::Primitives { most: MAX_PRIMITIVES });
         }
         Marks { first, over: marks.over && self.class_state.chunks, ..marks }
+    }
+
+    /// The store whose texels are the picture of a frame. None where the last writer was no draw: the frame brings its picture.
+    pub fn drawn_picture(&self, end: &EndFrame) -> Option<&Store> {
+        let shown = end.shown.filter(|_| end.drawn)?;
+        self.frame.find(shown.key).map(|index| &self.frame.stores[index])
     }
 
     /// Stops the run; the first fault stands.

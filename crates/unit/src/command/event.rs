@@ -75,8 +75,7 @@ impl Command {
                 card.phases.begin(PhaseKind::Pass, pass.number, &pass.label, now);
                 if skipped {
                     cycles += self.skip_pass(card, &pass);
-                    card.events.pop_front();
-                    self.items += 1;
+                    self.take_event(card);
                 } else {
                     cycles += self.begin_pass(card, &pass);
                 }
@@ -152,10 +151,18 @@ impl Command {
                 self.ended = Some(end);
             }
         }
-        card.events.pop_front();
-        self.items += 1;
+        self.take_event(card);
         self.busy_until = now + cycles;
         Some(())
+    }
+
+    /// Takes the event at the head, which is carried out.
+    pub(super) fn take_event(&mut self, card: &mut Card) {
+        let Some(event) = card.events.pop_front() else { return };
+        self.items += 1;
+        if let Err(wrong) = card.holdings.apply(&event) {
+            card.stop(wrong.into());
+        }
     }
 
     /// Begins tests of bounds; the cycles of the first of them.

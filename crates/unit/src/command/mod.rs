@@ -20,7 +20,7 @@ use num::Cycle;
 use present::Present;
 use sim::{Counted, In, Out, StallProbe, Tick, Unit, Wires};
 use stats::Heading;
-use work::{Dispatch, Draw, EndFrame, Event, SurfaceKey};
+use work::{Dispatch, Draw, EndFrame, Event, Surface, SurfaceKey};
 
 knob::choices! {
     /// What is left out where bounds show that it lies outside the view volume.
@@ -131,7 +131,7 @@ enum State {
     /// Attachments are being resolved: how many still.
     Resolving(u32),
     /// Memory is moved.
-    Moving(Option<(SurfaceKey, SurfaceKey)>),
+    Moving(Option<(Surface, Surface)>),
     /// The frame's picture is read; or, of a free-running display, a buffer is waited for.
     Scanning,
     /// The frame is copied to the buffer that is shown.

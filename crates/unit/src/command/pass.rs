@@ -26,7 +26,6 @@ impl Command {
             attachment.map(|attachment| {
                 let index = card.frame.surface(&attachment.surface);
                 let store = &mut card.frame.stores[index];
-                store.surface = attachment.surface;
                 if card.class_state.same_tiles {
                     rendering_elimination::begin(store, &attachment, of, self.fast_clear);
                 }

@@ -107,8 +107,7 @@ impl Command {
         }
         card.phases.begin(PhaseKind::ScanOut, 0, "", wires.now());
         card.interleave.end_frame();
-        card.events.pop_front();
-        self.items += 1;
+        self.take_event(card);
         self.busy_until = wires.now() + Cycle::from(self.config.command_cycles);
         Some(())
     }
@@ -158,6 +157,5 @@ impl Command {
 
 /// The picture of a frame: the machine's own bytes, unless the last writer was no draw.
 fn picture(card: &Card, end: &EndFrame) -> Arc<[u8]> {
-    let own = end.shown.and_then(|shown| card.frame.find(shown.key)).filter(|_| end.drawn);
-    own.map_or_else(|| end.reference.clone(), |index| card.frame.stores[index].to_bytes().into())
+    card.drawn_picture(end).map_or_else(|| end.reference.clone(), |store| store.to_bytes().into())
 }

@@ -135,8 +135,10 @@ impl Command {
                     return did;
                 }
                 if let Some((from, to)) = surfaces.take() {
-                    card.frame.copy(from, to);
-                    self.forget_depths(to);
+                    if let Err(fault) = card.frame.copy(&from, &to) {
+                        card.stop(fault);
+                    }
+                    self.forget_depths(to.key);
                 }
                 self.state = State::Ready;
                 Tick::Moved

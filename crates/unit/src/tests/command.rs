@@ -11,7 +11,7 @@ use crate::scanout::ScanoutConfig;
 use crate::token::{Ack, Kind, Piece, Turn};
 use gfx::format::Format;
 use mem::{ClientCounts, Ideal};
-use num::Cycle;
+use num::{Cycle, OUR_FAULT};
 use sim::{Circuit, Clock, In, One, Out, StallProbe, Tick, Unit, Wires, Wiring, run};
 use work::*;
 
@@ -170,6 +170,14 @@ fn circuit(config: &CommandConfig, of: Features, events: &[Event]) -> (CommandCi
     (CommandCircuit::new(wiring, One(command), One(pipeline), compute, resolve, scanout, turns, ideal), card)
 }
 
+/// A circuit of which the stores hold the image that passes here load.
+fn loaded(config: &CommandConfig, of: Features, events: &[Event]) -> (CommandCircuit, Card) {
+    let (circuit, mut card) = circuit(config, of, events);
+    let contents = Contents { surface: surface(1, Format::Rgba8Unorm, 16, 1), bytes: [].into() };
+    card.holdings.apply(&Event::Contents(contents)).expect("it needs nothing");
+    (circuit, card)
+}
+
 /// What the command processor has done.
 #[derive(Debug, PartialEq)]
 struct Commanded {
@@ -190,12 +198,12 @@ struct Commanded {
 fn commanded(config: &CommandConfig, of: Features, events: &[Event]) -> Commanded {
     // Writes may still be on their way when the command processor is done.
     let written = settle(
-        || circuit(config, of, events),
+        || loaded(config, of, events),
         |c, _| c.command.frame_over() && c.wires().resident() == 0,
         |c, _| c.ideal.as_ref().unwrap().counts()[0],
     );
     settle(
-        || circuit(config, of, events),
+        || loaded(config, of, events),
         |c, _| c.command.frame_over(),
         |c, card| {
             assert!(card.events.is_empty() && card.work.iter().all(Option::is_none));
@@ -229,7 +237,7 @@ fn draws(segments: usize) -> Vec<Event> {
 /// A frame that shows the surface of the passes here.
 fn end() -> Event {
     let shown = Some(surface(1, Format::Rgba8Unorm, 16, 1));
-    Event::EndFrame(EndFrame { number: 0, shown, reference: Vec::new().into(), drawn: true, sprites: [].into() })
+    Event::EndFrame(EndFrame { number: 0, shown, reference: Vec::new().into(), drawn: false, sprites: [].into() })
 }
 
 /// A pass with so many segments of one draw, and the end of the frame.
@@ -365,11 +373,12 @@ fn runs_of_workgroups_need_places_and_passes_wait_for_them() {
 #[test]
 fn events_out_of_order_are_refused_by_number() {
     let segment = || Event::Segment(Arc::new(Segment::default()));
+    let clear = Load::Clear([0; 4]);
     let cases: [(Vec<Event>, &str); 6] = [
         (draws(0), "event 0 of the work comes where it cannot: outside a pass"),
         (vec![Event::EndPass], "event 0 of the work comes where it cannot: outside a pass"),
-        (vec![begin(Load::Load, false), segment()], "event 1 of the work comes where it cannot: a segment without a draw"),
-        (vec![begin(Load::Load, false), end()], "event 1 of the work comes where it cannot: inside a pass"),
+        (vec![begin(clear, false), segment()], "event 1 of the work comes where it cannot: a segment without a draw"),
+        (vec![begin(clear, false), end()], "event 1 of the work comes where it cannot: inside a pass"),
         (
             vec![Event::Groups(Arc::new(Groups::default()))],
             "event 0 of the work comes where it cannot: workgroups without a dispatch",
@@ -383,9 +392,33 @@ fn events_out_of_order_are_refused_by_number() {
         for clock in [Clock::EveryCycle, Clock::SkipIdle] {
             let (mut circuit, mut card) = circuit(&config(), PLAIN, &events);
             let _ = run(&mut circuit, &mut card, clock, 100, |_, card| card.fault.is_some());
-            assert_eq!(card.fault.map(|fault| fault.to_string()).as_deref(), Some(text));
+            assert_eq!(card.fault.map(|fault| fault.to_string()), Some(format!("{text}. {OUR_FAULT}")));
         }
     }
+}
+
+#[test]
+fn what_no_store_holds_stops_the_run_and_is_called_our_fault() {
+    let of = |texture| surface(texture, Format::Rgba8Unorm, 16, 1);
+    let fault = |events: &[Event]| {
+        let (mut circuit, mut card) = circuit(&config(), PLAIN, events);
+        let _ = run(&mut circuit, &mut card, Clock::SkipIdle, 100, |_, card| card.fault.is_some());
+        card.fault.expect("a fault").to_string()
+    };
+    let lacks = |what: &str, texture: u32| {
+        format!(
+            "{what} takes the colours of texture {texture}, level 0, layer 0 from the machine's stores, which do not hold them. {OUR_FAULT}"
+        )
+    };
+    assert_eq!(fault(&[begin(Load::Load, false), Event::EndPass, end()]), lacks("pass 0", 1));
+    let copy = Transfer {
+        kind: TransferKind::Copy,
+        from: Some(1 << 24),
+        to: Some(1 << 25),
+        bytes: 64,
+        surfaces: Some((of(7), of(8))),
+    };
+    assert_eq!(fault(&[Event::Transfer(copy), end()]), lacks("a copy of a whole image", 7));
 }
 
 #[test]
@@ -418,7 +451,7 @@ fn tests_of_bounds_take_their_time_one_by_one() {
         events.extend([Event::Segment(Arc::new(Segment::default())), Event::EndPass, end()]);
         let config = CommandConfig { cull_cycles, ..config() };
         let counts = settle(
-            || circuit(&config, PLAIN, &events),
+            || loaded(&config, PLAIN, &events),
             |c, _| c.command.frame_over(),
             |c, _| {
                 let counts = c.command.counts();

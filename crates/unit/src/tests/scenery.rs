@@ -150,7 +150,8 @@ pub fn surface(texture: u32, format: Format, blocks: u32, samples: u32) -> Surfa
 /// An attachment that is loaded and stored.
 pub fn attachment(surface: Surface) -> Attachment {
     let load = Load::Load;
-    Attachment { surface, load, store: true, stencil_load: load, stencil_store: true, resolve: None }
+    let keeps = Aspects::of(surface.format);
+    Attachment { surface, load, store: true, stencil_load: load, stencil_store: true, keeps, resolve: None }
 }
 
 /// A pass over attachments of one row of blocks.
