@@ -41,6 +41,7 @@ use anyhow::Result;
 use clap::{Parser, Subcommand};
 
 use crate::host::{Fence, excerpt, is_obeyed};
+use crate::num::OUR_FAULT;
 use host::is_guarded;
 
 /// Replays recorded graphics traces on a cycle-approximate model of a graphics card.
@@ -149,6 +150,10 @@ pub fn main() -> ExitCode {
     std::panic::set_hook(Box::new(move |panic| {
         if !is_guarded() {
             report(panic);
+            // Another thread's panic becomes an error that says so.
+            if std::thread::current().name() == Some("main") {
+                eprintln!("{OUR_FAULT}");
+            }
         }
     }));
     let arguments = match Arguments::try_parse() {

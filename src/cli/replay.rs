@@ -13,6 +13,7 @@ use super::Verdict;
 use super::progress::ProgressLine;
 use super::report::{self, Gathering};
 use super::threads::MOST;
+use crate::num::OUR_FAULT;
 use crate::render::Watch;
 use crate::report::compare::KnobDifference;
 use crate::report::files::About;
@@ -399,6 +400,11 @@ pub fn run(arguments: &Arguments) -> Result<Verdict> {
             path.display(),
             recorder.interval()
         );
+    }
+    let wrong = done.total.number("sort.wrong_pixels").unwrap_or(0.0);
+    if wrong > 0.0 && options.config.keeps_order() {
+        eprintln!("error: {wrong} pixels are not those of functional rendering, and this machine keeps its order. {OUR_FAULT}");
+        return Ok(Verdict::Failed);
     }
     Ok(Verdict::Done)
 }

@@ -11,6 +11,7 @@ use super::files::{About, json_head};
 use super::owned::Owned;
 use crate::host::{self, Part};
 use crate::machine::Shown;
+use crate::num::OUR_FAULT;
 use crate::picture;
 use crate::rows::{self, csv_rows, draw_rows, json_end, json_frame, pass_rows};
 use crate::run::replay::Frame;
@@ -128,7 +129,7 @@ impl Folder {
     fn answer(&mut self) -> Result<()> {
         drop(self.send.take());
         let Some(writer) = self.writer.take() else { return Ok(()) };
-        writer.join().map_err(|_| anyhow!("the thread that writes files stopped on an internal error"))?
+        writer.join().map_err(|_| anyhow!("the thread that writes files stopped on an internal error. {OUR_FAULT}"))?
     }
 }
 

@@ -34,7 +34,7 @@ use self::blocks::Built;
 use class::Sorted;
 use drawing::Drawing;
 use mem::{ClientCounts, Crossbar, requests};
-use num::NEVER;
+use num::{NEVER, OUR_FAULT};
 use parts::Parts;
 use report::Readings;
 use sim::{self, Circuit, Clock, Stuck, Wire};
@@ -59,13 +59,13 @@ pub enum MachineError {
     #[error(transparent)]
     Stuck(#[from] Stuck),
     /// Only a free-running display moves, and what is drawn never ends.
-    #[error("nothing but the display has moved for {times} refreshes and more; what is drawn is stuck\n{0}", times = drawing::REFRESHES)]
+    #[error("nothing but the display has moved for {times} refreshes and more; what is drawn is stuck\n{OUR_FAULT}\n{0}", times = drawing::REFRESHES)]
     Drawing(String),
     /// The machine cannot do what the work asks, or the work is wrong.
     #[error(transparent)]
     Fault(#[from] Fault),
     /// Something was left inside at the end.
-    #[error("at the end of the run something was left in the machine: {0}")]
+    #[error("at the end of the run something was left in the machine: {0}. {OUR_FAULT}")]
     Left(String),
 }
 

@@ -17,6 +17,7 @@ use super::frame_sink::{Frame, FrameSink};
 use super::host::Stopwatch;
 use super::rendering::{Consumer, Rendering, Work};
 use machine::{Config, FrameReport, Machine, Totals};
+use num::OUR_FAULT;
 use render::ConsumerMemory;
 use sim::Clock;
 use work::Event;
@@ -266,7 +267,7 @@ impl<'s> Machines<'s, '_> {
         };
         let thread = move || {
             let ran = std::panic::catch_unwind(std::panic::AssertUnwindSafe(simulate));
-            outlet.end(run, ran.unwrap_or_else(|_| Err(anyhow!("a machine stopped on an internal error"))));
+            outlet.end(run, ran.unwrap_or_else(|_| Err(anyhow!("a machine stopped on an internal error. {OUR_FAULT}"))));
         };
         let thread = std::thread::Builder::new().name("machine".into()).spawn_scoped(scope, thread);
         thread.context("cannot start a machine's thread")?;

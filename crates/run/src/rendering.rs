@@ -13,6 +13,7 @@ use crossbeam::channel::{self, Receiver, Sender, TryRecvError};
 use rayon::ThreadPool;
 
 use super::profiles::{self, Reader};
+use num::OUR_FAULT;
 use render::{self, ConsumerMemory, Needs, Stop};
 use trace::Trace;
 use work::{Event, RenderKey};
@@ -243,11 +244,11 @@ fn render(
         let mut results: Vec<Result<()>> = first.map(|run| run()).into_iter().collect();
         for thread in started {
             let joined = thread.context("cannot start a consumer's thread").and_then(|thread| {
-                thread.join().map_err(|_| anyhow!("a consumer of the work stopped on an internal error"))?
+                thread.join().map_err(|_| anyhow!("a consumer of the work stopped on an internal error. {OUR_FAULT}"))?
             });
             results.push(joined);
         }
-        let rendered = renderer.join().map_err(|_| anyhow!("the renderer stopped on an internal error"))?;
+        let rendered = renderer.join().map_err(|_| anyhow!("the renderer stopped on an internal error. {OUR_FAULT}"))?;
         // What the renderer says comes first: a machine that lost its input has nothing to add.
         let time = rendered?;
         results.into_iter().collect::<Result<()>>()?;

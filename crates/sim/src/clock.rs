@@ -3,7 +3,7 @@
 use std::fmt::Write;
 
 use super::circuit::Circuit;
-use num::{Cycle, NEVER, Random};
+use num::{Cycle, NEVER, OUR_FAULT, Random};
 
 /// How time goes on. Statistics are the same under both.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -27,7 +27,7 @@ pub(super) fn shuffle(order: &mut Vec<usize>, units: usize, seed: u64, now: Cycl
 
 /// A machine that has stopped moving before it was done.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
-#[error("nothing has moved since cycle {since}, and {cause}; the machine is stuck\n{contents}")]
+#[error("nothing has moved since cycle {since}, and {cause}; the machine is stuck\n{OUR_FAULT}\n{contents}")]
 pub struct Stuck {
     /// The last cycle in which a unit moved something.
     pub since: Cycle,

@@ -39,6 +39,7 @@ use std::collections::BTreeMap;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
 use anyhow::{Context, Result, anyhow};
+use num::OUR_FAULT;
 
 use super::{Setting, hint};
 
@@ -155,8 +156,9 @@ pub fn run(scenes: &[&'static Scene], setting: &Setting) -> Result<Vec<Outcome>>
         let start = |_| std::thread::Builder::new().name("scene".into()).spawn_scoped(scope, play);
         let threads = (0..rayon::current_num_threads().min(scenes.len())).map(start).collect::<Result<Vec<_>, _>>();
         let threads = threads.context("cannot start a thread for scenes")?;
-        let ended =
-            threads.into_iter().map(|thread| thread.join().map_err(|_| anyhow!("a scene stopped on an internal error")));
+        let ended = threads
+            .into_iter()
+            .map(|thread| thread.join().map_err(|_| anyhow!("a scene stopped on an internal error. {OUR_FAULT}")));
         Ok(ended.collect::<Result<Vec<_>>>()?.into_iter().flatten().collect())
     })?;
     played.into_values().collect()

@@ -10,6 +10,7 @@ mod rules;
 mod text;
 
 pub use super::class::SortClass;
+use super::class::Sorted;
 pub use knobs::CardConfig;
 pub use mem::{DramConfig, L2Config, MemoryKind, MemoryKnobs};
 pub use text::documentation;
@@ -261,6 +262,11 @@ impl Config {
     /// The rule that they break.
     pub fn check(&self) -> Result<(), ConfigError> {
         rules::check(self).map_err(|message| ConfigError::Rule { file: self.name.clone(), message })
+    }
+
+    /// Whether every picture is that of API order: no pixel may differ from functional rendering.
+    pub fn keeps_order(&self) -> bool {
+        self.order.keep == Keep::Always && self.card.sort.class().sorted != Sorted::Images
     }
 
     /// What of a render this machine's work depends on: a machine whose early tests cannot see all earlier depths shades quads

@@ -20,7 +20,7 @@ use crate::host::Stopwatch;
 use crate::rendering::{Consumer, Work};
 use crate::replay::Options;
 use mem::{CacheCounts, ClientCounts, DramCounts};
-use num::Random;
+use num::{OUR_FAULT, Random};
 use render::{ConsumerMemory, Dependencies, FrameSet, Want};
 use stats::{Counter, FrameCounts, Node, Tree, counter};
 use trace::Trace;
@@ -251,7 +251,7 @@ pub fn survey_in_parts(
             }
             read.extend(started.into_iter().map(|thread| {
                 let joined = thread.context("cannot start a thread")?.join();
-                joined.map_err(|_| anyhow!("a part of the survey stopped on an internal error"))?
+                joined.map_err(|_| anyhow!("a part of the survey stopped on an internal error. {OUR_FAULT}"))?
             }));
         });
     }
