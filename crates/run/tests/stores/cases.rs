@@ -1,0 +1,272 @@
+//! Small passes whose pixels are known by hand, on functional rendering and on every machine.
+
+use gfx::format::{Format, TexelKind};
+use gfx::state::*;
+use num::*;
+use trace::command::*;
+use trace::record::{self, Recorder};
+
+use super::check::Machines;
+use super::sequence::{EVERYWHERE, instance, shader};
+
+/// Width and height of images: an eighth is 1.5 pixels.
+const SMALL: [u32; 2] = [12, 8];
+
+/// The texel that every row of a picture has in a column.
+type Texel<'t> = &'t dyn Fn(u32) -> Vec<u8>;
+
+/// A draw of everything: its pipeline, its depth in eighths and the number of its colour.
+type Layer = (RenderPipelineId, u32, u32);
+
+struct Stage {
+    card: Recorder,
+    module: ShaderId,
+    size: [u32; 2],
+}
+
+impl Stage {
+    fn new(size: [u32; 2]) -> Stage {
+        let mut card = Recorder::new("case");
+        let module = card.create_shader("draw", &shader(&[Some(TexelKind::Float)], false));
+        Stage { card, module, size }
+    }
+
+    fn texture(&mut self, format: Format, samples: u32) -> TextureId {
+        self.card.create_texture("image", record::texture_multisampled(self.size[0], self.size[1], samples, format))
+    }
+
+    fn view(&mut self, texture: TextureId, format: Format) -> ViewId {
+        self.card.create_view_of(texture, ViewDesc { format: Some(format), ..ViewDesc::default() })
+    }
+
+    fn pipeline(&mut self, format: Format, samples: u32, depth_stencil: Option<DepthStencil>) -> RenderPipelineId {
+        let desc = RenderPipelineDesc {
+            depth_stencil,
+            multisample: Multisample { count: samples, ..Multisample::default() },
+            ..record::render_pipeline(self.module, format)
+        };
+        self.card.create_render_pipeline("draw", desc)
+    }
+
+    /// A pass with one draw in eighths of the image.
+    fn draw(&mut self, color: ColorAttachment, pipeline: RenderPipelineId, [low, high]: [[u32; 2]; 2], of: u32) {
+        let mut pass = self.card.begin_render_pass([color], None);
+        pass.set_pipeline(pipeline);
+        pass.draw_from(6, 1, 0, instance(low, high, 0, of));
+    }
+
+    /// A pass that loads a view and draws nothing.
+    fn load(&mut self, view: ViewId) {
+        drop(self.card.begin_render_pass([record::load(view)], None));
+    }
+
+    /// Asserts what the presented frames show.
+    fn shows(self, what: &str, frames: &[Texel<'_>]) {
+        let [width, height] = self.size;
+        let trace = self.card.finish();
+        let picture = |texel: &Texel<'_>| (0..height).flat_map(|_| (0..width).flat_map(texel)).collect();
+        let expected: Vec<Vec<u8>> = frames.iter().map(picture).collect();
+        Machines::new().show(&trace, &expected).unwrap_or_else(|error| panic!("{what}: {error}"));
+    }
+}
+
+const BLACK: [f64; 4] = [0.0, 0.0, 0.0, 1.0];
+/// Its alpha is that of [`red`].
+const WHITE: [f64; 4] = [1.0, 1.0, 1.0, 0.0625];
+
+/// The number of a colour whose red is so many sixteenths; its alpha is one of them.
+fn red(sixteenths: u32) -> u32 {
+    sixteenths
+}
+
+#[test]
+fn a_copied_image_is_loaded_from_a_texture_that_no_pass_had() {
+    for samples in [1, 4] {
+        let mut stage = Stage::new(SMALL);
+        let [from, to] = [(); 2].map(|()| stage.texture(Format::Rgba8Unorm, samples));
+        let [from_view, to_view] = [from, to].map(|texture| stage.view(texture, Format::Rgba8Unorm));
+        let pipeline = stage.pipeline(Format::Rgba8Unorm, samples, None);
+        // Columns 0 to 5.
+        stage.draw(record::clear(from_view, BLACK), pipeline, [[0, 0], [4, 8]], red(8));
+        let end = |texture| TextureEnd { texture, level: 0, origin: [0; 3], aspect: Aspect::All };
+        stage.card.copy_texture_to_texture(end(from), end(to), [SMALL[0], SMALL[1], 1]);
+        if samples == 1 {
+            stage.load(to_view);
+            stage.card.present(to);
+        } else {
+            let shown = stage.texture(Format::Rgba8Unorm, 1);
+            let view = stage.view(shown, Format::Rgba8Unorm);
+            drop(stage.card.begin_render_pass([ColorAttachment { resolve: Some(view), ..record::load(to_view) }], None));
+            stage.card.present(shown);
+        }
+        // 8/16 and 1/16 as bytes.
+        stage.shows("a copy", &[&|x| if x < 6 { vec![128, 0, 0, 16] } else { vec![0, 0, 0, 255] }]);
+    }
+}
+
+#[test]
+fn views_with_and_without_srgb_share_one_image() {
+    let (plain, srgb) = (Format::Rgba8Unorm, Format::Rgba8UnormSrgb);
+    let mut stage = Stage::new(SMALL);
+    let texture = stage.texture(plain, 1);
+    let [plain_view, srgb_view] = [plain, srgb].map(|format| stage.view(texture, format));
+    let [plain_draw, srgb_draw] = [plain, srgb].map(|format| stage.pipeline(format, 1, None));
+    stage.draw(record::clear(srgb_view, BLACK), srgb_draw, [[0, 0], [4, 8]], red(8));
+    stage.load(plain_view);
+    stage.card.present(texture);
+    // Through the plain view columns 3 to 5 are drawn again; through the other one all is loaded.
+    stage.draw(record::load(plain_view), plain_draw, [[2, 0], [4, 8]], red(8));
+    stage.load(srgb_view);
+    stage.card.present(texture);
+    // 0.5 is 188 with sRGB's function, 128 without.
+    let first = |x| if x < 6 { vec![188, 0, 0, 16] } else { vec![0, 0, 0, 255] };
+    let second = |x| if (3..6).contains(&x) { vec![128, 0, 0, 16] } else { first(x) };
+    stage.shows("views", &[&first, &second]);
+}
+
+#[test]
+fn samples_are_resolved_as_values_of_the_view() {
+    for (of, expected) in [(Format::Rgba8Unorm, 128), (Format::Rgba8UnormSrgb, 188)] {
+        let mut stage = Stage::new(SMALL);
+        let [many, shown] = [4, 1].map(|samples| stage.texture(Format::Rgba8Unorm, samples));
+        let [many_view, shown_view] = [many, shown].map(|texture| stage.view(texture, of));
+        let pipeline = stage.pipeline(of, 4, None);
+        // The left edge of what is drawn black is in the middle of column 4: two of its four samples stay white.
+        let color = ColorAttachment { resolve: Some(shown_view), ..record::clear(many_view, WHITE) };
+        stage.draw(color, pipeline, [[3, 0], [8, 8]], red(0));
+        stage.card.present(shown);
+        // Their mean is 0.5, which sRGB's function makes 188.
+        let texel = |x| match x {
+            0..4 => vec![255, 255, 255, 16],
+            4 => vec![expected, expected, expected, 16],
+            _ => vec![0, 0, 0, 16],
+        };
+        stage.shows(of.name(), &[&texel]);
+    }
+}
+
+/// The stencil test that passes where a value equals the reference, or the depth test that passes where the draw is not behind.
+fn test(format: Format, stencil: bool) -> DepthStencil {
+    let compare = if stencil { Compare::Equal } else { Compare::Always };
+    let face = StencilFace { compare, ..StencilFace::default() };
+    DepthStencil {
+        depth_write: false,
+        depth_compare: if stencil { Compare::Always } else { Compare::LessEqual },
+        stencil_front: face,
+        stencil_back: face,
+        ..record::depth_less(format)
+    }
+}
+
+/// A depth attachment that is loaded and kept.
+fn loaded(view: ViewId) -> DepthAttachment {
+    DepthAttachment {
+        view,
+        depth_clear: None,
+        depth_store: true,
+        depth_read_only: false,
+        stencil_clear: None,
+        stencil_store: true,
+        stencil_read_only: false,
+    }
+}
+
+/// What of a depth attachment's aspects is there after a pass that clears it to depth 0.5 and stencil value 0x17f, as tests of a second pass see it.
+fn tested(format: Format, stores: [bool; 2], in_one_pass: bool, asks: &[(bool, u32, bool)]) {
+    for samples in [1, 4] {
+        let mut stage = Stage::new(SMALL);
+        let [color, depth] = [Format::Rgba8Unorm, format].map(|format| stage.texture(format, samples));
+        let [color_view, depth_view] = [color, depth].map(|texture| stage.card.create_view(texture));
+        let shown = stage.texture(Format::Rgba8Unorm, 1);
+        let shown_view = stage.view(shown, Format::Rgba8Unorm);
+        let cleared = DepthAttachment {
+            depth_clear: format.has_depth().then_some(0.5),
+            depth_store: stores[0],
+            stencil_clear: format.has_stencil().then_some(0x17f),
+            stencil_store: stores[1],
+            ..loaded(depth_view)
+        };
+        if !in_one_pass {
+            drop(stage.card.begin_render_pass([], Some(cleared.clone())));
+        }
+        for &(stencil, value, _) in asks {
+            let pipeline = stage.pipeline(Format::Rgba8Unorm, samples, Some(test(format, stencil)));
+            let attachment = if in_one_pass { cleared.clone() } else { loaded(depth_view) };
+            let target = if samples > 1 { color_view } else { shown_view };
+            let color = ColorAttachment { resolve: (samples > 1).then_some(shown_view), ..record::clear(target, BLACK) };
+            let mut pass = stage.card.begin_render_pass([color], Some(attachment));
+            pass.set_pipeline(pipeline);
+            pass.set_stencil_reference(value);
+            // Depth in eighths.
+            pass.draw_from(6, 1, 0, instance(EVERYWHERE.0, EVERYWHERE.1, if stencil { 0 } else { value }, red(8)));
+            drop(pass);
+            stage.card.present(shown);
+        }
+        let [drawn, empty]: [Texel<'_>; 2] = [&|_| vec![128, 0, 0, 16], &|_| vec![0, 0, 0, 255]];
+        let frames: Vec<Texel<'_>> = asks.iter().map(|&(_, _, passes)| if passes { drawn } else { empty }).collect();
+        stage.shows(&format!("{} of {samples} samples, stored {stores:?}, {in_one_pass}", format.name()), &frames);
+    }
+}
+
+const STENCIL: bool = true;
+const DEPTH: bool = false;
+
+#[test]
+fn a_stencil_value_is_cleared_to_its_low_bits_in_every_format() {
+    for format in [Format::Stencil8, Format::Depth24PlusStencil8, Format::Depth32FloatStencil8] {
+        for in_one_pass in [true, false] {
+            tested(format, [true; 2], in_one_pass, &[(STENCIL, 0x7f, true), (STENCIL, 0, false), (STENCIL, 0xff, false)]);
+        }
+    }
+}
+
+#[test]
+fn an_aspect_that_is_not_stored_is_zero_and_the_other_is_as_it_was() {
+    for format in [Format::Depth24PlusStencil8, Format::Depth32FloatStencil8] {
+        let kept = [(STENCIL, 0x7f, true), (STENCIL, 0, false), (DEPTH, 3, true), (DEPTH, 5, false)];
+        let lost = [(STENCIL, 0x7f, false), (STENCIL, 0, true), (DEPTH, 1, false), (DEPTH, 0, true)];
+        tested(format, [true, true], false, &kept);
+        tested(format, [true, false], false, &[&lost[..2], &kept[2..]].concat());
+        tested(format, [false, true], false, &[&kept[..2], &lost[2..]].concat());
+        tested(format, [false, false], false, &lost);
+    }
+    // What is said of an aspect that a format does not have changes nothing.
+    for format in [Format::Depth16Unorm, Format::Depth24Plus, Format::Depth32Float] {
+        tested(format, [false, true], false, &[(DEPTH, 1, false), (DEPTH, 0, true)]);
+        tested(format, [true, false], false, &[(DEPTH, 3, true), (DEPTH, 5, false)]);
+    }
+    tested(Format::Stencil8, [true, false], false, &[(STENCIL, 0x7f, false), (STENCIL, 0, true)]);
+    tested(Format::Stencil8, [false, true], false, &[(STENCIL, 0x7f, true), (STENCIL, 0, false)]);
+}
+
+#[test]
+fn depths_that_a_cache_has_kept_of_one_image_say_nothing_of_another() {
+    // Larger than what a cache of hierarchical Z holds: stale lines of it would hide the fault.
+    let mut stage = Stage::new([96, 96]);
+    let format = Format::Depth32Float;
+    let shown = stage.texture(Format::Rgba8Unorm, 1);
+    let shown_view = stage.card.create_view(shown);
+    let [near, far] = [(); 2].map(|()| {
+        let texture = stage.texture(format, 1);
+        stage.card.create_view(texture)
+    });
+    let states = [DepthStencil { depth_compare: Compare::Always, ..record::depth_less(format) }, test(format, DEPTH)];
+    let [writes, tests] = states.map(|state| stage.pipeline(Format::Rgba8Unorm, 1, Some(state)));
+    // The first pass leaves depth 7/8 in one image. The second leaves depth 0 of another in the caches. The third brings in the first image's
+    // blocks again: its second draw, at 4/8, is in front of them.
+    let passes: [(ViewId, Option<f32>, &[Layer]); 3] = [
+        (far, Some(1.0), &[(writes, 7, 1)]),
+        (near, Some(1.0), &[(writes, 0, 3)]),
+        (far, None, &[(tests, 1, 5), (tests, 4, 8)]),
+    ];
+    for (depth, depth_clear, draws) in passes {
+        let depth = DepthAttachment { depth_clear, ..loaded(depth) };
+        let mut pass = stage.card.begin_render_pass([record::clear(shown_view, BLACK)], Some(depth));
+        for &(pipeline, depth, color) in draws {
+            pass.set_pipeline(pipeline);
+            pass.draw_from(6, 1, 0, instance(EVERYWHERE.0, EVERYWHERE.1, depth, red(color)));
+        }
+    }
+    stage.card.present(shown);
+    stage.shows("another image", &[&|_| vec![128, 0, 0, 16]]);
+}
