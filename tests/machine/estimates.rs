@@ -4,6 +4,8 @@ use std::ops::Range;
 use std::path::Path;
 
 use fillrate::accuracy::sequences::SEQUENCES;
+use fillrate::gfx::format::Format;
+use fillrate::gfx::state::Topology;
 use fillrate::import;
 use fillrate::machine::{Config, PhaseReport};
 use fillrate::render::Dependencies;
@@ -12,6 +14,8 @@ use fillrate::run::sample::Sampling;
 use fillrate::run::sample::survey::{Observers, Survey, survey_in_parts};
 use fillrate::stats::Group;
 use fillrate::trace::Trace;
+use fillrate::trace::command::{Command, LinearLayout, QueryKind, TextureEnd};
+use fillrate::trace::record::{self, Recorder};
 use fillrate::work::Funnel;
 
 fn run(trace: &str, fidelity: Fidelity, changes: &[&str]) -> Replay {
@@ -178,6 +182,95 @@ fn a_bound_moves_with_the_unit_that_bounds_and_with_no_other() {
     assert!(apart > 1.2 * cycles(&run("corridor", Fidelity::Bound, &narrow[..3])));
 }
 
+/// A trace that draws a strip with a program, so many vertices and instances, and shows how many fragments were shaded.
+fn counting_trace(samples: u32, source: &str, [vertices, instances]: [u32; 2]) -> Trace {
+    let mut card = Recorder::new("counts");
+    let sized = |format| match samples {
+        1 => record::texture_2d(32, 32, format),
+        _ => record::texture_multisampled(32, 32, samples, format),
+    };
+    let [color, depth] = [Format::Rgba8Unorm, Format::Depth32Float].map(|format| card.create_texture("", sized(format)));
+    let views = [color, depth].map(|texture| card.create_view(texture));
+    let shader = card.create_shader("program", source);
+    let mut desc = record::render_pipeline(shader, Format::Rgba8Unorm);
+    desc.primitive.topology = Topology::TriangleStrip;
+    desc.multisample.count = samples;
+    desc.depth_stencil = Some(record::depth_less(Format::Depth32Float));
+    let pipeline = card.create_render_pipeline("", desc);
+    let queries = card.create_query_set(QueryKind::PipelineStatistics(0b01000), 1);
+    {
+        let mut pass = card.begin_render_pass([record::clear(views[0], [0.0; 4])], record::clear_depth(views[1], true));
+        pass.set_pipeline(pipeline);
+        pass.push(Command::BeginStatisticsQuery { set: queries, index: 0 });
+        pass.draw(vertices, instances);
+        pass.push(Command::EndStatisticsQuery);
+    }
+    let result = card.create_buffer("", 256);
+    card.resolve_queries(queries, 0, 1, result, 0);
+    let shown = card.create_texture("", record::texture_2d(1, 1, Format::R32Uint));
+    let layout = LinearLayout { offset: 0, bytes_per_row: Some(256), rows_per_image: None };
+    let to = TextureEnd { texture: shown, level: 0, origin: [0; 3], aspect: Default::default() };
+    card.copy_buffer_to_texture(result, layout, to, [1, 1, 1]);
+    card.present(shown);
+    card.finish()
+}
+
+#[test]
+fn statistics_that_a_program_shows_are_those_of_its_machine_in_every_fidelity() {
+    // A square three times, one behind the other.
+    let source = "
+        @vertex fn vs(@builtin(vertex_index) v: u32, @builtin(instance_index) i: u32) -> @builtin(position) vec4f {
+            return vec4f(f32(v & 1u) * 2.0 - 1.0, f32(v >> 1u) * 2.0 - 1.0, 0.2 + 0.2 * f32(i), 1.0);
+        }
+        @fragment fn fs() -> @location(0) vec4f { return vec4f(1.0); }";
+    for samples in [1, 4] {
+        let trace = counting_trace(samples, source, [4, 3]);
+        // With four samples both triangles of a square cover the pixels of its diagonal.
+        let pixels = 32 * 32 + if samples == 4 { 32 } else { 0 };
+        for (class, fragments) in [("sort-middle", pixels), ("sort-last-fragment", 3 * pixels), ("sort-last-image", 3 * pixels)]
+        {
+            for fidelity in [Fidelity::Functional, Fidelity::Bound, Fidelity::Cycle] {
+                let options = Options::new(Config::built_in(class).expect("it is built in"), fidelity);
+                let done = replay(&trace, &options, &|_| ()).expect("a replay");
+                let shown = done.frames[0].shown.as_ref().expect("a picture");
+                let word = u32::from_le_bytes(shown.1[..4].try_into().expect("a texel"));
+                assert_eq!(word, fragments, "{class}, {samples} samples, {}", fidelity.name());
+            }
+        }
+    }
+}
+
+#[test]
+fn programs_that_run_by_sample_are_counted_by_sample_in_every_fidelity() {
+    for seed in 0..8 {
+        let source = format!(
+            "fn random(n: u32) -> f32 {{
+                 let a = (n + {seed}u * 7919u) * 0x9e3779b9u;
+                 let b = (a ^ (a >> 15u)) * 0x85ebca6bu;
+                 return f32((b ^ (b >> 13u)) >> 8u) / 16777216.0;
+             }}
+             @vertex fn vs(@builtin(vertex_index) v: u32, @builtin(instance_index) i: u32) -> @builtin(position) vec4f {{
+                 let n = 3u * (v + 64u * i);
+                 return vec4f(random(n) * 2.4 - 1.2, random(n + 1u) * 2.4 - 1.2, random(n + 2u), 1.0);
+             }}
+             @fragment fn fs(@builtin(sample_index) s: u32) -> @location(0) vec4f {{ return vec4f(f32(s)); }}"
+        );
+        let trace = counting_trace(4, &source, [3 + seed, 9]);
+        let counts = [("baseline", Fidelity::Functional), ("baseline", Fidelity::Bound), ("baseline", Fidelity::Cycle)];
+        let counts = counts.into_iter().chain([("tiny", Fidelity::Cycle), ("sort-first", Fidelity::Cycle)]);
+        let counts: Vec<_> = counts
+            .map(|(config, fidelity)| {
+                let options = Options::new(Config::built_in(config).expect("it is built in"), fidelity);
+                let done = replay(&trace, &options, &|_| ()).expect("a replay");
+                ["quads_rasterized", "fragments_covered", "quads_shaded", "fragments_shaded", "fragments_written"]
+                    .map(|name| done.total.number(&format!("funnel.{name}")).expect("a counter"))
+            })
+            .collect();
+        assert!(counts.iter().all(|count| *count == counts[0]), "seed {seed}: {counts:?}");
+        assert!(counts[0][0] > 100.0);
+    }
+}
+
 #[test]
 fn a_knob_whose_effect_is_not_estimated_is_refused() {
     let trace = Trace::open(Path::new(env!("CARGO_MANIFEST_DIR")).join("traces/triangle")).expect("a trace");
@@ -204,7 +297,7 @@ fn a_knob_whose_effect_is_not_estimated_is_refused() {
         let options = Options { frames: 0..1, ..Options::new(config, Fidelity::Bound) };
         let error = replay(&trace, &options, &|_| ()).map(|_| ()).expect_err("not known").to_string();
         let knob = change.split_once('=').expect("PATH=VALUE").0;
-        assert!(error.contains(knob) && error.contains("use cycle"), "{class}, {change}: {error}");
+        assert!(error.contains(knob) && error.contains("use --fidelity cycle"), "{class}, {change}: {error}");
     }
 }
 

@@ -14,6 +14,7 @@ mod dealt;
 mod flow;
 pub mod frames;
 mod images;
+mod known;
 mod memory;
 mod pass;
 mod routed;
@@ -21,7 +22,7 @@ mod shading;
 mod texture;
 mod traffic;
 
-use anyhow::{Result, bail};
+use anyhow::Result;
 
 use memory::Shared;
 pub use memory::Traffic;
@@ -32,17 +33,7 @@ use machine::config::MemoryKind;
 use machine::{Config, PhaseReport};
 use mem::REQUEST_BYTES;
 use num::Cycle;
-use unit::assembly::Deal;
-use unit::block_sets::BlockSets;
-use unit::compression::Codec;
-use unit::core::Instructions;
-use unit::depth::PassEnd;
-use unit::fetch::{Reuse, VertexDeal};
 use unit::phase::{Phase, PhaseKind};
-use unit::route::Retained;
-use unit::scanout::ScanoutMode;
-use unit::sorting::{EarlyTest, Keep};
-use unit::traverse::{HierarchicalTest, Walk};
 use work::profile::{AttachmentProfile, FrameProfile, PhaseProfile, Sampled, Touch, Toucher};
 use work::{BLOCK, LINE, TILE};
 
@@ -161,71 +152,7 @@ impl<'c> Bound<'c> {
     /// # Errors
     /// If a knob has an effect that is not estimated; it is named.
     pub fn new(config: &'c Config) -> Result<Bound<'c>> {
-        let (sorted, binned) = (config.card.sort.class().sorted, config.card.sort.class().one_place);
-        let unknown = [
-            ("bin.hide=true", binned && config.bin.hide, "quads that are held back"),
-            ("bin.skip_same_tiles=true", binned && config.bin.skip_same_tiles, "tiles that are left out"),
-            ("order.early", config.order.early != EarlyTest::None, "early tests of quads that others own"),
-            ("order.keep=\"where-needed\"", config.order.keep == Keep::WhereNeeded, "quads in any order"),
-            (
-                "route.mode=\"immediate\"",
-                sorted == Sorted::Primitives && config.route.mode == Retained::Immediate,
-                "vertices that are sent",
-            ),
-            ("traverse.walk other than blocks", config.traverse.walk != Walk::Blocks, "walks that test single pixels"),
-            ("traverse.gather=true", config.traverse.gather, "triangles that wait for others"),
-            ("command.drain=true", config.command.drain, "draws that wait for the one before"),
-            (
-                "scanout.mode=\"free-running\"",
-                config.scanout.mode == ScanoutMode::FreeRunning,
-                "displays that run while frames are drawn",
-            ),
-            (
-                "codec=\"references\"",
-                config.color.codec != Codec::Planes || config.depth.codec != Codec::Planes,
-                "blocks compressed by references",
-            ),
-            ("recompress=false", !config.color.recompress || !config.depth.recompress, "blocks that stay raw"),
-            (
-                "cache_sets=\"position\"",
-                config.color.cache_sets != BlockSets::Hashed || config.depth.cache_sets != BlockSets::Hashed,
-                "sets by position",
-            ),
-            ("color.masked_writes=true", config.color.masked_writes, "blocks that are written in part"),
-            ("fetch.line_bytes other than 64", config.fetch.line_bytes != 64, "longer lines of attributes"),
-            ("texture.line_bytes other than 64", config.texture.line_bytes != 64, "longer lines of textures"),
-            ("memory.l2.cached=false", !config.l2.cached, "memory without a second-level cache"),
-            ("fetch.vertices_per_cycle", config.fetch.vertices_per_cycle != 0, "a rate of vertices to the cores"),
-            (
-                "fetch.deal other than \"round-robin\"",
-                config.fetch.deal != VertexDeal::RoundRobin,
-                "vertices that are not dealt in turn",
-            ),
-            ("assembly.deal=\"contiguous\"", config.assembly.deal == Deal::Contiguous, "one run of a pass for each pipeline"),
-            (
-                "fetch.reuse_until=\"assembled\"",
-                config.fetch.reuse_until == Reuse::Assembled,
-                "vertices that are kept for their last index",
-            ),
-            (
-                "core.instructions=\"vector\"",
-                config.core.instructions == Instructions::Vector,
-                "instructions on several components",
-            ),
-            ("traverse.hierarchical_lines", config.traverse.hierarchical_lines != 0, "bounds behind a cache"),
-            (
-                "traverse.hierarchical_test=\"quad\"",
-                config.traverse.hierarchical_test == HierarchicalTest::Quad,
-                "quads that hierarchical Z rejects",
-            ),
-            ("depth.pass_end=\"keep\"", config.depth.pass_end == PassEnd::Keep, "depths that stay in the cache"),
-        ];
-        if let Some((knob, _, what)) = unknown.iter().find(|(_, set, _)| *set) {
-            bail!("the bound fidelity knows nothing of {what} ({knob}): use cycle");
-        }
-        if let Some((name, _)) = config.clip.culls().iter().find(|(_, on)| !on) {
-            bail!("the bound fidelity knows nothing of triangles that are not drawn ({name}=false): use cycle");
-        }
+        known::check(config)?;
         Ok(Bound::proxy(config))
     }
 
