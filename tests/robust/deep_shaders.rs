@@ -11,7 +11,12 @@ use super::process::{Output, Run, done, fillrate, refused};
 pub fn compiling(create: impl FnOnce(&mut Recorder) -> num::ShaderId) -> (TempDir, Run) {
     let mut card = Recorder::new("hostile");
     let shader = create(&mut card);
-    card.create_compute_pipeline("hostile", None, record::stage_entry(shader, "main"));
+    let pipeline = card.create_compute_pipeline("hostile", None, record::stage_entry(shader, "main"));
+    // A pipeline is compiled when it is first used; no workgroup runs.
+    let mut pass = card.begin_compute_pass();
+    pass.set_pipeline(pipeline);
+    pass.dispatch(0, 1, 1);
+    drop(pass);
     let folder = TempDir::new().expect("a folder");
     card.save(folder.path()).unwrap_or_else(|error| panic!("{error}"));
     let arguments = ["replay".into(), folder.path().as_os_str().to_owned(), "--fidelity".into(), "functional".into()];

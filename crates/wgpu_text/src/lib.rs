@@ -20,15 +20,26 @@ pub use state::*;
 use serde::Deserialize;
 use serde::de::IgnoredAny;
 
+/// Why some text is no action.
+#[derive(Debug)]
+pub struct Wrong {
+    /// RON's reason, with the place in the text.
+    pub error: ron::error::SpannedError,
+    /// Bytes of the text that were read.
+    pub read: usize,
+}
+
 /// Reads the action at the beginning of some text, and how many bytes of it that took.
 ///
 /// # Errors
-/// If there is none, or one that this schema does not know: RON's reason, with the place in the text.
-pub fn action(text: &str) -> Result<(Action, usize), ron::error::SpannedError> {
-    let mut deserializer = ron::Deserializer::from_str(text)?;
-    match Action::deserialize(&mut deserializer) {
-        Ok(action) => Ok((action, text.len() - deserializer.remainder().len())),
-        Err(error) => Err(deserializer.span_error(error)),
+/// If there is none, or one that this schema does not know.
+pub fn action(text: &str) -> Result<(Action, usize), Wrong> {
+    let mut deserializer = ron::Deserializer::from_str(text).map_err(|error| Wrong { error, read: 0 })?;
+    let action = Action::deserialize(&mut deserializer);
+    let read = text.len() - deserializer.remainder().len();
+    match action {
+        Ok(action) => Ok((action, read)),
+        Err(error) => Err(Wrong { error: deserializer.span_error(error), read }),
     }
 }
 

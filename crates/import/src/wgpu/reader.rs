@@ -8,7 +8,7 @@ use host::ron_reason;
 use num::nearest;
 use trace::{Place, TraceError};
 
-use wgpu_text::Action;
+use wgpu_text::{Action, Wrong};
 
 /// Reads actions.
 pub struct Reader<'a> {
@@ -90,12 +90,12 @@ impl<'a> Reader<'a> {
         let name = &rest[..rest.find(|c: char| !c.is_ascii_alphanumeric()).unwrap_or(rest.len())];
         let (action, read) = match wgpu_text::action(rest) {
             Ok(read) => read,
-            Err(_) if is_last(rest) && ends_inside(rest) => {
+            Err(Wrong { read, .. }) if is_last(rest) && last_token(rest).is_some_and(|token| read >= token) => {
                 let half = (!name.is_empty()).then(|| name.to_owned());
                 self.cut = Some(Cut { place, number, half });
                 return Ok(None);
             }
-            Err(found) => {
+            Err(Wrong { error: found, .. }) => {
                 // The span is relative to the action.
                 let at = found.span.end;
                 let column = if at.line == 1 { place.column + at.col - 1 } else { at.col };
@@ -145,56 +145,63 @@ impl<'a> Reader<'a> {
 /// Whether an action that does not end is the last: the recorder begins each on a line of its own, and the list ends with one. What else does not
 /// end is damaged.
 fn is_last(rest: &str) -> bool {
-    let mut lines = rest.lines().skip(1);
-    !lines.any(|line| line == "]" || line.starts_with(|c: char| c.is_ascii_uppercase()))
+    let begins = |line: &str| line.starts_with(|c: char| c.is_ascii_uppercase());
+    let mut lines = rest.lines();
+    lines.next().is_some_and(begins) && !lines.any(|line| line == "]" || begins(line))
 }
 
-/// Whether a text ends inside the action at its beginning: in its name, in brackets that are not closed, in a string or in a comment.
-fn ends_inside(rest: &str) -> bool {
+/// Where the last token begins, in a text that ends inside the action at its beginning: a word, a string, a comment, or nothing at all. What can be
+/// read before it is a part of an action that was whole. None if the action ends.
+fn last_token(rest: &str) -> Option<usize> {
     let bytes = rest.as_bytes();
-    let (mut at, mut depth, mut opened) = (0, 0u32, false);
+    let (mut at, mut depth, mut token, mut opened) = (0, 0u32, 0, false);
     while at < bytes.len() {
         let next = bytes.get(at + 1).copied();
         match bytes[at] {
             b'(' | b'[' | b'{' => {
-                depth += 1;
-                opened = true;
+                (depth, opened) = (depth + 1, true);
+                token = at + 1;
             }
             b')' | b']' | b'}' => {
                 depth = depth.saturating_sub(1);
                 if depth == 0 {
-                    return false;
+                    return None;
                 }
+                token = at + 1;
             }
-            b'/' if next == Some(b'/') => at += rest[at..].find('\n').unwrap_or(rest.len() - at),
-            b'/' if next == Some(b'*') => match block_comment(&rest[at..]) {
-                Some(length) => at += length - 1,
-                None => return true,
-            },
+            b',' | b':' | b' ' | b'\t' | b'\n' | b'\r' => token = at + 1,
+            b'/' if next == Some(b'/') => {
+                at += rest[at..].find('\n')?;
+                token = at + 1;
+            }
+            b'/' if next == Some(b'*') => {
+                let Some(length) = block_comment(&rest[at..]) else { return Some(at) };
+                at += length - 1;
+                token = at + 1;
+            }
             b'"' => {
-                let raw = rest[..at].trim_end_matches('#');
-                let hashes = at - raw.len();
-                if raw.ends_with('r') {
-                    let end = format!("\"{}", "#".repeat(hashes));
-                    match rest[at + 1..].find(&end) {
-                        Some(length) => at += length + end.len(),
-                        None => return true,
-                    }
-                } else {
-                    at += 1;
-                    while at < bytes.len() && bytes[at] != b'"' {
-                        at += if bytes[at] == b'\\' { 2 } else { 1 };
-                    }
-                    if at >= bytes.len() {
-                        return true;
-                    }
-                }
+                let Some(length) = string(&rest[token..at], &rest[at..]) else { return Some(token) };
+                at += length - 1;
             }
             _ => {}
         }
         at += 1;
     }
-    depth > 0 || !opened
+    (depth > 0 || !opened).then_some(token)
+}
+
+/// Length of the string at the beginning of a text, with its quotes, behind what makes it a raw one; none if it does not end.
+fn string(before: &str, text: &str) -> Option<usize> {
+    if let Some(hashes) = before.strip_prefix('r') {
+        let end = format!("\"{hashes}");
+        return Some(1 + text[1..].find(&end)? + end.len());
+    }
+    let bytes = text.as_bytes();
+    let mut at = 1;
+    while *bytes.get(at)? != b'"' {
+        at += if bytes[at] == b'\\' { 2 } else { 1 };
+    }
+    Some(at + 1)
 }
 
 /// What is wrong with an action. Of up to fifty valid names the message gives only the nearest.
