@@ -20,6 +20,14 @@ fn files(folder: &Path) -> Vec<String> {
 }
 
 #[test]
+fn the_program_runs_on_a_stack_of_its_own() {
+    for kib in [64, 128, 256] {
+        done(&run(&["inspect", "traces/triangle"]).stack_kib(kib).run());
+        done(&run(&["replay", "traces/triangle", "--config", "tiny"]).stack_kib(kib).run());
+    }
+}
+
+#[test]
 fn a_full_disk_leaves_no_half_written_file() {
     let home = tempfile::tempdir().expect("a folder");
     let out = home.path().join("out");

@@ -20,6 +20,7 @@ pub struct Run {
     cpu_seconds: u64,
     wall: Duration,
     file_kib: Option<u64>,
+    stack_kib: Option<u64>,
 }
 
 /// How a run ended.
@@ -47,6 +48,7 @@ pub fn fillrate<A: AsRef<OsStr>>(arguments: impl IntoIterator<Item = A>) -> Run 
         cpu_seconds: 20,
         wall: Duration::from_secs(40),
         file_kib: None,
+        stack_kib: None,
     }
 }
 
@@ -100,12 +102,19 @@ impl Run {
         self
     }
 
+    /// Bounds the stack of the first thread, in KiB (`ulimit -s`).
+    pub fn stack_kib(mut self, kib: u64) -> Run {
+        self.stack_kib = Some(kib);
+        self
+    }
+
     /// Starts it, and answers the process.
     pub fn spawn(&self) -> Child {
         // Blocks of `ulimit -f` are 512 bytes.
         let files = self.file_kib.map(|kib| format!("ulimit -f {} &&", 2 * kib)).unwrap_or_default();
+        let stack = self.stack_kib.map(|kib| format!("ulimit -s {kib} &&")).unwrap_or_default();
         let script = format!(
-            "ulimit -c 0; {files} ulimit -v {} && ulimit -t {} && exec \"$0\" \"$@\"",
+            "ulimit -c 0; {files} {stack} ulimit -v {} && ulimit -t {} && exec \"$0\" \"$@\"",
             self.memory_mib * 1024,
             self.cpu_seconds
         );

@@ -16,4 +16,4 @@ pub use plain::{Fence, excerpt, is_obeyed, one_line, path_line, printable, ron_r
 pub use replace::{Part, replace, write_file};
 pub use signal::survive_full_files;
 pub use spool::Spool;
-pub use stack::with_room_for;
+pub use stack::{with_program_stack, with_room_for};

@@ -1,7 +1,8 @@
-//! Threads whose stacks suit the nesting of shaders.
+//! Threads with stacks of stated sizes.
 //!
 //! naga's front ends and validator and the lowering of shaders call themselves for what is nested, and so does what frees a syntax tree.
-//! The stack of the caller's thread is not known, so the work is done on one that is: its size follows from the limit on nesting.
+//! The stack of the caller's thread is not known, so the work is done on a thread whose stack is: its size follows from the limit on nesting.
+//! The program itself runs on such a thread, too, because the system's limit (`ulimit -s`) sets the stack of the first one.
 
 use std::panic::resume_unwind;
 use std::thread::{Builder, scope};
@@ -17,21 +18,33 @@ const BASE: u64 = 8 << 20;
 /// No more than this is asked for: the address space of a process is not much larger.
 const LARGEST: u64 = 1 << 46;
 
+/// Bytes of stack of the program, as most systems give to its first thread.
+const PROGRAM: u64 = 8 << 20;
+
 /// Does work on a thread that has room for so many levels of nesting. The memory is taken from the system as it is used.
 ///
 /// # Errors
 /// If the system has no such thread.
 pub fn with_room_for<T: Send>(levels: u64, run: impl FnOnce() -> T + Send) -> Result<T, String> {
     let bytes = levels.saturating_mul(LEVEL).saturating_add(BASE).min(LARGEST);
+    with_stack("shader", bytes, run)
+        .map_err(|error| format!("{error}; a lower --limit shader.nesting=N (now {levels}) needs less"))
+}
+
+/// Does the work of the program on a thread whose stack does not depend on the system's limit.
+///
+/// # Errors
+/// If the system has no such thread.
+pub fn with_program_stack<T: Send>(run: impl FnOnce() -> T + Send) -> Result<T, String> {
+    with_stack("main", PROGRAM, run)
+}
+
+/// Does work on a thread of its own. A panic goes on in the caller.
+fn with_stack<T: Send>(name: &str, bytes: u64, run: impl FnOnce() -> T + Send) -> Result<T, String> {
     scope(|scope| {
-        let thread = Builder::new().name("shader".to_owned()).stack_size(bytes as usize);
-        let thread = thread.spawn_scoped(scope, run).map_err(|error| {
-            format!(
-                "the system gives no thread with a stack of {} MiB: {error}; a lower --limit shader.nesting=N (now {levels}) needs less",
-                bytes >> 20
-            )
-        })?;
-        // A panic goes on in the caller.
+        let thread = Builder::new().name(name.to_owned()).stack_size(bytes as usize).spawn_scoped(scope, run);
+        let thread =
+            thread.map_err(|error| format!("the system gives no thread with a stack of {} MiB: {error}", bytes >> 20))?;
         Ok(thread.join().unwrap_or_else(|panic| resume_unwind(panic)))
     })
 }
