@@ -60,7 +60,30 @@ fn many_of_one_kind_take_time_in_proportion() {
     compiled(&compile(&made::members(2_000), &[]));
     limited(&compile(&made::cases(65_536), &[]), "shader.constants");
     limited(&compile(&made::statements(80_000), &[]), "shader.constants");
-    limited(&compile(&made::members(15_000), &[]), "shader.instructions");
+    limited(&compile(&made::members(15_000), &["shader.pairs=100000000000"]), "shader.instructions");
+}
+
+#[test]
+fn functions_that_naga_reads_in_the_square_of_their_length_are_refused() {
+    for text in [
+        made::statements(8_000),
+        made::cases(12_000),
+        made::small_loops(8_000),
+        made::branches(12_000, 1),
+        made::shader("", &format!("x = x{};", " + x".repeat(4_000)).repeat(9)),
+        made::shader("", &(0..16_000).map(|k| format!("let a{k} = x;")).collect::<String>()),
+    ] {
+        limited(&compile(&text, &[]), "shader.pairs");
+    }
+    // As SPIR-V.
+    let binary = spirv(made::statements(1_000));
+    let (_folder, run) = compiling(|card| card.create_shader_spirv("hostile", &binary));
+    limited(&run.clone().arg("--limit").arg("shader.pairs=1000000").run(), "shader.pairs");
+    compiled(&run.run());
+    // It is part of the work of all modules together: this text has 20 kB.
+    let text = made::statements(1_000);
+    refused(&compile(&text, &["work.shader_source=100000"]), &["bytes of shader source", "--limit work.shader_source=N"]);
+    compiled(&compile(&text, &["work.shader_source=300000"]));
 }
 
 #[test]

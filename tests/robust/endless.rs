@@ -199,9 +199,10 @@ fn what_threads_do_side_by_side_ends_with_the_same_words() {
     assert!(said.iter().all(|text| *text == said[0]), "{said:?}");
 }
 
-/// A frame of each recorded trace, and what it would come to in its most frames: a hundredth of every limit at most.
+/// A frame of each recorded trace, and what it would come to in its most frames: a hundredth of every limit at most, and a tenth of the steps of
+/// shaders, which take longest.
 #[test]
-fn recorded_traces_come_to_a_hundredth_of_every_limit_at_most() {
+fn recorded_traces_come_to_a_small_part_of_every_limit() {
     let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("traces");
     let mut paths: Vec<PathBuf> =
         std::fs::read_dir(&root).expect("the traces").map(|entry| entry.expect("an entry").path()).collect();
@@ -216,12 +217,9 @@ fn recorded_traces_come_to_a_hundredth_of_every_limit_at_most() {
         for meter in summary.ledger.meters() {
             let (spent, limit) = (meter.spent() * times, meter.limit().get());
             println!("{}: {} {spent} of {limit}", path.display(), meter.limit().info().name);
-            assert!(
-                spent * 100 <= limit,
-                "{}: {} {spent}, more than a hundredth of {limit}",
-                path.display(),
-                meter.limit().info().name
-            );
+            let name = meter.limit().info().name;
+            let share = if name == "work.shader_steps" { 10 } else { 100 };
+            assert!(spent * share <= limit, "{}: {name} {spent}, more than 1/{share} of {limit}", path.display());
         }
         println!("{}: most alive {}", path.display(), summary.ledger.most_alive());
     }

@@ -108,6 +108,9 @@ impl Limit {
 limits! {
     /// Bytes of the files of a trace, inflated: its commands and all that they name. Recorded traces have up to 3 MB.
     trace_bytes: "trace.bytes", 4 << 30, "bytes of the trace's files";
+    /// How many times larger a packed trace may become where it becomes larger than 64 MiB: a small file must not take long to read. Recorded
+    /// traces become up to 40 times larger.
+    trace_expansion: "trace.expansion", 100, "times the size of the packed file";
     /// Files of a trace, or entries of its archive. Recorded traces have up to 43.
     trace_files: "trace.files", 1 << 16, "files of the trace";
     /// Length of the source of one shader: WGSL or naga IR text, or a SPIR-V binary. Recorded shaders have up to 25 kB.
@@ -121,6 +124,10 @@ limits! {
     /// all of their elements where they are not stored as they are; where the shader is no text, expressions, and parts of types. Recorded
     /// shaders have up to 792.
     shader_constants: "shader.constants", 1 << 18, "tokens, parts or expressions of a shader with constants and types written out";
+    /// Pairs of tokens that stand in one function, constants counted with all that they stand for, of all functions of a shader together;
+    /// instructions where the shader is SPIR-V. For each expression, naga goes over those that the function has so far. Recorded shaders
+    /// have up to 1 million.
+    shader_pairs: "shader.pairs", 1 << 32, "pairs of tokens inside functions";
     /// Steps of compiling one entry point: statements, expressions and instructions, calls inlined and loops unrolled. Recorded shaders
     /// take up to 1,793.
     shader_instructions: "shader.instructions", 1 << 22, "steps of compiling an entry point with all calls inlined";
@@ -147,7 +154,7 @@ limits! {
     work_workgroups: "work.workgroups", 1 << 27, "workgroups run";
     /// What shaders do. A step is one simple operation on up to 64 invocations at once; memory operations are 8, texture operations 64; a
     /// triangle in a screen tile is 16, and four quads of it are 1. Recorded traces have up to 275 million.
-    work_steps: "work.shader_steps", 30_000_000_000, "shader steps";
+    work_steps: "work.shader_steps", 4_000_000_000, "shader steps";
     /// Turns of one loop between its entry and its end: a program that needs more hangs a card.
     work_loop_turns: "work.loop_turns", 1 << 20, "turns of a loop";
     /// Bytes that creations, copies, clears, loads of attachments and presents touch. Recorded traces have up to 1.9 GB.
@@ -155,9 +162,9 @@ limits! {
     /// Bytes of shader source that are compiled: once for a module, and once for every pipeline stage made of it. Recorded traces have up
     /// to 18 kB.
     work_sources: "work.shader_source", 1 << 28, "bytes of shader source compiled";
-    /// Bytes of everything that a trace makes alive at one time. The default is half of the machine's memory, or of what its control group
-    /// may use, and 1 TiB at most. Recorded traces have up to 82 MB.
-    memory_bytes: "memory.bytes", 1 << 40, "bytes of memory";
+    /// Bytes of everything that a trace makes alive at one time, with all that is recorded of one draw or workgroup. The default is half of the
+    /// machine's memory, or of what its control group may use, where that is less. Recorded traces have up to 82 MB.
+    memory_bytes: "memory.bytes", 2 << 30, "bytes of memory";
 }
 
 /// Half of the memory of the machine, or of what the process may use of it, in bytes; 4 GiB where the system does not say.
@@ -183,7 +190,18 @@ fn address_space() -> u64 {
     bytes.unwrap_or(u64::MAX)
 }
 
+/// Bytes that a packed trace may become, however small it is.
+const FREE_EXPANSION: u64 = 64 << 20;
+
 impl Limits {
+    /// Whether so many packed bytes may become so many others.
+    ///
+    /// # Errors
+    /// If they become more than the limit allows.
+    pub fn check_expansion(&self, packed: u64, expanded: u64) -> Result<(), LimitExceeded> {
+        if expanded <= FREE_EXPANSION { Ok(()) } else { self.trace_expansion.check(expanded.div_ceil(packed.max(1))) }
+    }
+
     /// The rows of the table.
     pub fn table() -> &'static [LimitInfo] {
         TABLE
@@ -215,7 +233,7 @@ mod tests {
         for (k, row) in TABLE.iter().enumerate() {
             let mut limits = Limits::default();
             let default: Vec<u64> = limits.all_mut().map(|limit| limit.get()).collect();
-            // Half of the machine's memory is the one that no table has.
+            // Half of the memory of a small machine is the one that no table has.
             assert!(default[k] == row.default || row.name == "memory.bytes" && (1 << 20..row.default).contains(&default[k]));
             limits.set(&format!("{} = 1_234", row.name)).expect("a limit");
             let set: Vec<u64> = limits.all_mut().map(|limit| limit.get()).collect();
@@ -230,6 +248,16 @@ mod tests {
         assert_eq!(limit.check(10), Ok(()));
         let text = limit.check(11).expect_err("more than ten").to_string();
         assert_eq!(text, "11 levels of nesting in a shader, more than the limit of 10; --limit shader.nesting=N allows more");
+    }
+
+    #[test]
+    fn large_expansions_are_refused() {
+        let limits = Limits::default();
+        assert_eq!(limits.check_expansion(1, 64 << 20), Ok(()));
+        assert_eq!(limits.check_expansion(1 << 20, 100 << 20), Ok(()));
+        let error = limits.check_expansion(1 << 20, (100 << 20) + 1).expect_err("more than a hundred times").to_string();
+        assert!(error.starts_with("101 times") && error.ends_with("--limit trace.expansion=N allows more"), "{error}");
+        assert!(limits.check_expansion(0, 1 << 30).is_err());
     }
 
     #[test]

@@ -96,6 +96,7 @@ impl Shader {
             ledger.sources.charge(bytes)?;
             let claim = ledger.claim("a shader", bytes.saturating_mul(MODULE))?;
             let module = Module::with_limits(&title, source.lend(), &limits).map_err(|error| error.to_string())?;
+            ledger.sources.charge(module.work() - bytes)?;
             drop((source, text));
             Ok((module, claim))
         })?;

@@ -3,6 +3,7 @@
 use naga::{ArraySize, Block, Expression, Handle, Span, Statement, TypeInner};
 
 use super::lower::each_statement;
+use super::nesting::pairs;
 use host::one_line;
 use num::{LimitExceeded, Limits};
 
@@ -18,25 +19,35 @@ pub(super) fn instructions(words: &[u32]) -> impl Iterator<Item = (usize, u32)> 
     })
 }
 
-/// Checks how deep the structured control flow of a SPIR-V module is nested: naga's front end calls itself for it. What is no such module
-/// is naga's to refuse.
+/// Checks how deep the structured control flow of a SPIR-V module is nested: naga's front end calls itself for it; and how many instructions
+/// its functions have. What is no such module is naga's to refuse. Returns the [`pairs`] of the functions; each begins with an expression for
+/// each constant and variable outside of functions.
 ///
 /// # Errors
-/// If it is nested deeper than the limits allow, with the word of the instruction.
-pub(super) fn check_spirv(words: &[u32], limits: &Limits) -> Result<(), (u32, String)> {
+/// If it is nested deeper or has more pairs than the limits allow, with the word of the instruction.
+pub(super) fn check_spirv(words: &[u32], limits: &Limits) -> Result<u64, (u32, String)> {
     const FUNCTION: u32 = 54;
+    const FUNCTION_END: u32 = 56;
     const LOOP_MERGE: u32 = 246;
     const SELECTION_MERGE: u32 = 247;
     const LABEL: u32 = 248;
     // Blocks of constructs that are open, each with the id of the block where it ends. That block comes after all others of its construct.
     let mut open: Vec<u32> = Vec::new();
     let mut ends = std::collections::HashMap::<u32, usize>::new();
+    let (mut outside, mut inside, mut sum) = (0_u64, 0_u64, 0_u64);
     for (at, code) in instructions(words) {
         let operand = words.get(at + 1).copied().unwrap_or(0);
+        inside += 1;
         match code {
             FUNCTION => {
                 open.clear();
                 ends.clear();
+                outside += std::mem::take(&mut inside);
+            }
+            FUNCTION_END => {
+                let own = std::mem::take(&mut inside);
+                sum = sum.saturating_add(pairs(own, own.saturating_add(outside)));
+                limits.shader_pairs.check(sum).map_err(|error| (at as u32, error.to_string()))?;
             }
             LOOP_MERGE | SELECTION_MERGE => {
                 ends.insert(operand, open.len());
@@ -53,7 +64,7 @@ pub(super) fn check_spirv(words: &[u32], limits: &Limits) -> Result<(), (u32, St
             _ => {}
         }
     }
-    Ok(())
+    Ok(sum)
 }
 
 /// The deepest of statements inside statements.

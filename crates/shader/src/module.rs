@@ -78,6 +78,9 @@ fn place_text(place: &Option<Place>) -> String {
     place.map(|p| format!(", {p}")).unwrap_or_default()
 }
 
+/// Pairs of tokens that take about as long as a byte of source.
+const PAIRS: u64 = 1 << 10;
+
 /// A validated shader module.
 #[derive(Clone, Debug)]
 pub struct Module {
@@ -87,6 +90,8 @@ pub struct Module {
     pub(super) info: Arc<ModuleInfo>,
     /// The limits of compiling it.
     pub(super) limits: Limits,
+    /// The length of its source, and [pairs](nesting::pairs) of what stands in it.
+    work: (u64, u64),
 }
 
 /// What the spans of naga's form of a module refer to.
@@ -223,7 +228,7 @@ impl Module {
 
     fn parse(name: &str, source: Source<'_>, limits: &Limits) -> Result<Module, ShaderError> {
         let fail = |place, message| ShaderError { module: name.to_owned(), entry: None, place, message };
-        let (ir, places) = match source {
+        let (ir, places, work) = match source {
             Source::Wgsl(text) => {
                 let extent = nesting::check(text, limits).map_err(|(place, message)| fail(Some(place), message))?;
                 let options = naga::front::wgsl::Options { parse_doc_comments: false, capabilities: capabilities() };
@@ -247,7 +252,7 @@ impl Module {
                     }
                     fail(place, message)
                 })?;
-                (ir, Places::Text(text.into()))
+                (ir, Places::Text(text.into()), (text.len(), extent.pairs))
             }
             Source::SpirV(bytes) => {
                 let options = naga::front::spv::Options {
@@ -262,7 +267,7 @@ impl Module {
                     return Err(fail(None, format!("{} bytes are no whole number of words", bytes.len())));
                 }
                 let place = |at: u32| Some(Place::Word(at));
-                extent::check_spirv(&words, limits).map_err(|(at, message)| fail(place(at), message))?;
+                let pairs = extent::check_spirv(&words, limits).map_err(|(at, message)| fail(place(at), message))?;
                 if let Some((id, at)) = undefined_function(&words) {
                     return Err(fail(place(at), format!("a call of %{id}, which is no function of the module")));
                 }
@@ -270,7 +275,7 @@ impl Module {
                 let (words, origins) = mended.map_or((words, Vec::new()), |mended| (mended.words, mended.origins));
                 let ir = read_spirv(&words, &options)
                     .map_err(|(word, message)| fail(word.map(|word| Place::Word(origin(&origins, word))), message))?;
-                (ir, Places::Binary(origins.into()))
+                (ir, Places::Binary(origins.into()), (bytes.len(), pairs))
             }
             Source::NagaIr(ron) => {
                 let ir = ir_text::read(ron).map_err(|e| {
@@ -280,7 +285,7 @@ impl Module {
                         format!("no naga IR: {}", ron_reason(&e.code)),
                     )
                 })?;
-                (ir, Places::None)
+                (ir, Places::None, (ron.len(), 0))
             }
         };
         extent::check_ir(&ir, limits).map_err(|(span, message)| fail(places.of(span), message))?;
@@ -291,7 +296,13 @@ impl Module {
                     None => fail(e.spans().next().and_then(|(span, _)| places.of(*span)), chain(e.as_inner())),
                 }
             })?;
-        Ok(Module { name: name.into(), places, ir: Arc::new(Ir(ir)), info: Arc::new(info), limits: *limits })
+        let work = (work.0 as u64, work.1);
+        Ok(Module { name: name.into(), places, ir: Arc::new(Ir(ir)), info: Arc::new(info), limits: *limits, work })
+    }
+
+    /// The work of reading it, in bytes of source: its length, and one byte more for each [`PAIRS`] pairs of tokens inside its functions.
+    pub fn work(&self) -> u64 {
+        self.work.0.saturating_add(self.work.1 / PAIRS)
     }
 
     /// The entry points: stage and name, in source order. Stages beyond raster and compute are left out.

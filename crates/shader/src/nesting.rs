@@ -25,8 +25,16 @@ pub(super) struct Extent {
     pub declarations: u64,
     /// Tokens, with constants and zero values of arrays written out.
     pub tokens: u64,
+    /// Pairs of tokens of one function, for all functions together: see [`pairs`].
+    pub pairs: u64,
     /// Where brackets and operators are nested deepest.
     pub deepest: Place,
+}
+
+/// Pairs of tokens of a function that has `own` tokens, and `all` with constants written out. For each expression that it reads, naga goes
+/// over those that the function has so far. Constants at the top count as one function.
+pub(super) fn pairs(own: u64, all: u64) -> u64 {
+    own.saturating_mul(all.max(own))
 }
 
 /// The state of the scan between an opening bracket and its closing one.
@@ -87,6 +95,10 @@ struct Scan<'t> {
     levels: Vec<Level>,
     /// The declaration at the top that the scan is in.
     top: u32,
+    /// The tokens before it.
+    begun: usize,
+    /// Declarations at the top whose expressions count: the first node, its own tokens, and whether it is a function.
+    measured: Vec<(u32, u64, bool)>,
     /// The declaration that tokens belong to: the same, or a local one in it.
     node: u32,
     /// Word that begins the declaration at the top.
@@ -116,6 +128,8 @@ pub(super) fn check(text: &str, limits: &Limits) -> Result<Extent, Refusal> {
         uses: Vec::new(),
         levels: vec![Level::default()],
         top: 0,
+        begun: 0,
+        measured: Vec::new(),
         node: 0,
         keyword: "",
         expected: Expected::Nothing,
@@ -160,14 +174,29 @@ pub(super) fn check(text: &str, limits: &Limits) -> Result<Extent, Refusal> {
         limits.shader_nesting.check(depth).map_err(|error| reaches_too_far(text, scan.graph.nodes[node].at, &error))?;
     }
     scan.count_zeros()?;
-    let mut out = Extent { nesting: 0, declarations, tokens: 0, deepest: place(text, deepest.1) };
-    for (node, Reach { depth, size, .. }) in scan.graph.reaches().into_iter().enumerate() {
+    let mut out = Extent { nesting: 0, declarations, tokens: 0, pairs: 0, deepest: place(text, deepest.1) };
+    let reaches = scan.graph.reaches();
+    for (node, Reach { depth, size, .. }) in reaches.iter().copied().enumerate() {
         let own = scan.graph.nodes[node];
         out.nesting = out.nesting.max(depth);
         // A type is stored once, whatever its size; a constant is copied to each use.
         out.tokens = out.tokens.saturating_add(if own.is_type { own.tokens } else { size });
         limits.shader_constants.check(size.max(out.tokens)).map_err(|error| reaches_too_far(text, own.at, &error))?;
     }
+    let mut others = (0_u64, 0_u64);
+    for (k, &(top, own, is_function)) in scan.measured.iter().enumerate() {
+        let end = scan.measured.get(k + 1).map_or(reaches.len(), |&(next, ..)| next as usize);
+        let values = (top as usize..end).filter(|&node| !scan.graph.nodes[node].is_type);
+        let all = values.map(|node| reaches[node].size).fold(0, u64::saturating_add);
+        if is_function {
+            out.pairs = out.pairs.saturating_add(pairs(own, all));
+        } else if !scan.graph.nodes[top as usize].is_type {
+            others = (others.0 + own, others.1.saturating_add(all));
+        }
+        let sum = out.pairs.saturating_add(pairs(others.0, others.1));
+        limits.shader_pairs.check(sum).map_err(|error| (place(text, scan.graph.nodes[top as usize].at), error.to_string()))?;
+    }
+    out.pairs = out.pairs.saturating_add(pairs(others.0, others.1));
     Ok(out)
 }
 
@@ -189,6 +218,7 @@ impl<'t> Scan<'t> {
     fn begin(&mut self, at: usize) {
         self.top = self.graph.add(at);
         self.node = self.top;
+        self.begun = self.tokens.len();
         self.keyword = "";
         self.expected = Expected::Nothing;
     }
@@ -199,6 +229,7 @@ impl<'t> Scan<'t> {
         level.separate();
         let depth = std::mem::take(&mut level.deepest);
         self.graph.nodes[self.top as usize].depth = depth;
+        self.measured.push((self.top, (self.tokens.len() - self.begun) as u64, self.keyword == "fn"));
         // The parameters, which the head has declared, end with the function.
         self.leave();
         self.scopes.push(Vec::new());
@@ -518,6 +549,20 @@ mod tests {
                 "{length}: {message}"
             );
         }
+    }
+
+    #[test]
+    fn pairs_are_those_of_each_function() {
+        let of = |text: &str| extent(text).pairs;
+        let statements = |n: usize| format!("fn f() {{ {} }}\n", "x += 1u; ".repeat(n));
+        assert_eq!(of("fn f() { x; }") - of(""), 8 * 8);
+        assert_eq!(of(&statements(10).repeat(3)), 3 * of(&statements(10)));
+        // A constant is copied to each use.
+        let uses = |name: &str| of(&format!("const big = array(1, 2, 3, 4, 5, 6, 7, 8); fn f() {{ {name}; {name}; }}"));
+        assert!(uses("big") > uses("x") + 10 * 2 * 16);
+        let (place, message) = check(&format!("\n{}", statements(20_000)), &Limits::default()).expect_err("too many");
+        assert_eq!((place, message.contains("--limit shader.pairs=N")), (Place::Text { line: 2, column: 1 }, true));
+        check(&statements(10_000), &Limits::default()).expect("few enough");
     }
 
     #[test]
