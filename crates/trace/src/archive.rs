@@ -42,6 +42,15 @@ impl Package {
         if archive.has_overlapping_files().map_err(no_archive)? {
             return Err(fail("entries of the archive overlap: the same bytes would be inflated several times".to_owned()));
         }
+        let mut expanded = 0_u64;
+        for index in 0..archive.len() {
+            // An entry that is damaged, or that says more than it can become, is refused where it is used.
+            let becomes = archive
+                .by_index_raw(index)
+                .map_or(0, |entry| entry.size().min(entry.compressed_size().saturating_mul(DEFLATE_MAX)));
+            expanded = expanded.saturating_add(becomes);
+        }
+        limits.check_expansion(bytes.len() as u64, expanded).map_err(|error| TraceError::new(path, error))?;
         let mut folder = None;
         for name in archive.file_names() {
             let name =

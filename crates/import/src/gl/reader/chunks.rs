@@ -1,5 +1,6 @@
 //! The expanded bytes of a file, a piece at a time: Snappy chunks as apitrace writes them, gzip, Brotli, or plain.
 
+use std::cell::Cell;
 use std::io::{BufReader, Read};
 use std::rc::Rc;
 
@@ -16,6 +17,20 @@ const PIECE: usize = 256 << 10;
 /// Where bytes come from: a file, or memory.
 pub type Input = Box<dyn Read>;
 
+/// A file, and how many bytes of it have been read.
+struct Counted {
+    file: Input,
+    read: Rc<Cell<u64>>,
+}
+
+impl Read for Counted {
+    fn read(&mut self, buffer: &mut [u8]) -> std::io::Result<usize> {
+        let count = self.file.read(buffer)?;
+        self.read.set(self.read.get() + count as u64);
+        Ok(count)
+    }
+}
+
 enum Packing {
     Snappy(BufReader<Input>, snap::raw::Decoder),
     Stream(Input),
@@ -29,6 +44,8 @@ pub struct Chunks {
     at: usize,
     /// Expanded bytes before `piece`.
     before: u64,
+    /// Bytes of the file that have been read.
+    read: Rc<Cell<u64>>,
     limits: Limits,
 }
 
@@ -53,26 +70,28 @@ impl Stop {
 impl Chunks {
     /// The chunks of an apitrace file; `start` is its first two bytes, which have been read.
     pub fn apitrace(file: Input, start: [u8; 2], limits: &Limits) -> Chunks {
+        let (file, read) = counted(file);
         let packing = match start {
             [b'a', b't'] => Packing::Snappy(BufReader::with_capacity(PIECE, file), snap::raw::Decoder::new()),
             [0x1f, 0x8b] => Packing::Stream(gzip(start, file)),
             // Brotli has no magic number.
             _ => Packing::Stream(Box::new(Decompressor::new(std::io::Cursor::new(start).chain(file), PIECE))),
         };
-        Chunks::new(packing, limits)
+        Chunks::new(packing, read, limits)
     }
 
     /// A text, plain or gzip.
     pub fn text(file: Input, start: [u8; 2], limits: &Limits) -> Chunks {
+        let (file, read) = counted(file);
         let stream: Input = match start {
             [0x1f, 0x8b] => gzip(start, file),
             _ => Box::new(std::io::Cursor::new(start).chain(file)),
         };
-        Chunks::new(Packing::Stream(stream), limits)
+        Chunks::new(Packing::Stream(stream), read, limits)
     }
 
-    fn new(packing: Packing, limits: &Limits) -> Chunks {
-        Chunks { packing, packed: Vec::new(), piece: Vec::new(), at: 0, before: 0, limits: *limits }
+    fn new(packing: Packing, read: Rc<Cell<u64>>, limits: &Limits) -> Chunks {
+        Chunks { packing, packed: Vec::new(), piece: Vec::new(), at: 0, before: 0, read, limits: *limits }
     }
 
     /// Number of the next expanded byte, from 0.
@@ -134,7 +153,10 @@ impl Chunks {
             }
             self.piece = std::mem::take(&mut room);
         }
-        self.limits.trace_bytes.check(self.before + self.piece.len() as u64).map_err(|error| Stop::broken(error.to_string()))
+        let expanded = self.before + self.piece.len() as u64;
+        let checked =
+            self.limits.trace_bytes.check(expanded).and_then(|()| self.limits.check_expansion(self.read.get(), expanded));
+        checked.map_err(|error| Stop::broken(error.to_string()))
     }
 
     /// The next byte.
@@ -217,6 +239,12 @@ impl Chunks {
         }
         Ok(bytes)
     }
+}
+
+/// The file, and the count of its bytes that are read.
+fn counted(file: Input) -> (Input, Rc<Cell<u64>>) {
+    let read = Rc::new(Cell::new(0));
+    (Box::new(Counted { file, read: read.clone() }), read)
 }
 
 fn gzip(start: [u8; 2], file: Input) -> Input {

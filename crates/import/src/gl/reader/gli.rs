@@ -155,8 +155,11 @@ impl GliText {
                 continue;
             }
             // A program's text spans lines.
-            while text.bytes().filter(|&byte| byte == b'"').count() % 2 == 1 {
-                text.push_str(&self.line()?.ok_or(Stop::End)?);
+            let mut open = opens(&text);
+            while open {
+                let line = self.line()?.ok_or(Stop::End)?;
+                open ^= opens(&line);
+                text.push_str(&line);
                 if text.len() > CALL_MAX {
                     return Err(Stop::broken(format!("a call of more than {CALL_MAX} bytes")));
                 }
@@ -199,6 +202,11 @@ impl GliText {
             .map_or(Arg::Null, |text| number(text.trim(), false).unwrap_or(Arg::Null));
         Ok(Call { number: self.next, place, thread: 0, function, args, result })
     }
+}
+
+/// Whether a line has one quote more that opens than quotes that close, or one less.
+fn opens(line: &str) -> bool {
+    line.bytes().filter(|&byte| byte == b'"').count() % 2 == 1
 }
 
 /// Whether hexadecimal arguments of a function are the bits of floats.
