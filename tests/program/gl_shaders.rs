@@ -376,7 +376,7 @@ fn what_is_not_supported_is_named_with_its_line() {
             "varying vec3 missing;\nvoid main() { gl_FragColor = vec4(missing, 1.0); }",
             "the vertex shader does not write missing",
         ),
-        ("#if 1\nvoid main() {}", "the preprocessor says UnfinishedBlock"),
+        ("#if 1\nvoid main() {}", "line 1: a conditional block without `#endif`"),
         (
             "void main() { for (int i = 0; i < 3; i++) gl_FragColor = gl_TexCoord[i]; }",
             "gl_TexCoord without a number in brackets",

@@ -11,6 +11,8 @@ mod experiments;
 mod files;
 mod generated;
 #[cfg(unix)]
+mod glsl;
+#[cfg(unix)]
 mod memory;
 #[cfg(unix)]
 mod nested_text;
@@ -23,6 +25,8 @@ mod replays;
 mod shaders;
 #[cfg(unix)]
 mod terminal;
+#[cfg(unix)]
+mod texts;
 
 use std::path::{Path, PathBuf};
 use std::sync::LazyLock;

@@ -1,6 +1,6 @@
 //! Programs in GLSL.
 //!
-//! The passes of a shader: [`tokens`] (preprocessor); [`prepare`] (what naga does not do as the language says: names that hide samplers, scopes
+//! The passes of a shader: [`preprocess`], from [`lexemes`] to [`tokens`]; [`prepare`] (what naga does not do as the language says: names that hide samplers, scopes
 //! without blocks, arrays in declarations, comparisons of arrays and structures, functions with built-in names, components of components,
 //! `continue` in `do`, `&&` and `||`, global initialisers); [`specialise`] (copies of functions for their samplers); [`order`] (several shader
 //! objects, order of functions); [`rewrite`] (version 4.50, built-in names become plain variables); naga's front end, components as arguments
@@ -11,11 +11,13 @@ mod access;
 pub mod blocks;
 mod braces;
 mod builtins;
+mod condition;
 mod declarators;
 mod emit;
 mod equality;
 mod initial;
 mod lazy;
+mod lexemes;
 mod loops;
 mod order;
 mod outline;
@@ -23,6 +25,7 @@ mod outs;
 mod overrides;
 mod prelude;
 mod prepare;
+mod preprocess;
 mod returns;
 mod rewrite;
 mod sampler;
@@ -43,6 +46,13 @@ use crate::arb::program::Stage;
 pub use access::Layout;
 pub use emit::Translated;
 use emit::translate;
+
+/// Levels of WGSL that take as much stack as a level of GLSL: naga's front end takes up to 72 KiB for a constructor inside of another in a
+/// release, where it is not optimised.
+const LEVEL: u64 = 8;
+
+/// Statements inside each other that are refused before naga reads them. It would refuse those beyond 127, after it has written them all.
+const BLOCKS_MAX: u64 = 200;
 
 /// Maximum number of tokens of a shader.
 const TOKENS_MAX: usize = 1 << 18;
@@ -94,21 +104,35 @@ pub fn link(number: u32, sources: &Sources, limits: &Limits) -> Result<Rc<Linked
             continue;
         }
         let array = ["u.vertex_params", "u.fragment_params"][k];
-        let translated = (|| {
-            let tokens = texts.iter().map(|text| tokens::preprocess(text)).collect::<Outcome<Vec<_>>>()?;
+        // Counted references stay on their thread.
+        let texts: Vec<&str> = texts.iter().map(|text| &**text).collect();
+        let run = || {
+            let tokens = texts.iter().map(|text| preprocess::preprocess(text, limits)).collect::<Outcome<Vec<_>>>()?;
             for (_, tokens) in &tokens {
                 let levels = tokens::nesting(tokens);
                 limits.shader_nesting.check(levels).map_err(|error| Wrong::at(0, error.to_string()))?;
                 limits.shader_constants.check(tokens::reach(tokens)).map_err(|error| Wrong::at(0, error.to_string()))?;
+                let blocks = tokens::blocks(tokens);
+                if blocks > BLOCKS_MAX {
+                    let reason = format!(
+                        "{blocks} statements inside each other, and WGSL has at most 127 blocks; a part can be a function"
+                    );
+                    return Err(Wrong::at(0, reason));
+                }
+                limits.shader_pairs.check(tokens::pairs(tokens)).map_err(|error| Wrong::at(0, error.to_string()))?;
             }
-            let run = || {
-                let source = rewrite::rewrite(stage, tokens)?;
-                // The passes add brackets.
-                limits.shader_nesting.check(source.nesting).map_err(|error| Wrong::at(0, error.to_string()))?;
-                translate(stage, &source, array)
-            };
-            with_room_for(limits.shader_nesting.get(), run).unwrap_or_else(|reason| Err(Wrong::at(0, reason)))
-        })();
+            let source = rewrite::rewrite(stage, tokens)?;
+            // The passes add brackets, and copies of functions.
+            limits.shader_nesting.check(source.nesting).map_err(|error| Wrong::at(0, error.to_string()))?;
+            limits.shader_pairs.check(source.pairs).map_err(|error| Wrong::at(0, error.to_string()))?;
+            Ok(source)
+        };
+        let no_stack = |reason| Wrong::at(0, reason);
+        let rewritten = with_room_for(limits.shader_nesting.get(), run).map_err(no_stack).flatten();
+        let translated = rewritten.and_then(|source| {
+            let levels = source.nesting.saturating_mul(LEVEL);
+            with_room_for(levels, || translate(stage, &source, array)).map_err(no_stack).flatten()
+        });
         let name = ["vertex", "fragment"][k];
         stages[k] = Some(translated.map_err(|wrong| match wrong.line {
             0 => format!("{name} shader: {}", wrong.reason),

@@ -63,6 +63,8 @@ pub struct Source {
     pub flips: bool,
     /// Maximum nesting of the tokens in that text.
     pub nesting: u64,
+    /// Pairs of tokens of its functions.
+    pub pairs: u64,
     /// The line of the source of each line of that text, after the first two.
     pub lines: Vec<u32>,
     /// Variables in that text that have an initialiser.
@@ -107,6 +109,7 @@ pub fn rewrite(stage: Stage, shaders: Vec<(Dialect, Vec<Token>)>) -> Outcome<Sou
         invariant: false,
         flips: false,
         nesting: 0,
+        pairs: 0,
         lines: Vec::new(),
         initialised: BTreeSet::new(),
         reads: BTreeMap::new(),
@@ -556,6 +559,7 @@ impl Rewriter {
         source.text = text + &printed;
         source.lines = lines;
         source.nesting = tokens::nesting(&out);
+        source.pairs = tokens::pairs(&out);
         source
     }
 }

@@ -2,11 +2,6 @@
 
 use std::collections::BTreeMap;
 
-use pp_rs::pp::Preprocessor;
-use pp_rs::token::{Punct, TokenValue};
-
-use super::Wrong;
-
 /// A token.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Token {
@@ -62,94 +57,10 @@ pub fn dialect(text: &str) -> Dialect {
     Dialect { version, embedded: version == 100 || words.next() == Some("es") }
 }
 
-/// Macros that OpenGL defines for supported extensions.
-const EXTENSIONS: [&str; 4] =
-    ["GL_ARB_texture_rectangle", "GL_ARB_shader_texture_lod", "GL_EXT_shader_texture_lod", "GL_OES_standard_derivatives"];
-
-/// The tokens of a text after the preprocessor.
-pub fn preprocess(text: &str) -> Result<(Dialect, Vec<Token>), Wrong> {
-    let dialect = dialect(text);
-    let starts: Vec<usize> = text.bytes().enumerate().filter(|&(_, b)| b == b'\n').map(|(at, _)| at + 1).collect();
-    let line_of = |at: u32| 1 + starts.partition_point(|&start| start <= at as usize) as u32;
-    let mut source = Preprocessor::new(text);
-    let version = dialect.version.to_string();
-    let mut defines = vec![("__VERSION__", version.as_str())];
-    defines.extend(EXTENSIONS.map(|name| (name, "1")));
-    if dialect.embedded {
-        defines.extend([("GL_ES", "1"), ("GL_FRAGMENT_PRECISION_HIGH", "1")]);
-    }
-    for (name, value) in defines {
-        source.add_define(name, value).map_err(|(error, _)| Wrong::at(1, format!("{name}: {error:?}")))?;
-    }
-    let (mut tokens, mut line) = (Vec::new(), 1);
-    for token in source {
-        let token =
-            token.map_err(|(error, place)| Wrong::at(line_of(place.start), format!("the preprocessor says {error:?}")))?;
-        // Line numbers do not decrease, so printed tokens keep their lines.
-        line = line.max(line_of(token.location.start));
-        let text = match token.value {
-            TokenValue::Ident(name) => name,
-            TokenValue::Integer(number) => format!("{}{}", number.value, if number.signed { "" } else { "u" }),
-            TokenValue::Float(number) => format!("{:?}", number.value),
-            TokenValue::Punct(punct) => mark(punct).to_owned(),
-            TokenValue::Version(_) | TokenValue::Extension(_) | TokenValue::Pragma(_) => continue,
-        };
-        tokens.push(Token::new(text, line));
-        if tokens.len() > super::TOKENS_MAX {
-            return Err(Wrong::at(line, format!("more than {} tokens", super::TOKENS_MAX)));
-        }
-    }
-    Ok((dialect, tokens))
-}
-
-fn mark(punct: Punct) -> &'static str {
-    match punct {
-        Punct::AddAssign => "+=",
-        Punct::SubAssign => "-=",
-        Punct::MulAssign => "*=",
-        Punct::DivAssign => "/=",
-        Punct::ModAssign => "%=",
-        Punct::LeftShiftAssign => "<<=",
-        Punct::RightShiftAssign => ">>=",
-        Punct::AndAssign => "&=",
-        Punct::XorAssign => "^=",
-        Punct::OrAssign => "|=",
-        Punct::Increment => "++",
-        Punct::Decrement => "--",
-        Punct::LogicalAnd => "&&",
-        Punct::LogicalOr => "||",
-        Punct::LogicalXor => "^^",
-        Punct::LessEqual => "<=",
-        Punct::GreaterEqual => ">=",
-        Punct::EqualEqual => "==",
-        Punct::NotEqual => "!=",
-        Punct::LeftShift => "<<",
-        Punct::RightShift => ">>",
-        Punct::LeftBrace => "{",
-        Punct::RightBrace => "}",
-        Punct::LeftParen => "(",
-        Punct::RightParen => ")",
-        Punct::LeftBracket => "[",
-        Punct::RightBracket => "]",
-        Punct::LeftAngle => "<",
-        Punct::RightAngle => ">",
-        Punct::Semicolon => ";",
-        Punct::Comma => ",",
-        Punct::Colon => ":",
-        Punct::Dot => ".",
-        Punct::Equal => "=",
-        Punct::Bang => "!",
-        Punct::Minus => "-",
-        Punct::Tilde => "~",
-        Punct::Plus => "+",
-        Punct::Star => "*",
-        Punct::Slash => "/",
-        Punct::Percent => "%",
-        Punct::Pipe => "|",
-        Punct::Caret => "^",
-        Punct::Ampersand => "&",
-        Punct::Question => "?",
-    }
+/// The tokens of a text after the preprocessor, within the default limits.
+#[cfg(test)]
+pub fn preprocess(text: &str) -> Result<(Dialect, Vec<Token>), super::Wrong> {
+    super::preprocess::preprocess(text, &num::Limits::default())
 }
 
 /// Maximum nesting of tokens in brackets, operators and `else`: the parser recurses for each level.
@@ -184,24 +95,65 @@ pub fn nesting(tokens: &[Token]) -> u64 {
     deepest
 }
 
-/// Number of tokens, with each constant's name counted as its whole value: naga expands constants at each use.
-pub fn reach(tokens: &[Token]) -> u64 {
+/// Maximum nesting of blocks, and of statements that are bodies without one. WGSL has at most 127 blocks inside each other; naga indents what is
+/// inside of them, so that its text grows with the square of their depth.
+pub fn blocks(tokens: &[Token]) -> u64 {
+    // For each open bracket: statements since the last separator, and how many it added.
+    let (mut open, mut outside, mut deepest) = (vec![(0_u64, 0_u64)], 0, 0);
+    for (at, token) in tokens.iter().enumerate() {
+        let (statements, _) = *open.last().expect("the outermost level stays");
+        match token.text.as_str() {
+            "(" | "[" => open.push((0, 0)),
+            "{" => {
+                let added = statements.max(1);
+                outside += added;
+                open.push((0, added));
+            }
+            ")" | "]" | "}" if open.len() > 1 => outside -= open.pop().map_or(0, |(_, added)| added),
+            _ => {}
+        }
+        let statements = &mut open.last_mut().expect("the outermost level stays").0;
+        match token.text.as_str() {
+            ";" => *statements = 0,
+            // A statement ends with its block, unless `else` follows.
+            "}" if !tokens.get(at + 1).is_some_and(|next| next.is("else")) => *statements = 0,
+            "if" | "for" | "while" | "do" => *statements += 1,
+            _ => {}
+        }
+        deepest = deepest.max(outside + *statements);
+    }
+    deepest
+}
+
+/// What each token stands for: the name of a constant for its whole value, and the name of a structure for all of its members. Naga expands
+/// constants at each use, and asks of each part of a structure, and of the parts of those, what it is.
+fn weights(tokens: &[Token]) -> Vec<u64> {
     let mut known: BTreeMap<&str, u64> = BTreeMap::new();
-    let mut total = 0_u64;
-    // The constant that is declared, and its tokens so far.
-    let mut declared: Option<(Option<&str>, u64)> = None;
+    let mut weights = Vec::with_capacity(tokens.len());
+    // What is declared, its tokens so far, and the mark that ends it; and what the members of one declaration have each.
+    let mut declared: Option<(Option<&str>, u64, &str)> = None;
+    let mut each = 0_u64;
     for (at, token) in tokens.iter().enumerate() {
         let weight = known.get(token.text.as_str()).copied().unwrap_or(1);
-        total = total.saturating_add(weight);
+        weights.push(weight);
         match &mut declared {
-            None if token.is("const") => declared = Some((None, 0)),
-            Some((name, sum)) => {
+            None if token.is("const") => declared = Some((None, 0, ";")),
+            None if token.is("struct") => {
+                let name = tokens.get(at + 1).filter(|name| name.word);
+                declared = Some((name.map(|name| name.text.as_str()), 0, "}"));
+            }
+            Some((name, sum, end)) => {
+                match token.text.as_str() {
+                    "{" | ";" => each = 0,
+                    "," => *sum = sum.saturating_add(each),
+                    _ => each = each.saturating_add(weight),
+                }
                 *sum = sum.saturating_add(weight);
                 let named = tokens.get(at + 1).is_some_and(|next| matches!(next.text.as_str(), "=" | "["));
                 if name.is_none() && token.word && named {
                     *name = Some(&token.text);
                 }
-                if token.is(";") {
+                if token.is(end) {
                     if let Some(name) = name {
                         known.insert(name, *sum);
                     }
@@ -211,7 +163,39 @@ pub fn reach(tokens: &[Token]) -> u64 {
             None => {}
         }
     }
-    total
+    weights
+}
+
+/// Number of tokens, with constants and structures written out.
+pub fn reach(tokens: &[Token]) -> u64 {
+    weights(tokens).into_iter().fold(0, u64::saturating_add)
+}
+
+/// Pairs of tokens of one function, for all functions together, with constants and structures written out: for each expression that it reads,
+/// naga goes over those that the function has so far. Each function begins with an expression for each variable outside of functions.
+pub fn pairs(tokens: &[Token]) -> u64 {
+    let weights = weights(tokens);
+    // Tokens, and what they stand for: of each function, and of all that stands outside.
+    let (mut functions, mut outside): (Vec<[u64; 2]>, [u64; 2]) = Default::default();
+    let (mut current, mut depth, mut blocks) = ([0_u64; 2], 0_u64, false);
+    for (token, weight) in tokens.iter().zip(weights) {
+        current = [current[0] + 1, current[1].saturating_add(weight)];
+        match token.text.as_str() {
+            "{" => (depth, blocks) = (depth + 1, true),
+            "}" => depth = depth.saturating_sub(1),
+            _ => {}
+        }
+        if depth == 0 && (token.is(";") || token.is("}") && blocks) {
+            // A structure and its variables are no function; a mark behind its bracket ends nothing else.
+            let [own, all] = std::mem::take(&mut current);
+            match std::mem::take(&mut blocks) {
+                true => functions.push([own, all]),
+                false => outside = [outside[0] + own, outside[1].saturating_add(all)],
+            }
+        }
+    }
+    let product = |[own, all]: [u64; 2]| own.saturating_mul(all.saturating_add(outside[1]));
+    functions.into_iter().map(product).fold(product([outside[0], 0]), u64::saturating_add)
 }
 
 /// Prints tokens, each on its line.
@@ -309,11 +293,41 @@ mod tests {
     }
 
     #[test]
+    fn blocks_are_counted_with_bodies_that_are_none() {
+        let of = |text: &str| blocks(&preprocess(text).expect("a text").1);
+        assert_eq!(of("void f() { { { } } }"), 3);
+        assert_eq!(of("void f() { if (a) { if (b) { c; } } }"), 3);
+        assert_eq!(of("void f() { if (a) if (b) c; if (c) d; }"), 3);
+        assert_eq!(of("void f() { if (a) { } else if (b) { } else if (c) { } if (d) { } }"), 4);
+        assert_eq!(of("void f() { for (a; b; c) for (a; b; c) d; }"), 3);
+        assert_eq!(of("void f() { do { a; } while (b); do { } while (c); } void g() { }"), 2);
+        assert_eq!(of("} ) ] }"), 0);
+    }
+
+    #[test]
     fn constants_of_constants_reach_far() {
         let of = |text: &str| reach(&preprocess(text).expect("a text").1);
         assert_eq!(of("const float a = 1.0;\nfloat b = a;"), 6 + 3 + 5 + 1);
         let twice: String = (0..40).map(|k| format!("const T t{} = T(t{k}, t{k});\n", k + 1)).collect();
         assert!(of(&twice) > 1 << 40);
+    }
+
+    #[test]
+    fn structures_of_structures_reach_far() {
+        let of = |text: &str| reach(&preprocess(text).expect("a text").1);
+        assert_eq!(of("struct A { float a; };\nA b;"), 8 + 6 + 2);
+        let twice: String = (0..40).map(|k| format!("struct S{} {{ S{k} a; S{k} b; }};\n", k + 1)).collect();
+        assert!(of(&twice) > 1 << 40);
+        assert!(of(&twice.replace("a; S", "a, b; /*").replace("b; }", "*/ }")) > 1 << 40);
+    }
+
+    #[test]
+    fn pairs_are_those_of_each_function() {
+        let of = |text: &str| pairs(&preprocess(text).expect("a text").1);
+        assert_eq!(of("float a; void f() { a; } void g() { }"), 3 * 3 + 8 * (8 + 3) + 6 * (6 + 3));
+        assert_eq!(of("const int n = 1; void f() { n; }"), 6 * 6 + 8 * (7 + 5 + 6));
+        let statements = |n: usize| of(&format!("void main() {{ {} }}", "x += 1.0; ".repeat(n)));
+        assert!(statements(20_000) > 1 << 32 && statements(5_000) < 1 << 29);
     }
 
     #[test]
