@@ -37,6 +37,7 @@ mod tokens;
 mod types;
 mod unsupported;
 mod vector;
+mod wgsl;
 mod zeros;
 
 #[cfg(test)]

@@ -6,9 +6,9 @@ use naga::valid::{Capabilities, ModuleInfo, ValidationFlags, Validator};
 
 use super::extent;
 use super::interface::Stage;
-use super::nesting;
 use super::spirv;
 use super::unsupported;
+use super::wgsl;
 use host::{guarded, one_line, ron_reason, with_room_for};
 use num::Limits;
 
@@ -79,7 +79,7 @@ fn place_text(place: &Option<Place>) -> String {
 }
 
 /// Pairs of tokens that take about as long as a byte of source.
-const PAIRS: u64 = 1 << 10;
+pub(super) const PAIRS: u64 = 1 << 10;
 
 /// A validated shader module.
 #[derive(Clone, Debug)]
@@ -90,15 +90,15 @@ pub struct Module {
     pub(super) info: Arc<ModuleInfo>,
     /// The limits of compiling it.
     pub(super) limits: Limits,
-    /// The length of its source, and [pairs](nesting::pairs) of what stands in it.
+    /// The length of its source, and [pairs](super::nesting::pairs) of what stands in it, as often as naga has read it.
     work: (u64, u64),
 }
 
 /// What the spans of naga's form of a module refer to.
 #[derive(Clone, Debug)]
 pub(super) enum Places {
-    /// Bytes of a text.
-    Text(Arc<str>),
+    /// Bytes of a text, as it was rewritten; errors name places of the one that was given.
+    Text(Arc<str>, Arc<wgsl::Text>),
     /// Bytes of a SPIR-V binary. If it was rewritten: where each instruction begins, and where it began before.
     Binary(Arc<[(u32, u32)]>),
     /// Nothing.
@@ -110,7 +110,7 @@ impl Places {
     pub fn of(&self, span: naga::Span) -> Option<Place> {
         let at = span.to_range()?.start;
         match self {
-            Places::Text(text) => (at <= text.len()).then(|| place_of(span.location(text))),
+            Places::Text(text, rewritten) => Some(wgsl::place(text, rewritten.origin(at))),
             Places::Binary(origins) => Some(Place::Word(origin(origins, (at / 4) as u32))),
             Places::None => None,
         }
@@ -143,7 +143,7 @@ impl Drop for Ir {
 }
 
 /// The optional capabilities of naga that this implementation supports.
-pub(super) fn capabilities() -> Capabilities {
+pub(crate) fn capabilities() -> Capabilities {
     Capabilities::IMMEDIATES
         | Capabilities::PRIMITIVE_INDEX
         | Capabilities::TEXTURE_AND_SAMPLER_BINDING_ARRAY
@@ -230,29 +230,8 @@ impl Module {
         let fail = |place, message| ShaderError { module: name.to_owned(), entry: None, place, message };
         let (ir, places, work) = match source {
             Source::Wgsl(text) => {
-                let extent = nesting::check(text, limits).map_err(|(place, message)| fail(Some(place), message))?;
-                let options = naga::front::wgsl::Options { parse_doc_comments: false, capabilities: capabilities() };
-                let ir = naga::front::wgsl::Frontend::new_with_options(options).parse(text).map_err(|e| {
-                    let place = e.location(text).map(place_of);
-                    // The only error that names no place.
-                    if place.is_none() && e.emit_to_string("").contains("recursion limit") {
-                        let message = "brackets, templates and blocks inside each other go deeper than naga's parser can follow, which is \
-                                       200 levels and fixed; give parts of it names of their own";
-                        return fail(Some(extent.deepest), message.to_owned());
-                    }
-                    let labels: Vec<&str> = e.labels().map(|l| l.1).filter(|l| !l.is_empty()).collect();
-                    let mut message = e.message().to_owned();
-                    if message.starts_with("brace nesting limit") {
-                        message.push_str(": more than 127 blocks inside each other, which WGSL does not have; a part can be a function");
-                    }
-                    if message.contains("`wgpu_int16`") {
-                        message = unsupported::named(unsupported::INT16);
-                    } else if !labels.is_empty() {
-                        message = format!("{message} ({})", labels.join("; "));
-                    }
-                    fail(place, message)
-                })?;
-                (ir, Places::Text(text.into()), (text.len(), extent.pairs))
+                let (ir, read) = wgsl::parse(text, limits).map_err(|(place, message)| fail(place, message))?;
+                (ir, Places::Text(text.into(), Arc::new(read.text)), read.work)
             }
             Source::SpirV(bytes) => {
                 let options = naga::front::spv::Options {
@@ -275,7 +254,7 @@ impl Module {
                 let (words, origins) = mended.map_or((words, Vec::new()), |mended| (mended.words, mended.origins));
                 let ir = read_spirv(&words, &options)
                     .map_err(|(word, message)| fail(word.map(|word| Place::Word(origin(&origins, word))), message))?;
-                (ir, Places::Binary(origins.into()), (bytes.len(), pairs))
+                (ir, Places::Binary(origins.into()), (bytes.len() as u64, pairs))
             }
             Source::NagaIr(ron) => {
                 let ir = ir_text::read(ron).map_err(|e| {
@@ -285,9 +264,26 @@ impl Module {
                         format!("no naga IR: {}", ron_reason(&e.code)),
                     )
                 })?;
-                (ir, Places::None, (ron.len(), 0))
+                (ir, Places::None, (ron.len() as u64, 0))
             }
         };
+        Module::validated(name, ir, places, work, limits)
+    }
+
+    /// The module that computes a constant, which must not need others.
+    pub(super) fn constant(text: &str, limits: &Limits) -> Option<Module> {
+        let (ir, read) = wgsl::read(text, limits, false).ok()?;
+        Module::validated("constant", ir, Places::Text(text.into(), Arc::new(read.text)), read.work, limits).ok()
+    }
+
+    fn validated(
+        name: &str,
+        ir: naga::Module,
+        places: Places,
+        work: (u64, u64),
+        limits: &Limits,
+    ) -> Result<Module, ShaderError> {
+        let fail = |place, message| ShaderError { module: name.to_owned(), entry: None, place, message };
         extent::check_ir(&ir, limits).map_err(|(span, message)| fail(places.of(span), message))?;
         let info =
             Validator::new(ValidationFlags::all(), capabilities()).validate(&ir).map_err(|e| {
@@ -296,7 +292,6 @@ impl Module {
                     None => fail(e.spans().next().and_then(|(span, _)| places.of(*span)), chain(e.as_inner())),
                 }
             })?;
-        let work = (work.0 as u64, work.1);
         Ok(Module { name: name.into(), places, ir: Arc::new(Ir(ir)), info: Arc::new(info), limits: *limits, work })
     }
 
@@ -316,12 +311,12 @@ impl Module {
     }
 }
 
-pub(super) fn place_of(l: naga::SourceLocation) -> Place {
+pub(crate) fn place_of(l: naga::SourceLocation) -> Place {
     Place::Text { line: l.line_number, column: l.line_position }
 }
 
 /// An error with its causes, on one line.
-pub(super) fn chain(e: &dyn std::error::Error) -> String {
+pub(crate) fn chain(e: &dyn std::error::Error) -> String {
     let mut text = e.to_string();
     let mut cause = e.source();
     while let Some(c) = cause {

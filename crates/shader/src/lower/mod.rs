@@ -207,8 +207,8 @@ impl<'a> Lowerer<'a> {
 
     /// The current place, if the module has places.
     pub fn here(&self) -> Option<module::Place> {
-        let module::Places::Text(_) = self.origin.places else { return self.origin.places.of(self.span) };
-        let at = self.span.to_range()?.start;
+        let module::Places::Text(_, rewritten) = &self.origin.places else { return self.origin.places.of(self.span) };
+        let at = rewritten.origin(self.span.to_range()?.start);
         let line = self.lines.partition_point(|&begin| begin as usize <= at);
         let begin = self.lines[line - 1] as usize;
         Some(module::Place::Text { line: line as u32, column: (at - begin) as u32 + 1 })

@@ -49,7 +49,7 @@ pub(crate) fn lower(
         indexed: writes::find_indexed(module, info, index),
         span: naga::Span::UNDEFINED,
         lines: match &origin.places {
-            Places::Text(text) => line_starts(text),
+            Places::Text(text, _) => line_starts(text),
             Places::Binary(_) | Places::None => Vec::new(),
         },
         range_top: 0,

@@ -380,10 +380,10 @@ impl Flow {
             targets == ends && last.code == op::BRANCH_CONDITIONAL
         };
         match (edge, self.constructs[to].kind) {
-            (Edge::Leave(_), Kind::Loop) if left.contains(&Kind::Continuing) => {
-                if left != [Kind::Continuing] || !back_and_out() {
-                    return refuse("leaves a loop from its continuing part, which naga understands of its last block only");
-                }
+            (Edge::Leave(_), Kind::Loop)
+                if left.contains(&Kind::Continuing) && (left != [Kind::Continuing] || !back_and_out()) =>
+            {
+                return refuse("leaves a loop from its continuing part, which naga understands of its last block only");
             }
             (Edge::Leave(_), Kind::Loop | Kind::Switch) if left.contains(&Kind::Switch) => {
                 return refuse("leaves a switch and what is around it at once");
@@ -394,10 +394,8 @@ impl Flow {
             (Edge::Continue(_), _) if left.contains(&Kind::Continuing) => {
                 return refuse("begins a turn of a loop from its continuing part");
             }
-            (Edge::Back(_), _) => {
-                if left != [Kind::Continuing] || last.code != op::BRANCH && !back_and_out() {
-                    return refuse("begins a turn of a loop and is not the last one of its continuing part");
-                }
+            (Edge::Back(_), _) if left != [Kind::Continuing] || last.code != op::BRANCH && !back_and_out() => {
+                return refuse("begins a turn of a loop and is not the last one of its continuing part");
             }
             (Edge::Fall(_), _) => return refuse("falls into another case of a switch"),
             _ => {}

@@ -1,6 +1,6 @@
 //! SPIR-V modules, rewritten where naga's front end would read them otherwise than the specification says.
 //!
-//! naga 30 makes wrong programs of some valid modules without a word. So a module is taken apart into its
+//! naga 30 makes wrong programs of some valid modules without a word (docs/upstream.md). So a module is taken apart into its
 //! instructions, what naga gets wrong is replaced by what means the same and naga gets right, and what cannot be replaced is refused.
 //! [`operations`] does so for single instructions, [`switches`] for control flow, of which [`flow`] has the structure.
 

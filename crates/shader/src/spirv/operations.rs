@@ -214,7 +214,7 @@ pub(super) fn mend(parts: &mut Parts) -> Result<(), Refusal> {
         bytes.split(|&byte| byte == 0).next() == Some(b"GLSL.std.450")
     };
     let imports = parts.globals.iter().filter(|inst| inst.code == op::EXT_INST_IMPORT);
-    let glsl_set = imports.filter(name).map(|inst| inst.operand(0)).last();
+    let glsl_set = imports.filter(name).map(|inst| inst.operand(0)).next_back();
     for function in std::mem::take(&mut parts.functions) {
         let mut writer = Writer { out: Vec::with_capacity(function.len()), parts };
         for inst in function {

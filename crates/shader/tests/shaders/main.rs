@@ -3,9 +3,11 @@
 mod corners;
 mod differential;
 mod generate;
+mod layouts;
 mod loops;
 mod oracle;
 mod oracle_tests;
 mod refusals;
 mod suite;
 mod trees;
+mod valid;

@@ -10,6 +10,8 @@ mod wgsl;
 
 use num::Random;
 
+pub use suite::{run, run_words};
+
 /// Variables. Those with an odd number have a signed type, and the first is a hash of the branches that were taken.
 pub const VARIABLES: usize = 5;
 

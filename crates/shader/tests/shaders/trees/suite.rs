@@ -17,9 +17,14 @@ fn words_of(data: &[u32]) -> Words {
 
 /// Runs a module on 64 inputs.
 pub fn run(source: Source<'_>, inputs: &[u32]) -> Result<Vec<u32>, String> {
+    run_words(source, inputs, 64)
+}
+
+/// Runs a module with so many words for its results.
+pub fn run_words(source: Source<'_>, inputs: &[u32], words: usize) -> Result<Vec<u32>, String> {
     let module = Module::new("tree", source).map_err(|e| e.to_string())?;
     let program = compile(&module, Stage::Compute, None, &Options::default()).map_err(|e| e.to_string())?;
-    let (results, inputs) = (Words::new(256), words_of(inputs));
+    let (results, inputs) = (Words::new(4 * words as u64), words_of(inputs));
     let bindings: Vec<Vec<Resource<'_>>> = (program.interface().bindings.iter())
         .map(|binding| {
             let words = if binding.binding == 0 { &results } else { &inputs };
@@ -30,7 +35,7 @@ pub fn run(source: Source<'_>, inputs: &[u32]) -> Result<Vec<u32>, String> {
     let uniforms = program.uniforms(&resources);
     let mut executor = Executor::new();
     executor.bind(&program, &resources, &uniforms).run_groups(0..1, [1, 1, 1], None).map_err(|e| e.to_string())?;
-    Ok((0..64).map(|i| results.load(i)).collect())
+    Ok((0..words).map(|i| results.load(i)).collect())
 }
 
 fn check(tree: &[Statement], seed: u64) -> Result<(), String> {
