@@ -225,14 +225,18 @@ fn loading_what_was_presented_copies_and_is_counted() {
     let work = |load: bool| {
         let mut events =
             events(&Scene { width: 64, height: 64, frames: 3, triangles: 4, depth_format: None, ..Scene::default() });
+        let mut contents = None;
         for event in events.iter_mut().filter(|_| load) {
             if let Event::BeginPass(pass) = event {
                 let mut own = (**pass).clone();
-                own.color[0].as_mut().expect("a target").load = Load::Load;
+                let target = own.color[0].as_mut().expect("a target");
+                target.load = Load::Load;
+                // The first frame loads it, too.
+                contents = Some(Event::Contents(Contents { surface: target.surface, bytes: vec![0; 64 * 64 * 4].into() }));
                 *pass = own.into();
             }
         }
-        events
+        contents.into_iter().chain(events).collect::<Vec<_>>()
     };
     let of = |load, changes: &[&str]| {
         let tree = run(&free(changes), &work(load), Clock::SkipIdle).total;
