@@ -11,57 +11,61 @@ use fillrate::trace::{Reading, Trace};
 use super::gl_features::{BLACK, BLUE, GREEN, RED};
 
 #[path = "../../crates/import/tests/import/recorder.rs"]
-mod recorder;
+pub(super) mod recorder;
 
 use recorder::Value::{self, Enum, Float, Floats, Null, Pointer, Uint};
 use recorder::Writer;
 
 const YELLOW: [u8; 3] = [255, 255, 0];
-const TEXTURE_2D: u64 = 0xde1;
-const FRAMEBUFFER: u64 = 0x8d40;
+pub(super) const TEXTURE_2D: u64 = 0xde1;
+pub(super) const FRAMEBUFFER: u64 = 0x8d40;
 const COLOR: u64 = 0x4000;
-const SCISSOR: u64 = 0xc11;
+pub(super) const SCISSOR: u64 = 0xc11;
 
 /// A recording that is being written: its calls come from one thread until another one is chosen.
-struct Program {
+pub(super) struct Program {
     writer: Writer,
     thread: u64,
+    /// The calls, for messages.
+    pub(super) calls: Vec<String>,
 }
 
 impl Program {
-    fn new() -> Program {
-        Program { writer: Writer::new(6), thread: 0 }
+    pub(super) fn new() -> Program {
+        Program { writer: Writer::new(6), thread: 0, calls: Vec::new() }
     }
 
-    fn thread(&mut self, thread: u64) -> &mut Self {
+    pub(super) fn thread(&mut self, thread: u64) -> &mut Self {
         self.thread = thread;
         self
     }
 
-    fn call(&mut self, name: &str, args: &[Value]) -> &mut Self {
+    pub(super) fn call(&mut self, name: &str, args: &[Value]) -> &mut Self {
+        self.calls.push(format!("thread {}: {name}{args:?}", self.thread));
         self.writer.call_in(self.thread, name, args, None);
         self
     }
 
-    fn returning(&mut self, name: &str, args: &[Value], result: Value) -> &mut Self {
+    pub(super) fn returning(&mut self, name: &str, args: &[Value], result: Value) -> &mut Self {
+        self.calls.push(format!("thread {}: {name}{args:?} = {result:?}", self.thread));
         self.writer.call_in(self.thread, name, args, Some(result));
         self
     }
 
     /// Makes a context that shares the objects of another one; 0: of none.
-    fn make(&mut self, context: u64, share: u64) -> &mut Self {
+    pub(super) fn make(&mut self, context: u64, share: u64) -> &mut Self {
         let share = if share == 0 { Null } else { Pointer(share) };
         self.returning("glXCreateContextAttribsARB", &[Pointer(1), Pointer(2), share, Uint(1)], Pointer(context))
     }
 
     /// Makes a context current with a window; 0: none.
-    fn current(&mut self, context: u64, window: u64) -> &mut Self {
+    pub(super) fn current(&mut self, context: u64, window: u64) -> &mut Self {
         let context = if context == 0 { Null } else { Pointer(context) };
         self.returning("glXMakeCurrent", &[Pointer(1), Uint(window), context], Uint(1))
     }
 
     /// As [`Program::current`], and as the recorder does for a new context: with the window's size.
-    fn first(&mut self, context: u64, window: u64, [width, height]: [u64; 2]) -> &mut Self {
+    pub(super) fn first(&mut self, context: u64, window: u64, [width, height]: [u64; 2]) -> &mut Self {
         self.current(context, window);
         for name in ["glViewport", "glScissor"] {
             self.call(name, &[Uint(0), Uint(0), Uint(width), Uint(height)]);
@@ -69,56 +73,56 @@ impl Program {
         self
     }
 
-    fn swap(&mut self, window: u64) -> &mut Self {
+    pub(super) fn swap(&mut self, window: u64) -> &mut Self {
         self.call("glXSwapBuffers", &[Pointer(1), Uint(window)])
     }
 
-    fn color(&mut self, color: [u8; 3]) -> &mut Self {
+    pub(super) fn color(&mut self, color: [u8; 3]) -> &mut Self {
         self.call("glColor3f", &color.map(|value| Float(f32::from(value) / 255.0)))
     }
 
-    fn clear(&mut self, color: [u8; 3]) -> &mut Self {
+    pub(super) fn clear(&mut self, color: [u8; 3]) -> &mut Self {
         let [r, g, b] = color.map(|value| Float(f32::from(value) / 255.0));
         self.call("glClearColor", &[r, g, b, Float(1.0)]).call("glClear", &[Uint(COLOR)])
     }
 
     /// Draws over the viewport, with the current colour and the bound texture.
-    fn quad(&mut self) -> &mut Self {
+    pub(super) fn quad(&mut self) -> &mut Self {
         self.call("glRectf", &[-1.0, -1.0, 1.0, 1.0].map(Float))
     }
 
     /// Draws over the left half of the viewport.
-    fn left(&mut self, color: [u8; 3]) -> &mut Self {
+    pub(super) fn left(&mut self, color: [u8; 3]) -> &mut Self {
         self.color(color).call("glRectf", &[-1.0, -1.0, 0.0, 1.0].map(Float))
     }
 
-    fn enable(&mut self, capability: u64) -> &mut Self {
+    pub(super) fn enable(&mut self, capability: u64) -> &mut Self {
         self.call("glEnable", &[Enum(capability)])
     }
 
-    fn bind(&mut self, name: u64) -> &mut Self {
+    pub(super) fn bind(&mut self, name: u64) -> &mut Self {
         self.call("glBindTexture", &[Enum(TEXTURE_2D), Uint(name)])
     }
 
     /// Gives the bound texture one texel.
-    fn texel(&mut self, [r, g, b]: [u8; 3]) -> &mut Self {
+    pub(super) fn texel(&mut self, [r, g, b]: [u8; 3]) -> &mut Self {
         self.call("glTexParameteri", &[Enum(TEXTURE_2D), Enum(0x2801), Enum(0x2600)]);
         let image = [Enum(TEXTURE_2D), Uint(0), Uint(0x1908), Uint(1), Uint(1), Uint(0), Enum(0x1908), Enum(0x1401)];
         self.call("glTexImage2D", &[image.as_slice(), &[Value::Blob(vec![r, g, b, 255])]].concat())
     }
 
     /// Binds a frame buffer object, and attaches a texture to it.
-    fn target(&mut self, name: u64, texture: u64) -> &mut Self {
+    pub(super) fn target(&mut self, name: u64, texture: u64) -> &mut Self {
         let args = [Enum(FRAMEBUFFER), Enum(0x8ce0), Enum(TEXTURE_2D), Uint(texture), Uint(0)];
         self.call("glBindFramebuffer", &[Enum(FRAMEBUFFER), Uint(name)]).call("glFramebufferTexture2D", &args)
     }
 
-    fn imported(&self, reading: &Reading, frames: std::ops::Range<u64>) -> Result<(Trace, Report), String> {
+    pub(super) fn imported(&self, reading: &Reading, frames: std::ops::Range<u64>) -> Result<(Trace, Report), String> {
         let bytes = self.writer.file(1 << 20);
         import_frames(Path::new("x.trace"), bytes, [&[], &[]], reading, frames).map_err(|error| error.to_string())
     }
 
-    fn shown_with(&self, reading: &Reading, frames: std::ops::Range<u64>) -> (Vec<Picture>, Report) {
+    pub(super) fn shown_with(&self, reading: &Reading, frames: std::ops::Range<u64>) -> (Vec<Picture>, Report) {
         let (trace, report) = self.imported(reading, frames).unwrap_or_else(|error| panic!("{error}"));
         assert!(report.unsupported.is_empty(), "{:?}", report.unsupported);
         let options = Options::new(Config::built_in("tiny").expect("a built-in configuration"), Fidelity::Functional);
@@ -133,32 +137,32 @@ impl Program {
     }
 
     /// All frames. No call is an error.
-    fn shown(&self) -> Vec<Picture> {
+    pub(super) fn shown(&self) -> Vec<Picture> {
         let (pictures, report) = self.shown_with(&Reading::default(), 0..u64::MAX);
         assert!(report.errors.is_empty(), "{:?}", report.errors);
         pictures
     }
 
     /// The colours of the frames, each of which has one.
-    fn colors(&self) -> Vec<[u8; 3]> {
+    pub(super) fn colors(&self) -> Vec<[u8; 3]> {
         self.shown().iter().map(Picture::plain).collect()
     }
 }
 
 /// A picture, with the highest row first.
 #[derive(Debug, PartialEq)]
-struct Picture {
-    size: [u32; 2],
-    pixels: Vec<[u8; 3]>,
+pub(super) struct Picture {
+    pub(super) size: [u32; 2],
+    pub(super) pixels: Vec<[u8; 3]>,
 }
 
 impl Picture {
-    fn at(&self, x: u32, y: u32) -> [u8; 3] {
+    pub(super) fn at(&self, x: u32, y: u32) -> [u8; 3] {
         self.pixels[(y * self.size[0] + x) as usize]
     }
 
     /// Its only colour.
-    fn plain(&self) -> [u8; 3] {
+    pub(super) fn plain(&self) -> [u8; 3] {
         assert!(self.pixels.iter().all(|pixel| *pixel == self.pixels[0]), "{self:?}");
         self.pixels[0]
     }
@@ -490,4 +494,25 @@ fn a_recording_without_the_creation_of_its_contexts_goes_on_with_one() {
     let (_, report) = p.imported(&Reading::default(), 0..u64::MAX).expect("a recording");
     let refusal = report.refusal().expect("a refusal");
     assert!(refusal.starts_with("several contexts of which the recording does not have the creation (1 times"), "{refusal}");
+}
+
+#[test]
+fn what_another_context_deletes_is_not_taken_for_a_new_object_of_its_name() {
+    let refusal = |bind: bool, delete: bool| {
+        let mut p = two_contexts(true);
+        p.bind(1).texel(RED).current(B, TWO).enable(TEXTURE_2D).bind(1).current(A, ONE);
+        if delete {
+            p.call("glDeleteTextures", &[Uint(1), Floats(vec![1.0])]);
+        }
+        p.bind(1).texel(BLUE).current(B, TWO);
+        if bind {
+            p.bind(1);
+        }
+        let (_, report) = p.quad().swap(TWO).imported(&Reading::default(), 0..u64::MAX).expect("a recording");
+        if report.unsupported.is_empty() { Err(p.colors()) } else { Ok(report.refusal().expect("a refusal")) }
+    };
+    // OpenGL keeps the red one for B, until B binds another one.
+    let kept = refusal(false, true).expect("a refusal");
+    assert!(kept.starts_with("objects that one context deletes while they are bound in another (1 times"), "{kept}");
+    assert_eq!([refusal(true, true), refusal(false, false)], [Err(vec![BLUE]), Err(vec![BLUE])]);
 }

@@ -12,6 +12,7 @@ mod gl_arrays;
 mod gl_as_mesa;
 mod gl_buffers;
 mod gl_contexts;
+mod gl_contexts_random;
 mod gl_errors;
 mod gl_features;
 mod gl_language;

@@ -8,6 +8,7 @@ use super::arb::{GENERICS, Stage};
 use super::call::{Arg, Call, Fault, INVALID_ENUM, INVALID_OPERATION, INVALID_VALUE, Outcome, Scalar, Shape};
 use super::components::{Element, scalar};
 use super::consts as e;
+use super::contexts::{lose, missing};
 use super::elements::{Selection, Selector};
 use super::machine::Gl;
 use super::names;
@@ -84,6 +85,20 @@ impl Arrays {
     /// Enables or disables an array.
     pub(super) fn switch(&mut self, slot: usize, enabled: bool) {
         self.slots[slot].enabled = enabled;
+    }
+
+    /// Marks bindings to a buffer object that another context deletes.
+    pub(super) fn lose_buffer(&mut self, name: u32) {
+        let objects = self.objects.values_mut().map(|(slots, indices)| (&mut **slots, indices));
+        let [_, indices] = &mut self.bound;
+        for (slots, indices) in objects.chain([(&mut self.slots, indices)]) {
+            let names = slots.iter_mut().filter_map(|array| match &mut array.source {
+                Source::Buffer(name, _) => Some(name),
+                _ => None,
+            });
+            lose(names.chain([indices]), name);
+        }
+        lose(&mut self.bound[..1], name);
     }
 }
 
@@ -300,7 +315,8 @@ impl Gl {
                 Source::None => return Err(Fault::Damaged("an enabled array has no contents".into())),
                 Source::Memory(bytes) => (bytes.clone(), 0, None),
                 Source::Buffer(name, at) => {
-                    (self.buffers.get(*name).ok_or(INVALID_OPERATION)?.bytes()?.clone(), *at as usize, Some(*name))
+                    let object = self.buffers.get(*name).ok_or_else(|| missing(*name, INVALID_OPERATION))?;
+                    (object.bytes()?.clone(), *at as usize, Some(*name))
                 }
             };
             let stride = if array.stride == 0 { element.bytes() } else { array.stride };

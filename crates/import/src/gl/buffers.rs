@@ -10,6 +10,7 @@ use super::call::{Arg, Call, Fault, INVALID_ENUM, INVALID_OPERATION, INVALID_VAL
 use super::card::Card;
 use super::components::Element;
 use super::consts as e;
+use super::contexts::{GONE, missing};
 use super::geometry::KEPT_MAX;
 use super::machine::Gl;
 
@@ -176,6 +177,13 @@ pub struct UniformRange {
     size: Option<usize>,
 }
 
+impl UniformRange {
+    /// The name of the buffer object.
+    pub fn buffer(&mut self) -> &mut u32 {
+        &mut self.buffer
+    }
+}
+
 pub(super) fn bind(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
     let (target, name) = (call.u32(0)?, call.u32(1)?);
     match target {
@@ -310,6 +318,7 @@ pub(super) fn delete(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
     for &name in call.numbers(1)?.iter() {
         let name = name as u32;
         if let Some(object) = gl.buffers.remove(name) {
+            gl.contexts.sharing().for_each(|context| context.lose_buffer(name));
             gl.card.free_copy(object);
         }
         let others = gl.other_buffers.values_mut().chain([&mut gl.unpack.buffer, &mut gl.pack_buffer]);
@@ -475,10 +484,12 @@ impl Gl {
     }
 
     /// The bytes that uniform blocks of a binding read; none if nothing is bound.
-    pub fn uniform_bytes(&self, binding: u32) -> &[u8] {
-        let Some(range) = self.uniform_buffers.get(binding) else { return &[] };
-        let Some(object) = self.buffers.get(range.buffer) else { return &[] };
+    pub fn uniform_bytes(&self, binding: u32) -> Outcome<&[u8]> {
+        let Some(range) = self.uniform_buffers.get(binding) else { return Ok(&[]) };
+        let Some(object) = self.buffers.get(range.buffer) else {
+            return if range.buffer == GONE { Err(missing(GONE, INVALID_OPERATION)) } else { Ok(&[]) };
+        };
         let bytes = object.bytes.get(range.offset..).unwrap_or(&[]);
-        range.size.and_then(|size| bytes.get(..size)).unwrap_or(bytes)
+        Ok(range.size.and_then(|size| bytes.get(..size)).unwrap_or(bytes))
     }
 }

@@ -240,10 +240,10 @@ impl Contexts {
     }
 
     /// The states of the other contexts that share the objects of the current one.
-    pub fn sharing(&self) -> impl Iterator<Item = &Context> {
+    pub fn sharing(&mut self) -> impl Iterator<Item = &mut Context> {
+        // The current one's box holds a state without bindings: its state is in the machine.
         let group = self.now.context.and_then(|now| self.held.get(now)).map(|held| held.group);
-        let others = self.held.iter().filter(move |(key, held)| Some(held.group) == group && Some(*key) != self.now.context);
-        others.map(|(_, held)| &*held.state)
+        self.held.values_mut().filter(move |held| Some(held.group) == group).map(|held| &mut *held.state)
     }
 
     /// The context of a handle, if it is known.
@@ -260,6 +260,46 @@ impl Context {
     /// Whether this GLSL program is current.
     pub fn uses(&self, program: u32) -> bool {
         self.program == program
+    }
+
+    /// Marks bindings to a texture that another context deletes.
+    pub fn lose_texture(&mut self, name: u32) {
+        lose(self.state.units.iter_mut().flat_map(|unit| &mut unit.bound), name);
+        self.framebuffers.values_mut().for_each(|object| object.lose_texture(name));
+    }
+
+    /// Marks bindings to a render buffer that another context deletes.
+    pub fn lose_renderbuffer(&mut self, name: u32) {
+        self.framebuffers.values_mut().for_each(|object| object.lose_renderbuffer(name));
+    }
+
+    /// Marks bindings to a buffer object that another context deletes.
+    pub fn lose_buffer(&mut self, name: u32) {
+        self.arrays.lose_buffer(name);
+        lose(self.uniform_buffers.values_mut().map(UniformRange::buffer), name);
+        lose(self.other_buffers.values_mut().chain([&mut self.unpack.buffer, &mut self.pack_buffer]), name);
+    }
+
+    /// Marks bindings to a sampler that another context deletes.
+    pub fn lose_sampler(&mut self, name: u32) {
+        lose(&mut self.bound_samplers, name);
+    }
+}
+
+/// The name in bindings to objects that another context has deleted. OpenGL keeps such objects as long as they are bound; here what needs them is
+/// refused.
+pub const GONE: u32 = u32::MAX;
+
+/// Replaces a name in bindings by [`GONE`].
+pub fn lose<'a>(bindings: impl IntoIterator<Item = &'a mut u32>, name: u32) {
+    bindings.into_iter().filter(|bound| **bound == name).for_each(|bound| *bound = GONE);
+}
+
+/// The fault of a binding whose object is missing.
+pub fn missing(name: u32, fault: Fault) -> Fault {
+    match name {
+        GONE => Fault::Unsupported("objects that one context deletes while they are bound in another".into()),
+        _ => fault,
     }
 }
 

@@ -52,11 +52,15 @@ impl Gl {
         self.settled(outcome)
     }
 
-    /// Counts the unsupported feature of a draw.
+    /// Counts the unsupported feature or the error of a draw. The call that follows it runs.
     pub fn settled(&mut self, outcome: Outcome) -> Outcome {
         match outcome {
             Err(Fault::Unsupported(what)) => {
                 self.refuse(what);
+                Ok(())
+            }
+            Err(Fault::Error(error)) => {
+                self.note_error(&format!("a draw: {error}"));
                 Ok(())
             }
             other => other,

@@ -3,8 +3,9 @@
 use glam::{Mat4, Vec4};
 
 use super::arb::{GENERICS, input};
-use super::call::{Fault, Outcome};
+use super::call::{Fault, INVALID_OPERATION, Outcome};
 use super::consts as e;
+use super::contexts::{GONE, missing};
 use super::draw::kind_of;
 use super::key::*;
 use super::machine::Gl;
@@ -21,6 +22,9 @@ impl Gl {
             None => None,
             Some(target) => {
                 let name = self.state.units[unit].bound[target];
+                if [name, self.bound_samplers[unit]].contains(&GONE) {
+                    return Err(missing(GONE, INVALID_OPERATION));
+                }
                 self.texture(unit, target);
                 let (table, key) =
                     if name == 0 { (&mut self.default_textures, target as u32) } else { (&mut self.textures, name) };

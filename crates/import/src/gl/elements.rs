@@ -4,6 +4,7 @@ use std::rc::Rc;
 
 use super::call::{Arg, Call, Fault, INVALID_ENUM, INVALID_OPERATION, INVALID_VALUE, Outcome, Scalar, Shape};
 use super::components::scalar;
+use super::contexts::missing;
 use super::machine::Gl;
 use super::restart::parts;
 
@@ -144,7 +145,7 @@ pub(super) fn indices(gl: &Gl, count: u32, kind: u32, data: &Arg) -> Outcome<Sel
         scalar(kind).filter(|&(s, _)| matches!(s, Scalar::Ubyte | Scalar::Ushort | Scalar::Uint)).ok_or(INVALID_ENUM)?;
     let bound = gl.arrays.bound[1];
     let in_buffer = |at: u64| {
-        let bytes = gl.buffers.get(bound).ok_or(INVALID_OPERATION)?.bytes()?.clone();
+        let bytes = gl.buffers.get(bound).ok_or_else(|| missing(bound, INVALID_OPERATION))?.bytes()?.clone();
         Ok((bytes, at as usize, Selector::Buffer { name: bound, at: at as usize, kind: scalar, base: 0 }))
     };
     let (data, start, by): (Rc<[u8]>, usize, Selector) = match data {

@@ -5,6 +5,7 @@ use gfx::state::Rect;
 use super::call::{Call, Fault, INVALID_ENUM, INVALID_OPERATION, INVALID_VALUE, Outcome, Shape};
 use super::card::{Buffer, COLORS_MAX, Card, DEPTH, Surface, Target};
 use super::consts as e;
+use super::contexts::{lose, missing};
 use super::copies::{CopyKey, From, Map, Meet, row_edge};
 use super::draw::kind_of;
 use super::image::Kept;
@@ -49,6 +50,24 @@ fn alone(buffer: u32) -> [u32; COLORS_MAX] {
     std::array::from_fn(|k| if k == 0 { buffer } else { e::NONE })
 }
 
+impl Framebuffer {
+    fn attached(&mut self) -> impl Iterator<Item = &mut Attached> {
+        self.colors.iter_mut().chain([&mut self.depth, &mut self.stencil])
+    }
+
+    /// Marks attachments of a texture that another context deletes.
+    pub fn lose_texture(&mut self, name: u32) {
+        let names = self.attached().filter_map(|at| if let Attached::Texture(name, ..) = at { Some(name) } else { None });
+        lose(names, name);
+    }
+
+    /// Marks attachments of a render buffer that another context deletes.
+    pub fn lose_renderbuffer(&mut self, name: u32) {
+        let names = self.attached().filter_map(|at| if let Attached::Renderbuffer(name) = at { Some(name) } else { None });
+        lose(names, name);
+    }
+}
+
 impl Default for Framebuffer {
     fn default() -> Self {
         let (draw, read) = (alone(e::COLOR_ATTACHMENT0), e::COLOR_ATTACHMENT0);
@@ -83,10 +102,10 @@ impl Gl {
             Attached::Nothing => Ok(None),
             Attached::Renderbuffer(name) => {
                 let image = self.renderbuffers.get(name).and_then(|buffer| buffer.image);
-                image.map(Some).ok_or(INCOMPLETE)
+                image.map(Some).ok_or_else(|| missing(name, INCOMPLETE))
             }
             Attached::Texture(name, layer, level) => {
-                let texture = self.textures.get_mut(name).ok_or(INCOMPLETE)?;
+                let texture = self.textures.get_mut(name).ok_or_else(|| missing(name, INCOMPLETE))?;
                 let face = if texture.kind == Kind::Cube { layer } else { 0 };
                 let Some(image) = texture.levels.get((face, level)) else { return Err(INCOMPLETE) };
                 let (size, base) = ([image.size[0], image.size[1]], image.base);
@@ -358,6 +377,7 @@ pub(super) fn delete_renderbuffers(gl: &mut Gl, call: &Call, _: Shape) -> Outcom
     gl.flush()?;
     for &name in call.numbers(1)?.iter() {
         if let Some(mut buffer) = gl.renderbuffers.remove(name as u32) {
+            gl.contexts.sharing().for_each(|context| context.lose_renderbuffer(name as u32));
             buffer.free(&mut gl.card);
         }
     }

@@ -286,6 +286,11 @@ impl Gl {
         count.times += 1;
     }
 
+    /// Counts an OpenGL error of the call that runs.
+    pub fn note_error(&mut self, what: &str) {
+        self.errors.get_or_insert_with(what, || Count { times: 0, first: self.number }).times += 1;
+    }
+
     /// Runs a call. An error ends the import.
     pub fn call(&mut self, call: &Call) -> Result<(), String> {
         self.number = call.number;

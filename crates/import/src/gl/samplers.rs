@@ -60,7 +60,9 @@ pub(super) fn bind(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
 pub(super) fn delete(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
     gl.flush()?;
     for &name in call.numbers(1)?.iter() {
-        gl.samplers.remove(name as u32);
+        if gl.samplers.remove(name as u32).is_some() {
+            gl.contexts.sharing().for_each(|context| context.lose_sampler(name as u32));
+        }
         gl.bound_samplers.iter_mut().filter(|bound| **bound == name as u32).for_each(|bound| *bound = 0);
     }
     Ok(())

@@ -215,6 +215,10 @@ fn swap<const DRAWABLE: usize>(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
     }
     let drawable = handle(call.arg(DRAWABLE)).unwrap_or(0);
     if !gl.contexts.explicit {
+        if gl.card.size() == [0; 2] {
+            // Nothing has been drawn that could be shown.
+            return gl.flush();
+        }
         let number = unnamed(gl, drawable);
         return gl.swap(number);
     }

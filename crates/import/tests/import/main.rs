@@ -3,6 +3,7 @@
 mod fuzz;
 mod gl;
 mod gl_terms;
+mod gl_windows;
 mod oracle;
 mod peers;
 mod recorder;

@@ -167,7 +167,7 @@ impl Gl {
         for of in &translated.filled {
             let block = &translated.blocks[of.block];
             let binding = object.executable.bindings.get(&block.name).copied().or(block.binding).unwrap_or(0);
-            let bytes = self.uniform_bytes(binding);
+            let bytes = self.uniform_bytes(binding)?;
             for k in 0..of.components {
                 // What is behind the end of a buffer is zero, as in Mesa.
                 let at = of.offset + 4 * k;
