@@ -192,16 +192,16 @@ impl Model {
                 context.clear = value;
                 self.fill(now, |_| value);
             }
-            3 => {
+            3 | 4 => {
                 self.program.bind(name);
                 context.texture = name;
-            }
-            4 if context.texture != 0 => {
-                self.program.texel(value);
-                self.groups[group].insert(context.texture, value);
+                if value[2] != 0 {
+                    self.program.texel(value);
+                    self.groups[group].insert(name, value);
+                }
             }
             5 => {
-                context.textured = !context.textured;
+                context.textured = value[0] != 0 || value[1] != 0;
                 self.program.call(if context.textured { "glEnable" } else { "glDisable" }, &[Enum(TEXTURE_2D)]);
             }
             6 if self.groups[group].contains_key(&name) => {
