@@ -6,6 +6,7 @@ use anyhow::{Result, bail};
 
 use super::Verdict;
 use crate::import;
+use crate::import::gl::Report;
 use crate::render::{Frames, Image, Inspection, inspect};
 use crate::report::summary::{bytes, grouped};
 use crate::trace::command::{Command, ShaderSource};
@@ -34,7 +35,7 @@ pub struct Arguments {
 }
 
 pub fn run(arguments: &Arguments) -> Result<Verdict> {
-    let (trace, report) = arguments.reading.open_reported(&arguments.trace)?;
+    let (trace, report) = arguments.reading.open_to_inspect(&arguments.trace)?;
     let inspection = inspected(&trace)?;
     let summary = &inspection.summary;
     let verdict = if inspection.refused.is_empty() { Verdict::Done } else { Verdict::Failed };
@@ -50,6 +51,9 @@ pub fn run(arguments: &Arguments) -> Result<Verdict> {
         import::detect(&arguments.trace).map_or("unknown".into(), |f| f.kind.to_string())
     );
     let row = |name: &str, value: String| println!("  {name:<26}{value:>16}");
+    if let Some(report) = &report {
+        recorded(report);
+    }
     row("frames", grouped(summary.frames));
     row("render passes", grouped(summary.render_passes));
     row("compute passes", grouped(summary.compute_passes));
@@ -155,6 +159,22 @@ fn what_frames_are(inspection: &Inspection, summary: &Summary) -> String {
         }
         Frames::None if summary.draws_nothing() => "nothing is drawn: there is no pass and no picture".into(),
         Frames::None => "nothing is presented, and no colour target is drawn: the trace is one frame without a picture".into(),
+    }
+}
+
+/// Says what a recorded OpenGL program ran on.
+fn recorded(report: &Report) {
+    let systems = report.systems();
+    if !systems.is_empty() {
+        println!("  window system: {}", systems.join(", "));
+    }
+    for version in &report.versions {
+        // That of OpenGL begins with the number alone.
+        let api = if version.starts_with("OpenGL") { "" } else { "OpenGL " };
+        println!("  version: {api}{version}");
+    }
+    if report.frames == 0 {
+        println!("  no call swaps buffers: the whole recording is one frame");
     }
 }
 

@@ -172,8 +172,8 @@ pub fn main() -> ExitCode {
     let result = run(&arguments.command);
     flush();
     match result {
-        Ok(Verdict::Done) => ExitCode::SUCCESS,
-        Ok(Verdict::Failed) => ExitCode::from(1),
+        Ok(Verdict::Done) if !reading::has_left_out() => ExitCode::SUCCESS,
+        Ok(_) => ExitCode::from(1),
         Err(error) => {
             eprintln!("error: {error:#}");
             ExitCode::from(if reading::is_unsupported(&error) { 1 } else { 2 })

@@ -2,13 +2,14 @@
 
 use std::ops::Range;
 use std::path::Path;
+use std::sync::atomic::{AtomicBool, Ordering};
 
 use anyhow::{Result, anyhow};
 
 use crate::import::gl::Report;
 use crate::import::{self, Kind};
 use crate::num::Limits;
-use crate::trace::{self, Trace};
+use crate::trace::{self, Remarks, Trace};
 
 /// How far a trace is trusted.
 #[derive(clap::Args)]
@@ -19,7 +20,8 @@ pub struct Reading {
     /// Read files of the trace that symbolic links lead to
     #[arg(long)]
     follow_links: bool,
-    /// Take a recorded OpenGL program that asks for what is not supported, and leave that out
+    /// Take a recorded OpenGL program that asks for what is not supported, and leave that out: the pictures lack it, so the exit status
+    /// is 1 as without this option
     #[arg(long)]
     lenient: bool,
     /// Keep the draws of a recorded OpenGL program as it called them, with all that they read; else draws of one state are joined, and only
@@ -40,13 +42,13 @@ impl Reading {
         limits.chain(flags.into_iter().filter(|(on, _)| *on).map(|(_, flag)| flag.to_owned())).chain(window).collect()
     }
 
-    /// Opens a trace of any kind. What is left out of a recorded program is said.
+    /// Opens a trace of any kind. What is left out of a recorded program, and what it did without an effect, is said.
     pub fn open(&self, path: &Path) -> Result<Trace> {
         self.supported(path, self.open_reported(path)?)
     }
 
-    /// As [`Reading::open`]; of a recorded program only these frames, and what they need. What is left out of a long one is known at its end:
-    /// see [`Reading::say_left_out`].
+    /// As [`Reading::open`]; of a recorded program only these frames, and what they need. What there is to say of a long one is known at its
+    /// end: see [`Reading::say_at_end`].
     pub fn open_frames(&self, path: &Path, frames: Range<u64>) -> Result<Trace> {
         self.warn_ignored(path);
         self.supported(path, import::open_frames(path, &self.reading()?, frames)?)
@@ -59,22 +61,32 @@ impl Reading {
         self.supported(path, import::open_reported(path, &reading)?)
     }
 
-    fn supported(&self, path: &Path, (trace, report): (Trace, Option<Report>)) -> Result<Trace> {
+    fn supported(&self, path: &Path, (trace, _): (Trace, Option<Report>)) -> Result<Trace> {
         warn_of_recording(path, &trace);
-        if let Some(refusal) = report.and_then(|report| report.refusal()) {
-            if !self.lenient {
-                return Err(import::gl::unsupported(path, &refusal).into());
+        let remarks = trace.remarks();
+        match &remarks.left_out {
+            Some(refusal) if !self.lenient => Err(import::gl::unsupported(path, refusal).into()),
+            _ => {
+                say(path, &remarks);
+                Ok(trace)
             }
-            left_out(path, &refusal);
         }
-        Ok(trace)
     }
 
-    /// Says what was left out of a recorded program that has been read to its end, if that was not known before.
-    pub fn say_left_out(&self, path: &Path, trace: &Trace) {
-        if let Some(refusal) = trace.left_out() {
-            left_out(path, &refusal);
+    /// Says what there is to say of a recorded program whose commands have been read to their end, if that was not known when it was opened.
+    pub fn say_at_end(&self, path: &Path, trace: &Trace, opened: &Remarks) {
+        let remarks = trace.remarks();
+        if remarks != *opened {
+            say(path, &remarks);
         }
+    }
+
+    /// Opens a trace of any kind to show what is in it. What is not supported is no error.
+    pub fn open_to_inspect(&self, path: &Path) -> Result<(Trace, Option<Report>)> {
+        self.warn_ignored(path);
+        let (trace, report) = import::open_reported(path, &trace::Reading { lenient: true, ..self.reading()? })?;
+        say(path, &Remarks { cut: trace.remarks().cut, ..Remarks::default() });
+        Ok((trace, report))
     }
 
     /// Opens a trace of any kind, with what is known of a recorded program.
@@ -131,8 +143,27 @@ fn warn_of_recording(path: &Path, trace: &Trace) {
     }
 }
 
-fn left_out(path: &Path, refusal: &str) {
-    eprintln!("warning: {}: left out, not supported: {refusal}", path.display());
+/// Says what there is to say of a recorded program.
+pub fn say(path: &Path, Remarks { left_out, cut, notes }: &Remarks) {
+    let path = path.display();
+    for note in notes {
+        eprintln!("note: {path}: {note}");
+    }
+    if let Some(place) = cut {
+        eprintln!("warning: {path}: the end of the recording is missing: {place}; the calls before are replayed");
+    }
+    if let Some(refusal) = left_out {
+        eprintln!("warning: {path}: left out, not supported: {refusal}");
+        LEFT_OUT.store(true, Ordering::Relaxed);
+    }
+}
+
+/// Whether a trace was taken whose pictures lack something.
+static LEFT_OUT: AtomicBool = AtomicBool::new(false);
+
+/// Whether the pictures of a trace lack something that is not supported, so that the exit status is 1.
+pub fn has_left_out() -> bool {
+    LEFT_OUT.load(Ordering::Relaxed)
 }
 
 /// Whether a command failed since a recording asks for what is not supported: it is not damaged.

@@ -293,6 +293,7 @@ pub fn run(arguments: &Arguments) -> Result<Verdict> {
     let frames = &arguments.frames.0;
     let end = if frames.end == u32::MAX { u64::MAX } else { u64::from(frames.end) };
     let trace = Arc::new(arguments.reading.open_frames(&arguments.trace, u64::from(frames.start)..end)?);
+    let opened = trace.remarks();
     let in_runs = || {
         let timed = matches!(options.fidelity, Fidelity::Cycle) && arguments.timeline.is_none();
         timed && options.no_runs().is_none() && options.more_than(FRAMES_OF_ONE_RUN, &trace)
@@ -347,7 +348,7 @@ pub fn run(arguments: &Arguments) -> Result<Verdict> {
             });
         }
     };
-    arguments.reading.say_left_out(&arguments.trace, &trace);
+    arguments.reading.say_at_end(&arguments.trace, &trace, &opened);
     if seen.frames == 0 {
         bail!("the trace has {}", no_frames(&trace, &options.frames)?);
     }

@@ -13,6 +13,8 @@ mod gl_as_mesa;
 mod gl_buffers;
 mod gl_contexts;
 mod gl_contexts_random;
+mod gl_core;
+mod gl_cut;
 mod gl_errors;
 mod gl_features;
 mod gl_language;

@@ -394,12 +394,14 @@ pub struct Colors {
     pub scaled: bool,
     /// Set if the only one has fewer than eight bits a channel.
     pub narrow: Option<Narrow>,
+    /// Whether the only one is blended with a second source.
+    pub second: bool,
 }
 
 impl Default for Colors {
     #[inline]
     fn default() -> Self {
-        Colors { count: 1, written: 1, alike: true, float: false, scaled: false, narrow: None }
+        Colors { count: 1, written: 1, alike: true, float: false, scaled: false, narrow: None, second: false }
     }
 }
 

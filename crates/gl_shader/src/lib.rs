@@ -20,8 +20,12 @@ pub mod wgsl;
 mod lit;
 mod texels;
 
-/// Number of texture units.
+/// Number of texture units that fixed functions have: coordinates, matrices, environments.
 pub const UNITS: usize = 8;
+/// Number of texture units that programs read, of all stages.
+pub const IMAGES: usize = 192;
+/// Maximum number of textures that a stage reads.
+pub const STAGE_IMAGES: usize = 32;
 /// Number of lights.
 pub const LIGHTS: usize = 8;
 /// Number of user clip planes.

@@ -61,6 +61,9 @@ pub fn module(key: &ShaderKey, source: &Source) -> String {
     if key.planes != 0 {
         line!(out, "enable clip_distances;");
     }
+    if key.colors.second {
+        line!(out, "enable dual_source_blending;");
+    }
     out.push_str(&declaration(source.uniforms));
     for (slot, unit) in key.units.iter().filter(|unit| unit.sampled).enumerate() {
         let compared = if unit.depth == DepthRead::Compared { "_comparison" } else { "" };
@@ -314,11 +317,15 @@ fn fragment(key: &ShaderKey, source: &Source, out: &mut String) {
     }
     let more: Vec<u8> =
         if key.colors.alike { (1..key.colors.count).collect() } else { arb::stage::further_colors(key).collect() };
-    let several = depth.is_some() || !more.is_empty();
+    let several = depth.is_some() || !more.is_empty() || key.colors.second;
     if several {
         let colors: String = more.iter().map(|k| format!("@location({k}) color{k}: vec4f, ")).collect();
         let depth = if depth.is_some() { "@builtin(frag_depth) depth: f32 " } else { "" };
-        line!(out, "struct Pixel {{ @location(0) color: vec4f, {colors}{depth}}}");
+        let (first, second) = match key.colors.second {
+            true => ("@location(0) @blend_src(0)", "@location(0) @blend_src(1) second: vec4f, "),
+            false => ("@location(0)", ""),
+        };
+        line!(out, "struct Pixel {{ {first} color: vec4f, {second}{colors}{depth}}}");
     }
     let result = if several { "Pixel" } else { "@location(0) vec4f" };
     line!(out, "@fragment fn fs(v: Varying{facing}) -> {result} {{");
@@ -400,6 +407,7 @@ fn fragment(key: &ShaderKey, source: &Source, out: &mut String) {
     }
     let further = |k: &u8| if key.colors.alike { ", c".to_owned() } else { format!(", c{k}") };
     let further: String = more.iter().map(further).collect();
+    let further = if key.colors.second { ", second".to_owned() + &further } else { further };
     let depth = depth.map_or(String::new(), |depth| format!(", saturate({depth})"));
     if several {
         line!(out, "    return Pixel(c{further}{depth});\n}}");

@@ -77,6 +77,18 @@ pub struct Trace {
     store: Store,
     limits: Limits,
     origin: Origin,
+    remarks: Remarks,
+}
+
+/// What is to be said of a trace that was made from a recording, beside its commands.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct Remarks {
+    /// What the commands leave out, because it is not supported: the pictures lack it.
+    pub left_out: Option<String>,
+    /// How the end of the recording is cut. The commands are those of what is whole.
+    pub cut: Option<String>,
+    /// Other facts that a person who sees the pictures needs, a sentence each.
+    pub notes: Vec<String>,
 }
 
 /// How far a trace from elsewhere is trusted.
@@ -155,6 +167,7 @@ impl Trace {
             store: Store::default(),
             limits,
             origin: Origin::default(),
+            remarks: Remarks::default(),
         }
     }
 
@@ -196,6 +209,19 @@ impl Trace {
         &self.origin
     }
 
+    /// The same trace, with what is to be said of it.
+    pub fn with_remarks(self, remarks: Remarks) -> Trace {
+        Trace { remarks, ..self }
+    }
+
+    /// What is to be said of the trace. Of a stream it may be known only when the commands have been read to their end.
+    pub fn remarks(&self) -> Remarks {
+        match &self.commands {
+            Commands::Stream(stream, _) if self.remarks == Remarks::default() => stream.remarks(),
+            _ => self.remarks.clone(),
+        }
+    }
+
     /// What the trace may ask for.
     pub fn limits(&self) -> &Limits {
         &self.limits
@@ -229,7 +255,7 @@ impl Trace {
         for (blob, entry) in &header.files {
             package.add(name, &mut store, blob, entry)?;
         }
-        Ok(Trace { file, commands, store, limits: *limits, origin: Origin::default() })
+        Ok(Trace { file, commands, store, limits: *limits, origin: Origin::default(), remarks: Remarks::default() })
     }
 
     /// Opens a trace whose files are in memory: the text of `trace.ron`, and the files that it names; `name` is what messages
@@ -254,7 +280,7 @@ impl Trace {
             return Err(TraceError::new(name, format!("file {missing:?} is not there")));
         }
         let (commands, limits) = (Commands::Text(text), Limits::default());
-        Ok(Trace { file: name.to_path_buf(), commands, store, limits, origin: Origin::default() })
+        Ok(Trace { file: name.to_path_buf(), commands, store, limits, origin: Origin::default(), remarks: Remarks::default() })
     }
 
     /// Opens the trace in a folder; `links` is about the file of its commands.
@@ -284,7 +310,7 @@ impl Trace {
                 .add_file(&name, path, reading.links(), size, Some(entry.hash))
                 .map_err(|reason| TraceError::new(file, reason))?;
         }
-        Ok(Trace { file: file.to_path_buf(), commands, store, limits, origin: Origin::default() })
+        Ok(Trace { file: file.to_path_buf(), commands, store, limits, origin: Origin::default(), remarks: Remarks::default() })
     }
 
     /// What messages call the trace: the file that holds its commands.
@@ -395,14 +421,6 @@ impl Trace {
         });
         // Who runs the commands meets the error.
         counted.is_ok() && left == 0
-    }
-
-    /// What the commands leave out of what they were made of, because it is not supported; known when they have been read to their end.
-    pub fn left_out(&self) -> Option<String> {
-        match &self.commands {
-            Commands::Stream(stream, _) => stream.left_out(),
-            _ => None,
-        }
     }
 
     /// An error about the command of this number, with its place in the file. Looks the place up: not for hot paths.

@@ -5,7 +5,8 @@ use std::collections::BTreeMap;
 use super::lex::{Place, Word, Wrong, words};
 use super::program::*;
 use crate::consts as e;
-use crate::{TARGETS, UNITS};
+use crate::glsl::stage::way;
+use crate::{STAGE_IMAGES, TARGETS};
 
 /// Maximum number of instructions, of temporaries and of parameters of a program.
 const MOST: usize = 1 << 14;
@@ -351,7 +352,9 @@ impl Parser {
                 self.expect(',')?;
                 instruction.unit = self.texture()?;
                 if name == "TXB" {
-                    self.program.biased |= 1 << instruction.unit;
+                    let images = &mut self.program.images;
+                    // All of its reads have a bias then, which may be 0.
+                    images.iter_mut().filter(|image| image.unit == instruction.unit).for_each(|image| image.ways = way::BIAS);
                 }
             }
             ("ARL", Stage::Vertex) => {
@@ -399,7 +402,7 @@ impl Parser {
         if self.name()? != "texture" {
             return self.fail_at(place, "`texture[n]` is missing");
         }
-        let unit = self.bracket(UNITS as u32, "texture unit")? as usize;
+        let unit = self.bracket(STAGE_IMAGES as u32, "texture unit")? as usize;
         self.expect(',')?;
         let place = self.place();
         let name = self.name()?;
@@ -418,11 +421,14 @@ impl Parser {
             }
             _ => return self.fail_at(place, format!("texture target {name:.40} is not supported")),
         };
-        let target = TARGETS.iter().position(|&known| known == target);
-        if self.program.targets[unit].is_some_and(|other| Some(other) != target) {
-            return self.fail_at(place, format!("texture unit {unit} is read with two targets"));
+        let target = TARGETS.iter().position(|&known| known == target).unwrap_or(0);
+        match self.program.image(unit) {
+            Some(image) if image.target != target => {
+                return self.fail_at(place, format!("texture unit {unit} is read with two targets"));
+            }
+            Some(_) => {}
+            None => self.program.reads(unit, target, way::PLAIN),
         }
-        self.program.targets[unit] = target;
         Ok(unit)
     }
 }

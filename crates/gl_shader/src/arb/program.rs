@@ -1,7 +1,6 @@
 //! A parsed program of ARB_vertex_program or ARB_fragment_program.
 
-use crate::UNITS;
-use crate::glsl::stage::{Code, way};
+use crate::glsl::stage::Code;
 
 /// Maximum number of environment parameters, and of local parameters, of a program.
 pub const PARAMETERS: u32 = 256;
@@ -52,6 +51,8 @@ pub enum Output {
     Texture(u8),
     /// Depth in the window.
     Depth,
+    /// The second source of blending of the first colour buffer.
+    Second,
 }
 
 /// A matrix.
@@ -188,6 +189,17 @@ pub struct Destination {
     pub mask: [bool; 4],
 }
 
+/// A texture that a program reads.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Image {
+    /// The unit.
+    pub unit: usize,
+    /// The target: an index of [`TARGETS`](crate::TARGETS).
+    pub target: usize,
+    /// How it is read: bits of [`way`](crate::glsl::stage::way).
+    pub ways: u8,
+}
+
 /// An instruction.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Instruction {
@@ -220,10 +232,10 @@ pub struct Program {
     pub inputs: u32,
     /// Results that are written.
     pub outputs: Vec<Output>,
-    /// Target of each unit that is sampled: an index of [`TARGETS`](crate::TARGETS).
-    pub targets: [Option<usize>; UNITS],
-    /// Units that are read with a bias.
-    pub biased: u8,
+    /// The textures that it reads, in the order of their units.
+    pub images: Vec<Image>,
+    /// Whether it reads the number of the vertex, in place of the fog coordinate.
+    pub numbered: bool,
     /// Whether the position is that of the fixed-function pipeline.
     pub invariant: bool,
     /// Fog that is applied to the colour: `GL_LINEAR`, `GL_EXP`, `GL_EXP2`.
@@ -233,14 +245,24 @@ pub struct Program {
 }
 
 impl Program {
-    /// The ways in which it reads the texture of a unit: bits of [`way`].
-    pub fn ways(&self, unit: usize) -> u8 {
-        match &self.code {
-            _ if self.targets[unit].is_none() => 0,
-            Some(code) => code.ways[unit],
-            None if self.biased & 1 << unit != 0 => way::BIAS,
-            None => way::PLAIN,
+    /// The texture that it reads at a unit.
+    #[inline]
+    pub fn image(&self, unit: usize) -> Option<&Image> {
+        self.images.iter().find(|image| image.unit == unit)
+    }
+
+    /// Notes that it reads the texture of a unit in these ways.
+    pub fn reads(&mut self, unit: usize, target: usize, ways: u8) {
+        match self.images.binary_search_by_key(&unit, |image| image.unit) {
+            Ok(at) => self.images[at].ways |= ways,
+            Err(at) => self.images.insert(at, Image { unit, target, ways }),
         }
+    }
+
+    /// The ways in which it reads the texture of a unit: bits of [`way`](crate::glsl::stage::way).
+    #[inline]
+    pub fn ways(&self, unit: usize) -> u8 {
+        self.image(unit).map_or(0, |image| image.ways)
     }
 
     /// An empty program.
@@ -253,8 +275,8 @@ impl Program {
             params: Vec::new(),
             inputs: 0,
             outputs: Vec::new(),
-            targets: [None; UNITS],
-            biased: 0,
+            images: Vec::new(),
+            numbered: false,
             invariant: false,
             fog: None,
             code: None,

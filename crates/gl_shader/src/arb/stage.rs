@@ -1,12 +1,12 @@
 //! Stages from programs: connects inputs and results to the fixed functions of the other stage.
 
+use std::collections::BTreeSet;
 use std::fmt::Write;
 
 use super::program::{Output, Program, input};
 use super::wgsl;
-use crate::UNITS;
 use crate::expand;
-use crate::glsl::stage::{self as glsl, way};
+use crate::glsl::stage::{self as glsl, Clip, way};
 use crate::key::{Colors, DepthRead, Kind, ShaderKey};
 use crate::texels::{self, Detail};
 use crate::wgsl as fixed;
@@ -39,7 +39,7 @@ pub fn vertex_program(key: &ShaderKey, program: &Program, out: &mut String) {
     }
     match &program.code {
         Some(code) => glsl::body(key, code, program.stage, out),
-        None => wgsl::body(program, "vertex_params", &[false; UNITS], out),
+        None => wgsl::body(program, "vertex_params", &[], out),
     }
     if program.invariant {
         line!(out, "    o.position = u.mvp * v.position;");
@@ -48,12 +48,17 @@ pub fn vertex_program(key: &ShaderKey, program: &Program, out: &mut String) {
         line!(out, "    let p4 = out_position;\n    o.position = vec4f(p4.x, u.upward.x * p4.y, 0.5 * (p4.z + p4.w), p4.w);");
     }
     if key.planes != 0 {
-        match program.code.as_ref().and_then(|code| code.clip.as_ref()) {
-            Some(clip) => line!(out, "    let eye4 = {clip};"),
+        let clip = program.code.as_ref().and_then(|code| code.clip.as_ref());
+        match clip {
+            Some(Clip::Position(clip)) => line!(out, "    let eye4 = {clip};"),
+            Some(Clip::Distances(_)) => {}
             None => line!(out, "    let eye4 = u.modelview * v.position;"),
         }
         for (bit, plane) in (0..8).filter(|bit| key.planes & 1 << bit != 0).enumerate() {
-            line!(out, "    o.clip[{bit}] = dot(u.plane{plane}, eye4);");
+            match clip {
+                Some(Clip::Distances(clip)) => line!(out, "    o.clip[{bit}] = {clip}[{plane}];"),
+                _ => line!(out, "    o.clip[{bit}] = dot(u.plane{plane}, eye4);"),
+            }
         }
     }
     // Values that the fragment stage gets, and whether they are those of one vertex of a line.
@@ -121,10 +126,7 @@ pub fn fragment_program(key: &ShaderKey, program: &Program, out: &mut String) {
         };
         line!(out, "    let {} = {value};", wgsl::input_name(bit));
     }
-    let mut bound = [false; UNITS];
-    for unit in key.units.iter().filter(|unit| unit.sampled) {
-        bound[unit.unit] = true;
-    }
+    let bound: Vec<usize> = key.units.iter().filter(|unit| unit.sampled).map(|unit| unit.unit).collect();
     match &program.code {
         Some(code) => glsl::body(key, code, program.stage, out),
         None => wgsl::body(program, "fragment_params", &bound, out),
@@ -134,6 +136,9 @@ pub fn fragment_program(key: &ShaderKey, program: &Program, out: &mut String) {
     line!(out, "    var c = {};", if color { bounded("out_color".into()) } else { "vec4f(0, 0, 0, 1)".into() });
     for k in further_colors(key) {
         line!(out, "    let c{k} = {};", bounded(wgsl::output_name(Output::Color(k))));
+    }
+    if key.colors.second {
+        line!(out, "    let second = {};", bounded(wgsl::output_name(Output::Second)));
     }
 }
 
@@ -146,9 +151,10 @@ pub fn further_colors(key: &ShaderKey) -> impl Iterator<Item = u8> {
 /// The functions of programs that read textures.
 pub fn texels(key: &ShaderKey, programs: &[&Program], out: &mut String) {
     let ways = |k: usize| programs.iter().fold(0, |all, program| all | program.ways(k));
+    let units: BTreeSet<usize> = programs.iter().flat_map(|program| &program.images).map(|image| image.unit).collect();
     // Assembly programs have one function for each unit, with one name.
     let biased = if programs.iter().all(|program| program.code.is_none()) { "" } else { "_bias" };
-    for k in (0..UNITS).filter(|&k| ways(k) != 0) {
+    for k in units {
         let unit = key.units.iter().find(|unit| unit.unit == k && unit.sampled);
         let forms = [
             (way::PLAIN, "", "", Detail::Implicit),

@@ -3,7 +3,7 @@
 use super::lex::Place;
 use super::parse::parse;
 use super::program::*;
-use crate::UNITS;
+use crate::glsl::stage::way;
 
 const VERTEX: &str = "!!ARBvp1.0 # a comment\nATTRIB p = vertex.position;\nPARAM m[4] = { state.matrix.mvp };\nTEMP r;\n\
                       DP4 r.x, m[0], p;\nDP4 r.y, m[1], p;\nMOV result.position, r;\nMOV result.color, vertex.color;\nEND\nnot read";
@@ -24,13 +24,14 @@ fn a_program_is_read_as_it_is_written() {
 
     let fragment = parse(FRAGMENT, Stage::Fragment).expect("a program");
     let rectangle = 2;
-    assert_eq!((fragment.targets[1], fragment.biased, fragment.fog), (Some(rectangle), 2, Some(0x801)));
+    let image = Image { unit: 1, target: rectangle, ways: way::BIAS };
+    assert_eq!((&fragment.images[..], fragment.fog), (&[image][..], Some(0x801)));
     assert_eq!(fragment.inputs, 1 << input::FOG | 1 << (input::TEXTURE + 2) | 1 << input::SECONDARY);
     assert_eq!(fragment.params, [Param::Literal([0.5, 1.0, 0.0, 1.0])]);
     let last = &fragment.instructions[1];
     assert!(last.saturate && last.sources[0].negate == [true; 4] && last.sources[0].swizzle == [0; 4]);
     let mut text = String::new();
-    super::wgsl::body(&fragment, "params", &[true; UNITS], &mut text);
+    super::wgsl::body(&fragment, "params", &[1], &mut text);
     assert!(text.contains("t0_t = texel1(in_texture2.xyz, in_texture2.w);"), "{text}");
     let sum = "let v = saturate((-t0_t.xxx * vec4f(0.5, 1.0, 0.0, 1.0).xyz + in_secondary.xyz));";
     assert!(text.contains(sum), "{text}");

@@ -3,6 +3,7 @@
 use std::fmt::Write;
 
 use super::program::*;
+use crate::glsl::stage::way;
 
 const LETTERS: [&str; 6] = ["x", "y", "z", "w", "0", "1"];
 
@@ -31,6 +32,7 @@ pub fn output_name(output: Output) -> String {
         Output::PointSize => "out_size".into(),
         Output::Texture(unit) => format!("out_texture{unit}"),
         Output::Depth => "out_depth".into(),
+        Output::Second => "out_second".into(),
     }
 }
 
@@ -41,7 +43,7 @@ fn literal(value: f32) -> String {
 
 /// Variables of results and registers, and the instructions. Parameters are in the array `params` of the uniforms; units that are not in
 /// `bound` have no complete texture.
-pub fn body(program: &Program, params: &str, bound: &[bool], out: &mut String) {
+pub fn body(program: &Program, params: &str, bound: &[usize], out: &mut String) {
     for &output in &program.outputs {
         line!(out, "    var {} = vec4f(0, 0, 0, 1);", output_name(output));
     }
@@ -69,7 +71,7 @@ struct Emitter<'a> {
     program: &'a Program,
     params: &'a str,
     instruction: &'a Instruction,
-    bound: &'a [bool],
+    bound: &'a [usize],
 }
 
 impl Emitter<'_> {
@@ -228,7 +230,7 @@ impl Emitter<'_> {
             "XPD" => format!("vec4f(cross({}, {}), 1.0)", three(0), three(1)),
             name => {
                 let unit = self.instruction.unit;
-                if !self.bound[unit] {
+                if !self.bound.contains(&unit) {
                     // A texture that is not complete.
                     return "vec4f(0, 0, 0, 1)".into();
                 }
@@ -237,7 +239,7 @@ impl Emitter<'_> {
                     _ => three(0),
                 };
                 let bias = if name == "TXB" { s(0, 3) } else { "0.0".into() };
-                if self.program.biased & 1 << unit != 0 {
+                if self.program.ways(unit) & way::BIAS != 0 {
                     format!("texel{unit}({at}, {bias})")
                 } else {
                     format!("texel{unit}({at})")

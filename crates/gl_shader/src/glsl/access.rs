@@ -17,12 +17,26 @@ pub enum Layout {
     /// An array: elements and their number.
     Array(Box<Layout>, usize),
     /// A structure: its name in WGSL and its members.
-    Struct(String, Vec<(String, Layout)>),
+    Struct(String, Vec<Member>),
 }
 
+/// A member of a structure.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Member {
+    /// Its name.
+    pub name: String,
+    /// Its name in WGSL.
+    pub wgsl: String,
+    /// Its type.
+    pub layout: Layout,
+}
+
+/// Names of structures in WGSL, and those of their members.
+pub type Structures = BTreeMap<Handle<Type>, (String, Vec<String>)>;
+
 impl Layout {
-    /// The layout of a type. `name` gives names of structures in WGSL.
-    pub fn of(module: &Module, kind: Handle<Type>, name: &dyn Fn(Handle<Type>) -> String) -> Result<Layout, String> {
+    /// The layout of a type.
+    pub fn of(module: &Module, kind: Handle<Type>, structures: &Structures) -> Result<Layout, String> {
         let wide = |scalar: naga::Scalar| scalar.kind == ScalarKind::Bool || scalar.width == 4;
         match &module.types[kind].inner {
             TypeInner::Scalar(scalar) if wide(*scalar) => Ok(Layout::Vector(1, scalar.kind)),
@@ -31,14 +45,15 @@ impl Layout {
                 Ok(Layout::Matrix(*columns as usize, *rows as usize))
             }
             TypeInner::Array { base, size: ArraySize::Constant(count), .. } => {
-                Ok(Layout::Array(Box::new(Layout::of(module, *base, name)?), count.get() as usize))
+                Ok(Layout::Array(Box::new(Layout::of(module, *base, structures)?), count.get() as usize))
             }
             TypeInner::Struct { members, .. } => {
-                let members = members
-                    .iter()
-                    .map(|member| Ok((member.name.clone().unwrap_or_default(), Layout::of(module, member.ty, name)?)))
-                    .collect::<Result<_, String>>()?;
-                Ok(Layout::Struct(name(kind), members))
+                let (name, written) = structures.get(&kind).ok_or("a structure without a name")?;
+                let member = |(member, wgsl): (&naga::StructMember, &String)| {
+                    let layout = Layout::of(module, member.ty, structures)?;
+                    Ok(Member { name: member.name.clone().unwrap_or_default(), wgsl: wgsl.clone(), layout })
+                };
+                Ok(Layout::Struct(name.clone(), members.iter().zip(written).map(member).collect::<Result<_, String>>()?))
             }
             _ => Err("a type that uniforms and varyings cannot have".into()),
         }
@@ -51,11 +66,11 @@ impl Layout {
             Layout::Vector(..) => 1,
             Layout::Matrix(columns, _) => *columns,
             Layout::Array(element, count) => element.slots().saturating_mul(*count),
-            Layout::Struct(_, members) => members.iter().map(|(_, member)| member.slots()).sum(),
+            Layout::Struct(_, members) => members.iter().map(|member| member.layout.slots()).sum(),
         }
     }
 
-    /// Scalars, vectors and columns in slot order: the path of each, its number of components, and its kind.
+    /// Scalars, vectors and columns in slot order: the path of each in WGSL, its number of components, and its kind.
     pub fn leaves(&self, path: &str, out: &mut Vec<(String, usize, ScalarKind)>) {
         match self {
             Layout::Vector(n, kind) => out.push((path.to_owned(), *n, *kind)),
@@ -64,7 +79,7 @@ impl Layout {
             }
             Layout::Array(element, count) => (0..*count).for_each(|k| element.leaves(&format!("{path}[{k}]"), out)),
             Layout::Struct(_, members) => {
-                members.iter().for_each(|(name, member)| member.leaves(&format!("{path}.{name}"), out))
+                members.iter().for_each(|member| member.layout.leaves(&format!("{path}.{}", member.wgsl), out))
             }
         }
     }
@@ -101,9 +116,9 @@ impl Layout {
             }
             Layout::Struct(name, members) => {
                 let (mut at, mut list) = (0, Vec::new());
-                for (_, member) in members {
-                    list.push(member.value(&place.moved(at)));
-                    at += member.slots();
+                for member in members {
+                    list.push(member.layout.value(&place.moved(at)));
+                    at += member.layout.slots();
                 }
                 format!("{name}({})", list.join(", "))
             }
@@ -265,12 +280,12 @@ impl<'a> Substitution<'a> {
                     let wanted = &text[at + 1..end];
                     let mut first = 0;
                     let mut found = None;
-                    for (member, kind) in &members {
-                        if member == wanted || sanitized(member) == wanted {
-                            found = Some(kind.clone());
+                    for member in members {
+                        if member.wgsl == wanted {
+                            found = Some(member.layout);
                             break;
                         }
-                        first += kind.slots();
+                        first += member.layout.slots();
                     }
                     let Some(kind) = found else { return Err(format!("no member {wanted} in {name}")) };
                     place.first += first;
@@ -283,19 +298,14 @@ impl<'a> Substitution<'a> {
     }
 }
 
-/// A name as naga writes it.
-fn sanitized(name: &str) -> String {
-    let ends_in_number = name.ends_with(|c: char| c.is_ascii_digit());
-    if ends_in_number { format!("{name}_") } else { name.to_owned() }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
 
     fn roots() -> Roots {
         let float = |n| Layout::Vector(n, ScalarKind::Float);
-        let light = Layout::Struct("Light".into(), vec![("place".into(), float(3)), ("power".into(), float(1))]);
+        let member = |name: &str, n| Member { name: name.into(), wgsl: name.into(), layout: float(n) };
+        let light = Layout::Struct("Light".into(), vec![member("place", 3), member("power", 1)]);
         BTreeMap::from([
             ("scale".to_owned(), (float(1), 0)),
             ("on".to_owned(), (Layout::Vector(1, ScalarKind::Bool), 1)),

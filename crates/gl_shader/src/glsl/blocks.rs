@@ -3,7 +3,7 @@
 
 use naga::ScalarKind;
 
-use super::access::Layout;
+use super::access::{Layout, Member};
 use super::tokens::{Token, closing, parts};
 use super::{Outcome, Wrong};
 
@@ -116,7 +116,7 @@ fn extent(layout: &Layout) -> (usize, usize) {
         Layout::Matrix(columns, _) => (WIDE, WIDE * columns),
         Layout::Array(element, count) => (WIDE, stride(element).saturating_mul(*count)),
         Layout::Struct(_, members) => {
-            let end = members.iter().fold(0_usize, |at, (_, member)| place(member, at).1);
+            let end = members.iter().fold(0_usize, |at, member| place(&member.layout, at).1);
             (WIDE, end.next_multiple_of(WIDE))
         }
     }
@@ -148,9 +148,9 @@ pub fn fill(layout: &Layout, block: usize, offset: usize, slot: &mut usize, out:
         }
         Layout::Struct(_, members) => {
             let mut at = offset;
-            for (_, member) in members {
-                let (start, end) = place(member, at);
-                fill(member, block, start, slot, out);
+            for Member { layout, .. } in members {
+                let (start, end) = place(layout, at);
+                fill(layout, block, start, slot, out);
                 at = end;
             }
         }
@@ -166,8 +166,8 @@ mod tests {
     fn members_lie_where_the_standard_says() {
         let float = |n| Layout::Vector(n, ScalarKind::Float);
         let array = |element: Layout, count| Layout::Array(Box::new(element), count);
-        let structure =
-            |members: Vec<Layout>| Layout::Struct("S".into(), members.into_iter().map(|m| ("m".into(), m)).collect());
+        let member = |layout| Member { name: "m".into(), wgsl: "m".into(), layout };
+        let structure = |members: Vec<Layout>| Layout::Struct("S".into(), members.into_iter().map(member).collect());
         let f = structure(vec![Layout::Vector(1, ScalarKind::Sint), Layout::Vector(2, ScalarKind::Bool)]);
         let o = structure(vec![
             Layout::Vector(3, ScalarKind::Uint),

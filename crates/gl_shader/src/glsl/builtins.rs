@@ -2,7 +2,7 @@
 
 use crate::COLORS_MAX;
 use crate::arb::program::{Matrix, Output, Param, Stage, Term, input};
-use crate::{LIGHTS, PLANES, UNITS};
+use crate::{IMAGES, LIGHTS, PLANES, STAGE_IMAGES, UNITS};
 
 /// The meaning of a name that begins with `gl_`.
 #[derive(Clone, Debug, PartialEq)]
@@ -19,6 +19,10 @@ pub enum Role {
     Output(Output),
     /// The position in eye space for clip planes.
     ClipVertex,
+    /// Distances from clip planes.
+    ClipDistance,
+    /// The number of the vertex.
+    VertexId,
     /// State of the machine: for each vector, a parameter and its first component.
     State(Vec<(Param, u8)>),
 }
@@ -60,6 +64,9 @@ const RANGE: &str = "struct glx_Range { float near; float far; float diff; };";
 
 /// The built-in of a stage with this name, given without `gl_`.
 pub fn find(stage: Stage, name: &str) -> Option<Builtin> {
+    if stage == Stage::Vertex && name == "ClipDistance" {
+        return Some(Builtin::many("float", PLANES, Role::ClipDistance));
+    }
     let role = match stage {
         Stage::Vertex => vertex(name),
         Stage::Fragment => fragment(name),
@@ -83,6 +90,7 @@ fn vertex(name: &str) -> Option<(&'static str, Role)> {
         "Position" => ("vec4", Role::Output(Output::Position)),
         "PointSize" => ("float", Role::Output(Output::PointSize)),
         "ClipVertex" => ("vec4", Role::ClipVertex),
+        "VertexID" => ("int", Role::VertexId),
         "FrontColor" => ("vec4", Role::Output(Output::Color(0))),
         "FrontSecondaryColor" => ("vec4", Role::Output(Output::Color(1))),
         "BackColor" => ("vec4", Role::Output(Output::Color(2))),
@@ -119,8 +127,10 @@ fn constant(name: &str) -> Option<Builtin> {
     let value = match name {
         "MaxLights" => LIGHTS,
         "MaxClipPlanes" => PLANES,
-        "MaxTextureUnits" | "MaxTextureCoords" | "MaxTextureImageUnits" | "MaxCombinedTextureImageUnits" => UNITS,
-        "MaxVertexTextureImageUnits" => UNITS,
+        "MaxClipDistances" => PLANES,
+        "MaxTextureUnits" | "MaxTextureCoords" => UNITS,
+        "MaxTextureImageUnits" | "MaxVertexTextureImageUnits" => STAGE_IMAGES,
+        "MaxCombinedTextureImageUnits" => IMAGES,
         "MaxVertexAttribs" => crate::arb::program::GENERICS,
         "MaxDrawBuffers" => 1,
         "MaxVaryingFloats" | "MaxVaryingComponents" => 64,

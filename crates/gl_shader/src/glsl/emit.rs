@@ -1,13 +1,11 @@
 //! Emits a rewritten stage as WGSL. Naga translates the text to WGSL; then uniforms replace the variables that stand for them.
 
-use std::collections::BTreeMap;
-
 use host::guarded;
 use naga::front::glsl::{Frontend, Options};
 use naga::valid::{Capabilities, ValidationFlags, Validator};
 use naga::{AddressSpace, Expression, Handle, Literal, Module, ShaderStage, TypeInner};
 
-use super::access::{Layout, Roots, Substitution};
+use super::access::{Layout, Roots, Structures, Substitution};
 use super::blocks::{self, Block, Filled};
 use super::builtins::Role;
 use super::outs::outs;
@@ -106,9 +104,17 @@ pub struct Translated {
     pub flip: Option<String>,
     /// Whether the position is that of the fixed-function pipeline.
     pub invariant: bool,
+    /// How the position of a fragment is counted ([`Source`]).
+    pub coordinates: [bool; 2],
 }
 
 impl Translated {
+    /// Whether it reads the number of the vertex.
+    #[inline]
+    pub fn numbered(&self) -> bool {
+        self.named.iter().any(|named| named.role == Role::VertexId)
+    }
+
     /// Uniforms and samplers whose declarations state a location.
     #[inline]
     pub fn located(&self) -> impl Iterator<Item = (&str, u32)> {
@@ -174,9 +180,8 @@ pub fn translate(stage: Stage, source: &Source, array: &str) -> Outcome<Translat
     {
         return Err(wrong("a resource that is not supported".into()));
     }
-    let structure_names: BTreeMap<_, _> =
-        structures.iter().zip(&parts.structures).map(|(&handle, &(name, _))| (handle, name.to_owned())).collect();
-    let name_of = |handle| structure_names.get(&handle).cloned().unwrap_or_default();
+    let written = |&(name, text): &(&str, &str)| (name.to_owned(), members(text));
+    let structures: Structures = structures.iter().copied().zip(parts.structures.iter().map(written)).collect();
 
     let mut out = Translated {
         text: String::new(),
@@ -192,6 +197,7 @@ pub fn translate(stage: Stage, source: &Source, array: &str) -> Outcome<Translat
         named: Vec::new(),
         flip: None,
         invariant: source.invariant,
+        coordinates: source.coordinates,
     };
     let mut roots = Roots::new();
     let mut ends = vec![0; source.blocks.len()];
@@ -208,7 +214,7 @@ pub fn translate(stage: Stage, source: &Source, array: &str) -> Outcome<Translat
             if bytes as usize > 16 * SLOTS_MAX {
                 return Err(wrong(format!("{name} has {bytes} bytes, at most {}", 16 * SLOTS_MAX)));
             }
-            Layout::of(&module, global.ty, &name_of).map_err(|reason| wrong(format!("{name} has {reason}")))
+            Layout::of(&module, global.ty, &structures).map_err(|reason| wrong(format!("{name} has {reason}")))
         };
         let declared = source.globals.iter().find(|known| known.renamed == *name);
         let builtin = source.builtins.get(name);
@@ -266,7 +272,7 @@ pub fn translate(stage: Stage, source: &Source, array: &str) -> Outcome<Translat
             let arguments = function
                 .arguments
                 .iter()
-                .map(|argument| Layout::of(&module, argument.ty, &name_of).map_err(wrong))
+                .map(|argument| Layout::of(&module, argument.ty, &structures).map_err(wrong))
                 .collect::<Outcome<_>>()?;
             calls.push(Call { wgsl: wgsl.to_owned(), sampler, read, arguments, one: name.contains("One_") });
             continue;
@@ -355,6 +361,12 @@ fn scalars(module: &Module, expression: Handle<Expression>, out: &mut Vec<f32>) 
         // The rest is zero.
         _ => {}
     }
+}
+
+/// The names of the members of a structure that naga has written, one a line.
+fn members(structure: &str) -> Vec<String> {
+    let name = |line: &str| Some(line.strip_suffix(',')?.split_once(": ")?.0.split_whitespace().next_back()?.to_owned());
+    structure.lines().filter_map(name).collect()
 }
 
 /// Naga's output in parts: names, and texts that end in a new line.

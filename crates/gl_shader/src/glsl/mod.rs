@@ -11,6 +11,7 @@ mod access;
 pub mod blocks;
 mod braces;
 mod builtins;
+mod cases;
 mod condition;
 mod declarators;
 mod emit;

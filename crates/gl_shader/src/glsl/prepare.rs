@@ -3,6 +3,7 @@
 use std::collections::BTreeSet;
 
 use super::braces::braces;
+use super::cases::separate;
 use super::declarators::declarators;
 use super::equality::equality;
 use super::initial::initial;
@@ -35,6 +36,7 @@ pub fn prepare(shaders: &mut [(Dialect, Vec<Token>)], members: &BTreeSet<String>
     let functions = functions(shaders);
     for (_, tokens) in shaders.iter_mut() {
         returns(tokens);
+        separate(tokens);
         swizzles(tokens, members);
         *tokens = loops(tokens).unwrap_or_else(|| std::mem::take(tokens));
         *tokens = lazy(tokens, &functions).unwrap_or_else(|| std::mem::take(tokens));

@@ -6,7 +6,7 @@ use std::collections::{BTreeMap, BTreeSet};
 use super::blocks::{Block, is_row_major, members, variables};
 use super::builtins::{self, Builtin};
 use super::order::order;
-use super::outline::initialiser;
+use super::outline::{Item, initialiser, items};
 use super::prelude;
 use super::prepare::prepare;
 use super::sampler::{Read, Sampler, read_of, sampler, stubs};
@@ -40,6 +40,8 @@ pub struct Global {
     pub interpolation: Option<&'static str>,
     /// The location that the source states.
     pub location: Option<u32>,
+    /// The source of blending that the source states: 1 for the second one of its colour buffer.
+    pub index: Option<u32>,
     /// The number of the uniform block that it is part of.
     pub block: Option<usize>,
 }
@@ -61,6 +63,8 @@ pub struct Source {
     pub invariant: bool,
     /// Whether derivatives along y occur.
     pub flips: bool,
+    /// Whether the position of a fragment is counted from the upper left corner, and whether centres of pixels are whole numbers.
+    pub coordinates: [bool; 2],
     /// Maximum nesting of the tokens in that text.
     pub nesting: u64,
     /// Pairs of tokens of its functions.
@@ -95,6 +99,10 @@ struct Rewriter {
     helpers: BTreeSet<String>,
 }
 
+/// Words of layouts that change nothing here, or that other code reads.
+const HARMLESS: [&str; 9] =
+    ["std140", "shared", "packed", "column_major", "row_major", "depth_any", "depth_greater", "depth_less", "depth_unchanged"];
+
 /// Maximum number of samplers in an array.
 const SAMPLERS_MAX: usize = 64;
 
@@ -108,6 +116,7 @@ pub fn rewrite(stage: Stage, shaders: Vec<(Dialect, Vec<Token>)>) -> Outcome<Sou
         builtins: BTreeMap::new(),
         invariant: false,
         flips: false,
+        coordinates: [false; 2],
         nesting: 0,
         pairs: 0,
         lines: Vec::new(),
@@ -115,7 +124,11 @@ pub fn rewrite(stage: Stage, shaders: Vec<(Dialect, Vec<Token>)>) -> Outcome<Sou
         reads: BTreeMap::new(),
     };
     let dialect = shaders.first().map_or(Dialect { version: 110, embedded: false }, |&(dialect, _)| dialect);
-    let mut members = BTreeSet::new();
+    let (mut members, mut shaders) = (BTreeSet::new(), shaders);
+    drop_undefined(&mut shaders);
+    for (_, tokens) in &mut shaders {
+        name_structures(tokens);
+    }
     for (_, tokens) in &shaders {
         for (at, _) in tokens.iter().enumerate().filter(|(_, token)| token.is("struct")) {
             let open = tokens[at..].iter().position(|token| token.is("{")).map(|k| at + k);
@@ -135,7 +148,6 @@ pub fn rewrite(stage: Stage, shaders: Vec<(Dialect, Vec<Token>)>) -> Outcome<Sou
         names: BTreeSet::new(),
         helpers: BTreeSet::new(),
     };
-    let mut shaders = shaders;
     rewriter.invariant(&mut shaders);
     let mut first = 0;
     for (_, tokens) in &mut shaders {
@@ -154,6 +166,53 @@ pub fn rewrite(stage: Stage, shaders: Vec<(Dialect, Vec<Token>)>) -> Outcome<Sou
     let kept: Vec<String> = prepared.kept.iter().map(|name| rewriter.rename(name)).collect();
     rewriter.source.initialised.extend(kept);
     Ok(rewriter.finish())
+}
+
+/// Whether this is a type of samplers or images that the machine does not have.
+fn is_other_sampler(name: &str) -> bool {
+    let stem = name.strip_prefix(['i', 'u']).unwrap_or(name);
+    let rest = ["sampler", "image"].iter().find_map(|start| stem.strip_prefix(start));
+    let shape = rest.is_some_and(|rest| ["1D", "2D", "3D", "Cube", "Buffer"].iter().any(|shape| rest.starts_with(shape)));
+    shape && sampler(name).is_none()
+}
+
+/// Removes prototypes of functions that no shader defines: no shader can call them.
+fn drop_undefined(shaders: &mut [(Dialect, Vec<Token>)]) {
+    let mut defined = BTreeSet::new();
+    for (_, tokens) in shaders.iter() {
+        for item in items(tokens).into_iter().filter(|item| item.body(tokens).is_some()) {
+            defined.extend(item.function.map(|header| tokens[header.name].text.clone()));
+        }
+    }
+    for (_, tokens) in shaders {
+        let undefined = |item: &Item| {
+            let prototype = item.function.is_some_and(|header| {
+                let ends = header.close + 2 == item.whole.end && header.name > item.whole.start;
+                ends && tokens[header.name].word && !defined.contains(&tokens[header.name].text)
+            });
+            prototype && tokens[item.whole.end - 1].is(";")
+        };
+        let gone: Vec<_> = items(tokens).into_iter().filter(undefined).map(|item| item.whole).collect();
+        for range in gone.into_iter().rev() {
+            tokens.drain(range);
+        }
+    }
+}
+
+/// Gives names to structures without one, as naga wants.
+fn name_structures(tokens: &mut Vec<Token>) {
+    let nameless = |pair: &[Token]| pair[0].is("struct") && pair[1].is("{");
+    if !tokens.windows(2).any(nameless) {
+        return;
+    }
+    let mut out: Vec<Token> = Vec::with_capacity(tokens.len());
+    for token in std::mem::take(tokens) {
+        if token.is("{") && out.last().is_some_and(|before| before.is("struct")) {
+            out.push(Token::new(format!("glx_nameless{}", out.len()), token.line));
+        }
+        out.push(token);
+    }
+    *tokens = out;
 }
 
 impl Rewriter {
@@ -195,8 +254,8 @@ impl Rewriter {
             }
             let start = at;
             let mut storage = None;
-            let (mut interpolation, mut location, mut invariant) = (None, None, false);
-            let (mut binding, mut row_major) = (None, false);
+            let (mut interpolation, mut location, mut index, mut invariant) = (None, None, None, false);
+            let (mut binding, mut row_major, mut coordinates) = (None, false, [false; 2]);
             while let Some(token) = tokens.get(at) {
                 match token.text.as_str() {
                     "attribute" => storage = Some(Storage::In),
@@ -217,10 +276,20 @@ impl Rewriter {
                                 [name, equals, value] if name.is("location") && equals.is("=") => {
                                     location = value.text.parse().ok();
                                 }
+                                [name, equals, value] if name.is("index") && equals.is("=") => {
+                                    index = value.text.parse().ok();
+                                }
                                 [name, equals, value] if name.is("binding") && equals.is("=") => {
                                     binding = value.text.parse().ok();
                                 }
-                                _ => {}
+                                [name] if name.is("origin_upper_left") => coordinates[0] = true,
+                                [name] if name.is("pixel_center_integer") => coordinates[1] = true,
+                                [name] if HARMLESS.contains(&name.text.as_str()) => {}
+                                [] => {}
+                                [name, ..] => {
+                                    let what = format!("layout({}) of this form is not supported", name.text);
+                                    return Err(Wrong::at(name.line, what));
+                                }
                             }
                         }
                         at = end;
@@ -281,6 +350,10 @@ impl Rewriter {
             }
             for declarator in parts(names) {
                 let name = declarator.first().filter(|token| token.word).ok_or_else(missing)?;
+                if name.is("gl_FragCoord") {
+                    let all = &mut self.source.coordinates;
+                    *all = [all[0] || coordinates[0], all[1] || coordinates[1]];
+                }
                 if name.text.starts_with("gl_") || !self.declared.insert(name.text.clone()) {
                     continue;
                 }
@@ -320,7 +393,7 @@ impl Rewriter {
                     self.source.initialised.insert(renamed.clone());
                 }
                 let name = name.text.clone();
-                self.source.globals.push(Global { name, renamed, storage, interpolation, location, block: None });
+                self.source.globals.push(Global { name, renamed, storage, interpolation, location, index, block: None });
             }
             at = end + 1;
         }
@@ -344,9 +417,9 @@ impl Rewriter {
             let body = self.body(&declaration)?;
             self.out.extend(body);
             let renamed = self.rename(&name);
-            let (storage, interpolation, location) = (Storage::Uniform, None, None);
+            let (storage, interpolation, location, index) = (Storage::Uniform, None, None, None);
             let name = format!("{}.{name}", block.name);
-            self.source.globals.push(Global { name, renamed, storage, interpolation, location, block: Some(number) });
+            self.source.globals.push(Global { name, renamed, storage, interpolation, location, index, block: Some(number) });
         }
         self.source.blocks.push(block);
         Ok(end + 1)
@@ -422,6 +495,7 @@ impl Rewriter {
                         out.pop();
                         out.extend(["[", component, "]"].map(|text| Token::new(text, line)));
                     }
+                    _ if token.word => out.push(Token::new(self.rename(&token.text), line)),
                     _ => out.push(token.clone()),
                 }
                 continue;
@@ -476,6 +550,9 @@ impl Rewriter {
                     }
                     self.builtin(&name, line)?;
                     out.push(Token::new(format!("glx_{name}"), line));
+                }
+                name if is_other_sampler(name) && tokens.get(at).is_some_and(|token| token.word) => {
+                    return Err(Wrong::at(line, format!("the type {name} is not supported")));
                 }
                 name => {
                     let first = if called { self.sampler_of(&tokens[at + 1..], line)? } else { None };

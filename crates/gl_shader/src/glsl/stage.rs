@@ -9,12 +9,11 @@ use super::builtins::Role;
 use super::emit::{Call, Named, Translated, Variable};
 use super::rewrite::Storage;
 use super::sampler::{Read, Sampler};
-use crate::COLORS_MAX;
-use crate::UNITS;
 use crate::arb::program::GENERICS;
 use crate::arb::program::{Output, Program, Stage, input};
 use crate::arb::wgsl::{input_name, output_name};
 use crate::key::{Expand, ShaderKey};
+use crate::{COLORS_MAX, IMAGES, STAGE_IMAGES};
 
 /// Ways to read a texture: a bit each.
 pub mod way {
@@ -62,10 +61,17 @@ pub struct Code {
     pub facing: bool,
     /// Whether all colour buffers have the colour of `gl_FragColor`.
     pub broadcast: bool,
-    /// The position for clip planes.
-    pub clip: Option<String>,
-    /// How each unit's texture is read.
-    pub ways: [u8; UNITS],
+    /// What clip planes cut.
+    pub clip: Option<Clip>,
+}
+
+/// What clip planes cut, in a vertex stage: expressions of WGSL.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Clip {
+    /// A position in eye space.
+    Position(String),
+    /// An array of distances, one for each plane.
+    Distances(String),
 }
 
 impl Code {
@@ -81,8 +87,8 @@ impl Code {
 pub struct Joints<'a> {
     /// The location of an attribute.
     pub attribute: &'a dyn Fn(&str) -> Option<u32>,
-    /// The location of an output.
-    pub output: &'a dyn Fn(&str) -> Option<u32>,
+    /// The location of an output, and which source of blending it is.
+    pub output: &'a dyn Fn(&str) -> Option<[u32; 2]>,
     /// The unit of a sampler.
     pub unit: &'a dyn Fn(&str) -> u32,
 }
@@ -143,11 +149,24 @@ pub fn program(stages: [Option<&Translated>; 2], stage: Stage, joints: &Joints) 
         facing: false,
         broadcast: false,
         clip: None,
-        ways: [0; UNITS],
     };
     let mut program = Program { invariant: of.invariant, ..Program::new(stage) };
     for named in &of.named {
         builtin(named, &mut code, &mut program);
+    }
+    if let (Stage::Fragment, [upper, whole]) = (stage, of.coordinates) {
+        let position = input_name(input::POSITION);
+        for (_, value) in code.set.iter_mut().filter(|(_, value)| *value == position) {
+            let y = if upper { format!("u.height.z - {position}.y") } else { format!("{position}.y") };
+            let centre = if whole { "0.5" } else { "0.0" };
+            *value = format!("vec4f({position}.x - {centre}, {y} - {centre}, {position}.zw)");
+        }
+    }
+    if of.numbered() && of.named.iter().any(|named| named.role == Role::Input(input::FOG)) {
+        return Err("gl_VertexID beside gl_FogCoord is not supported".into());
+    }
+    if of.named.iter().any(|named| named.role == Role::ClipVertex) && matches!(code.clip, Some(Clip::Distances(_))) {
+        return Err("gl_ClipDistance beside gl_ClipVertex is not supported".into());
     }
     if let Some(flip) = &of.flip {
         // The uniform for this is present if the fragment position is read.
@@ -163,16 +182,18 @@ pub fn program(stages: [Option<&Translated>; 2], stage: Stage, joints: &Joints) 
     }
     for (k, sampler) in of.samplers.iter().enumerate().filter(|(k, _)| of.calls.iter().any(|call| call.sampler == *k)) {
         let unit = (joints.unit)(&sampler.name) as usize;
-        if unit >= UNITS {
-            return Err(format!("{} is texture unit {unit}, of at most {UNITS}", sampler.name));
+        if unit >= IMAGES {
+            return Err(format!("{} is texture unit {unit}, of at most {IMAGES}", sampler.name));
         }
-        if program.targets[unit].is_some_and(|target| target != sampler.target) {
+        if program.image(unit).is_some_and(|image| image.target != sampler.target) {
             return Err(format!("texture unit {unit} is read as textures of two kinds"));
         }
-        program.targets[unit] = Some(sampler.target);
-        for call in of.calls.iter().filter(|call| call.sampler == k) {
-            code.ways[unit] |= read(call, unit, sampler, stage, &mut code.functions);
-        }
+        let calls = of.calls.iter().filter(|call| call.sampler == k);
+        let ways = calls.fold(0, |ways, call| ways | read(call, unit, sampler, stage, &mut code.functions));
+        program.reads(unit, sampler.target, ways);
+    }
+    if program.images.len() > STAGE_IMAGES {
+        return Err(format!("a stage reads {} textures, at most {STAGE_IMAGES}", program.images.len()));
     }
     program.outputs = code.results.iter().map(|&(output, _)| output).collect();
     program.code = Some(code);
@@ -182,15 +203,18 @@ pub fn program(stages: [Option<&Translated>; 2], stage: Stage, joints: &Joints) 
 /// The outputs of a fragment shader that it declares itself, at their locations.
 fn colors(of: &Translated, joints: &Joints, code: &mut Code) -> Result<(), String> {
     let outputs: Vec<&Variable> = of.variables.iter().filter(|v| v.global.storage == Storage::Out).collect();
-    let location = |v: &Variable| v.global.location.or_else(|| (joints.output)(&v.global.name));
+    let chosen = |v: &Variable| (joints.output)(&v.global.name);
+    let location = |v: &Variable| v.global.location.or_else(|| chosen(v).map(|[location, _]| location));
+    let index = |v: &Variable| v.global.index.or_else(|| chosen(v).map(|[_, index]| index)).unwrap_or(0);
+    let (first, second): (Vec<&Variable>, Vec<&Variable>) = outputs.into_iter().partition(|v| index(v) == 0);
     let span = |v: &Variable| v.layout.slots().min(COLORS_MAX) as u32;
     let mut taken = 0_u64;
-    for output in &outputs {
+    for output in &first {
         if let Some(first) = location(output).filter(|&first| first < COLORS_MAX as u32) {
             taken |= ((1 << span(output)) - 1) << first;
         }
     }
-    for output in outputs {
+    for output in first {
         let name = &output.global.name;
         let first = match location(output) {
             Some(first) => first,
@@ -210,14 +234,29 @@ fn colors(of: &Translated, joints: &Joints, code: &mut Code) -> Result<(), Strin
             if location >= COLORS_MAX {
                 return Err(format!("{name} is colour buffer {location}, of at most {COLORS_MAX}"));
             }
-            if kind != ScalarKind::Float {
-                return Err(format!("{name} is a colour of whole numbers, which is not supported"));
+            code.results.push((Output::Color(location as u8), color(name, &wgsl, n, kind)?));
+        }
+    }
+    for output in second {
+        let (name, mut leaves) = (&output.global.name, Vec::new());
+        output.layout.leaves(&output.wgsl, &mut leaves);
+        match &leaves[..] {
+            [(wgsl, n, kind)] if index(output) == 1 && location(output).unwrap_or(0) == 0 => {
+                code.results.push((Output::Second, color(name, wgsl, *n, *kind)?));
             }
-            let rest = ["0, 0, 1", "0, 1", "1"].get(n - 1).map_or(String::new(), |rest| format!(", {rest}"));
-            code.results.push((Output::Color(location as u8), format!("vec4f({wgsl}{rest})")));
+            _ => return Err(format!("{name} is a source of blending other than the second one of the first colour buffer")),
         }
     }
     Ok(())
+}
+
+/// The value of a colour with `n` components.
+fn color(name: &str, wgsl: &str, n: usize, kind: ScalarKind) -> Result<String, String> {
+    if kind != ScalarKind::Float {
+        return Err(format!("{name} is a colour of whole numbers, which is not supported"));
+    }
+    let rest = ["0, 0, 1", "0, 1", "1"].get(n - 1).map_or(String::new(), |rest| format!(", {rest}"));
+    Ok(format!("vec4f({wgsl}{rest})"))
 }
 
 fn builtin(named: &Named, code: &mut Code, program: &mut Program) {
@@ -239,7 +278,13 @@ fn builtin(named: &Named, code: &mut Code, program: &mut Program) {
             let value = if named.components == 4 { wgsl } else { format!("vec4f({wgsl})") };
             code.results.push((output, value));
         }
-        Role::ClipVertex => code.clip = Some(wgsl),
+        Role::ClipVertex => code.clip = Some(Clip::Position(wgsl)),
+        Role::ClipDistance => code.clip = Some(Clip::Distances(wgsl)),
+        Role::VertexId => {
+            program.numbered = true;
+            program.inputs |= 1 << input::FOG;
+            code.set.push((wgsl, format!("bitcast<i32>({}.x)", input_name(input::FOG))));
+        }
         Role::Constant(_) | Role::State(_) => {}
     }
 }

@@ -2,7 +2,7 @@
 
 use gfx::format::Format;
 
-use super::call::{Call, Fault, INVALID_ENUM, INVALID_OPERATION, Outcome, Shape};
+use super::call::{Call, INVALID_ENUM, INVALID_OPERATION, Outcome, Shape};
 use super::consts as e;
 use super::copies::{CopyKey, From, Meet, SAME};
 use super::machine::Gl;
@@ -24,9 +24,7 @@ pub(super) fn accumulate(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
     if gl.draw_framebuffer != 0 || gl.accumulates == Some(false) {
         return Err(INVALID_OPERATION);
     }
-    let Some(target) = gl.aim()? else {
-        return Err(Fault::Unsupported("drawing before the size of the window is known".into()));
-    };
+    let target = gl.aim()?;
     let (Some(area), Some(color), Some(sum)) = (gl.scissor(), target.color, gl.card.accumulation()) else { return Ok(()) };
     let into = |result, meet| CopyKey { from: From::Color, result, format: "rgba16float", meet, mask: 15 };
     match op {

@@ -48,6 +48,8 @@ struct Array {
     blue_first: bool,
     /// This number of instances share an element; 0: each vertex has its own.
     divisor: u32,
+    /// Whether shaders get its integers as such.
+    whole: bool,
 }
 
 /// All client arrays.
@@ -82,6 +84,25 @@ pub(super) fn slot(gl: &Gl, array: u32) -> Outcome<usize> {
 }
 
 impl Arrays {
+    /// Number of vertex array objects that are not bound.
+    pub(super) fn objects(&self) -> usize {
+        self.objects.len()
+    }
+
+    /// Gives a buffer object another name in the vertex array objects that are not bound; returns whether one of them has it.
+    pub(super) fn rename(&mut self, from: u32, to: u32) -> bool {
+        let mut found = false;
+        for (slots, indices) in self.objects.values_mut() {
+            let arrays = slots
+                .iter_mut()
+                .filter_map(|array| if let Source::Buffer(name, _) = &mut array.source { Some(name) } else { None });
+            for name in arrays.chain([indices]).filter(|name| **name == from) {
+                (*name, found) = (to, true);
+            }
+        }
+        found
+    }
+
     /// Enables or disables an array.
     pub(super) fn switch(&mut self, slot: usize, enabled: bool) {
         self.slots[slot].enabled = enabled;
@@ -156,7 +177,7 @@ fn point(gl: &mut Gl, slot: usize, size: usize, kind: u32, stride: i32, data: &A
     };
     let Array { enabled, divisor, .. } = gl.arrays.slots[slot];
     let (size, blue_first) = if size == BLUE_FIRST { (4, true) } else { (size, false) };
-    gl.arrays.slots[slot] = Array { enabled, size, kind, stride, source, normalized: false, blue_first, divisor };
+    gl.arrays.slots[slot] = Array { enabled, size, kind, stride, source, normalized: false, blue_first, divisor, whole: false };
     Ok(())
 }
 
@@ -272,6 +293,15 @@ pub(super) fn generic_pointer(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
     Ok(())
 }
 
+/// `glVertexAttribIPointer(index, size, type, stride, pointer)`
+pub(super) fn whole_pointer(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
+    let (slot, kind) = (generic_slot(call)?, call.u32(2)?);
+    let size = size_of(call, 1, kind, 1, false)?;
+    point(gl, slot, size, kind, call.i32(3)?, call.arg(4))?;
+    gl.arrays.slots[slot].whole = true;
+    Ok(())
+}
+
 /// Data beyond the end of a buffer object, as wide as the widest element.
 const ZEROS: [u8; 32] = [0; 32];
 
@@ -309,6 +339,9 @@ impl Gl {
         let mut bits = 0;
         for (slot, array) in self.arrays.slots.iter().enumerate().filter(|(slot, array)| array.enabled && *slot != 6) {
             let refused = || Fault::Unsupported(format!("vertex arrays of type {}", names::name(array.kind)));
+            if array.whole {
+                return Err(Fault::Unsupported("vertex arrays of whole numbers (glVertexAttribIPointer)".into()));
+            }
             let (scalar, _) = scalar(array.kind).ok_or_else(refused)?;
             let element = Element { scalar, size: array.size, blue_first: array.blue_first };
             let (data, start, buffer) = match &array.source {
@@ -385,9 +418,19 @@ impl Gl {
         if bits & (1 | 1 << GENERIC) == 0 && !program {
             return Ok(());
         }
-        if self.draw_resident(mode, &ready, selection)? {
+        // The number of the vertex takes the place of the fog coordinate.
+        let numbered = self.compiling.is_none() && self.glsl.numbers_vertices();
+        let bits = if numbered { bits | 1 << 4 } else { bits };
+        if !numbered && self.draw_resident(mode, &ready, selection)? {
             return Ok(());
         }
+        let fetch = |gl: &Gl, index: u32| -> Outcome<Vertex> {
+            let mut vertex = gl.fetch(&ready, index)?;
+            if numbered {
+                vertex.fog = f32::from_bits(index);
+            }
+            Ok(vertex)
+        };
         let indices = &selection.numbers[..self.vertices_read(selection.numbers.len())];
         let mut vertices: Vec<Vertex> = Vec::with_capacity(indices.len());
         // Most vertices are named several times: of each, the place of the first.
@@ -400,7 +443,7 @@ impl Gl {
                     if let Some(place) = first {
                         *place = vertices.len() as u32;
                     }
-                    self.fetch(&ready, index)?
+                    fetch(self, index)?
                 }
             };
             vertices.push(vertex);
@@ -412,7 +455,7 @@ impl Gl {
             let number = |index: &u32| named.binary_search(index).expect("each index is named") as u32;
             let position = ready.iter().find(|array| matches!(array.slot, 0 | GENERIC)).map_or(4, |array| array.element.size);
             self.elements = Some(Elements {
-                vertices: named.iter().map(|&index| self.fetch(&ready, index)).collect::<Outcome<_>>()?,
+                vertices: named.iter().map(|&index| fetch(self, index)).collect::<Outcome<_>>()?,
                 numbers: indices.iter().map(number).collect(),
                 sent: Sent::Arrays { position, slots: bits },
                 indexed: selection.by != Selector::Sequence,

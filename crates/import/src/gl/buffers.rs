@@ -314,12 +314,27 @@ pub(super) fn sub_data(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
     object.write(at, recorded(bytes, size)?, &mut gl.card)
 }
 
+/// Maximum number of times that a vertex array object is searched for a deleted buffer object.
+const LOOKS_MAX: u64 = 1 << 26;
+
 pub(super) fn delete(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
     for &name in call.numbers(1)?.iter() {
         let name = name as u32;
         if let Some(object) = gl.buffers.remove(name) {
             gl.contexts.sharing().for_each(|context| context.lose_buffer(name));
-            gl.card.free_copy(object);
+            // Vertex array objects that are not bound keep it, under a name that the program does not have.
+            gl.looks += gl.arrays.objects() as u64;
+            if gl.looks > LOOKS_MAX {
+                let what = "more than {LOOKS_MAX} looks at vertex array objects for deleted buffer objects";
+                return Err(Fault::Limit(what.replace("{LOOKS_MAX}", &LOOKS_MAX.to_string())));
+            }
+            let hidden = (0..u32::MAX - gl.renamed).rev().find(|&hidden| !gl.buffers.contains(hidden)).unwrap_or(0);
+            if gl.arrays.rename(name, hidden) {
+                gl.renamed += 1;
+                gl.buffers.insert(hidden, object);
+            } else {
+                gl.card.free_copy(object);
+            }
         }
         let others = gl.other_buffers.values_mut().chain([&mut gl.unpack.buffer, &mut gl.pack_buffer]);
         for bound in gl.arrays.bound.iter_mut().chain(others).filter(|bound| **bound == name) {

@@ -4,7 +4,7 @@ use std::borrow::Cow;
 use std::rc::Rc;
 
 use super::consts as e;
-use super::state::UNITS;
+use super::state::{IMAGES, UNITS};
 
 /// A function that a recording calls.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -111,10 +111,15 @@ impl Call {
         self.f64(index).map(|number| number as i64 as i32)
     }
 
-    /// A texture unit, from `GL_TEXTURE0` on.
+    /// A unit of texture coordinates, from `GL_TEXTURE0` on.
     pub fn unit(&self, index: usize) -> Outcome<usize> {
+        self.image_unit(index).and_then(|unit| if unit < UNITS { Ok(unit) } else { Err(INVALID_ENUM) })
+    }
+
+    /// A texture unit that programs may read, from `GL_TEXTURE0` on.
+    pub fn image_unit(&self, index: usize) -> Outcome<usize> {
         let unit = self.u32(index)?.wrapping_sub(e::TEXTURE0) as usize;
-        if unit < UNITS { Ok(unit) } else { Err(INVALID_ENUM) }
+        if unit < IMAGES { Ok(unit) } else { Err(INVALID_ENUM) }
     }
 
     /// A size: whole and not negative.

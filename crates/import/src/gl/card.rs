@@ -62,6 +62,8 @@ pub struct Card {
     pub all_levels: bool,
     /// Frames so far.
     pub frames: u64,
+    /// Whether anything has been recorded that draws since the last frame.
+    pub(super) drawn: bool,
     /// Bytes of vertices, indices and uniforms so far: the trace keeps them.
     pub bytes: u64,
     /// Bytes of the primitives of display lists and of the conversions of buffer objects that stay on the card.
@@ -94,6 +96,7 @@ impl Card {
             all_levels: false,
             upward: false,
             frames: 0,
+            drawn: false,
             bytes: 0,
             kept_bytes: 0,
             condemned: Vec::new(),
@@ -287,6 +290,7 @@ impl Card {
     /// Records a pass.
     fn emit(&mut self, mut pass: Pass) {
         let Some(target) = pass.target else { return };
+        self.drawn = true;
         let mut buffers = Vec::new();
         let mut group = None;
         if !pass.draws.is_empty() {

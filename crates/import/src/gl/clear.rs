@@ -6,7 +6,7 @@ use trace::record;
 
 use gl_shader::narrow::Narrow;
 
-use super::call::Outcome;
+use super::call::{Fault, Outcome};
 use super::card::{COLORS_MAX, Draw, Fixed, Order, Surface, VertexRange, kept_channels};
 use super::consts as e;
 use super::image::byte;
@@ -73,9 +73,34 @@ impl Gl {
         if off { 0 } else { self.state.writes[0].mask & kept_channels(target.alpha) }
     }
 
+    /// Clears the window before its size is known: it begins with these values.
+    fn clear_early(&mut self, mask: u32, values: ClearValues) -> Outcome {
+        let (state, wanted) = (&self.state, |bit: u32| mask & bit != 0);
+        let whole = !state.is(e::SCISSOR_TEST)
+            && state.writes[0].mask == 15
+            && state.depth_write
+            && state.stencil[0].write & 0xff == 0xff;
+        if !whole {
+            return Err(Fault::Unsupported("clearing a part before the size of the window is known".into()));
+        }
+        let color = wanted(e::COLOR_BUFFER_BIT) && state.draw_buffer != e::NONE && values.buffer.is_none_or(|only| only == 0);
+        let [color, depth, stencil] = [color, wanted(e::DEPTH_BUFFER_BIT), wanted(e::STENCIL_BUFFER_BIT)];
+        let Some(window) = self.card.windows.drawn() else { return Ok(()) };
+        let early = &mut window.early;
+        early.0 = color.then_some(values.color).or(early.0);
+        early.1 = depth.then_some(values.depth).or(early.1);
+        early.2 = stencil.then_some(values.stencil as u32 & 0xff).or(early.2);
+        Ok(())
+    }
+
     /// Clears buffers to these values, as far as scissor and masks allow.
     pub fn clear_buffers(&mut self, mask: u32, values: ClearValues) -> Outcome {
-        let Some(target) = self.aim()? else { return Ok(()) };
+        let target = match self.aim() {
+            Err(Fault::Unsupported(_)) if self.draw_framebuffer == 0 && self.card.size() == [0; 2] => {
+                return self.clear_early(mask, values);
+            }
+            target => target?,
+        };
         let Some(scissor) = self.scissor() else { return Ok(()) };
         let [width, height] = target.size;
         let whole = scissor == Rect { x: 0, y: 0, width, height };

@@ -25,7 +25,7 @@ use super::machine::Gl;
 use super::materials::{Given, Tracked};
 use super::pixel_data::PixelMaps;
 use super::saved::Saved;
-use super::state::{Stack, State, UNITS, Vertex};
+use super::state::{IMAGES, Stack, State, UNITS, Vertex};
 use super::texture::Texture;
 
 /// Maximum number of contexts of a recording.
@@ -105,7 +105,7 @@ fields! {
         clear_accum: [f32; 4] = [0.0; 4],
         query: Option<u64> = None,
         seamless: bool = false,
-        bound_samplers: [u32; UNITS] = [0; UNITS],
+        bound_samplers: [u32; IMAGES] = [0; IMAGES],
         compiling: Option<(u32, bool, List)> = None,
         maps: Maps = Maps::default(),
         begun: Option<(u32, Vec<Vertex>)> = None,
@@ -125,7 +125,7 @@ fields! {
     }
     machine {
         card, contexts, pixels, indexed, listed, as_mesa, instance, elements_omitted, accumulates, queries, spare, lone, follows, prepared,
-        batch, keep_draws, survey, elements, packings, shaders, texts, calls, unsupported, errors, number, functions, counted, depth,
+        batch, keep_draws, survey, elements, packings, shaders, texts, calls, unsupported, errors, versions, renamed, looks, number, functions, counted, depth,
         list_began, steps, limits,
     }
 }

@@ -129,6 +129,7 @@ impl Card {
             return;
         }
         self.end_pass();
+        self.drawn = true;
         let (pipeline, layout) = match self.copies.iter().find(|(known, _)| *known == key) {
             Some(&(_, copy)) => copy,
             None => {

@@ -53,7 +53,9 @@ impl Gl {
                 _ => Made::Eye,
             })
         });
-        let m = &self.texture_matrices[unit].top;
+        // Further units are read by programs alone.
+        let fixed = unit < UNITS;
+        let m = if fixed { self.texture_matrices[unit].top } else { Mat4::IDENTITY };
         let env = &state.environment;
         let environment = match env.mode {
             e::COMBINE => {
@@ -76,7 +78,8 @@ impl Gl {
             }
             mode => EnvironmentKey::Mode(mode),
         };
-        let sprite = class == Class::Points && self.state.is(e::POINT_SPRITE) && self.state.point_sprites & 1 << unit != 0;
+        let sprite =
+            fixed && class == Class::Points && self.state.is(e::POINT_SPRITE) && self.state.point_sprites & 1 << unit != 0;
         let key = UnitKey {
             unit,
             coordinates: false,
@@ -89,7 +92,7 @@ impl Gl {
             clamp: bound.as_ref().map_or([false; 3], |bound| bound.clamp),
             mirror: bound.as_ref().map_or([false; 3], |bound| bound.mirror),
             depth: bound.as_ref().map_or(DepthRead::No, |bound| bound.depth),
-            matrix: *m != Mat4::IDENTITY && !sprite,
+            matrix: m != Mat4::IDENTITY && !sprite,
             projective: made[3].is_some() || m.row(3) != Vec4::W,
             bias: env.bias + bound.as_ref().map_or(0.0, |bound| bound.bias) != 0.0,
             made,

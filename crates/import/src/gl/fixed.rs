@@ -1,8 +1,10 @@
 //! State that is fixed in a pipeline: culling, depth and stencil tests, blending.
 
 use gfx::state::*;
+use gl_shader::arb::program::Output;
 
-use super::call::Outcome;
+use super::arb::Active;
+use super::call::{Fault, INVALID_OPERATION, Outcome};
 use super::card::{Fixed, Target, kept_channels};
 use super::consts as e;
 use super::fragments::{blend_factor, blend_operation, stencil_operation};
@@ -46,6 +48,9 @@ pub fn source_scale(state: &State) -> Option<[f32; 3]> {
         _ => [1.0 - a; 3],
     })
 }
+
+/// Blend factors of the second source.
+const SECOND: [u32; 4] = [e::SRC1_COLOR, e::SRC1_ALPHA, e::ONE_MINUS_SRC1_COLOR, e::ONE_MINUS_SRC1_ALPHA];
 
 impl Stencil {
     /// The card's stencil state of this side.
@@ -98,6 +103,26 @@ impl Gl {
         let source = if self.scales_source(self.card.target()) { e::ONE } else { source };
         let color = component(source, destination, writes.ops[0], false)?;
         Ok(Some(Blend { color, alpha: component(source_alpha, destination_alpha, writes.ops[1], true)? }))
+    }
+
+    /// Whether the first colour buffer is blended with the second source of the fragment program.
+    pub(super) fn blends_second(&self, target: &Target, fragment: Option<&Active>) -> Outcome<bool> {
+        let blends = |writes: &ColorWrites| {
+            let factors = [0, 1].into_iter().filter(|&k| !matches!(writes.ops[k], e::MIN | e::MAX));
+            let mut factors = factors.flat_map(|k| [writes.factors[2 * k], writes.factors[2 * k + 1]]);
+            writes.blended && factors.any(|factor| SECOND.contains(&factor))
+        };
+        if self.state.is(e::COLOR_LOGIC_OP) || !self.state.writes[..target.colors().count()].iter().any(blends) {
+            return Ok(false);
+        }
+        // One buffer may be drawn to then.
+        if target.more[0].is_some() {
+            return Err(INVALID_OPERATION);
+        }
+        match fragment.is_some_and(|active| active.program.outputs.contains(&Output::Second)) {
+            true => Ok(true),
+            false => Err(Fault::Unsupported("blending with a second source that no fragment shader writes".into())),
+        }
     }
 
     /// Whether the stencil test has separate state for back-facing triangles.

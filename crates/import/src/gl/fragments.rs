@@ -145,6 +145,10 @@ pub(super) fn blend_factor(factor: u32, alpha: bool) -> Outcome<gfx::state::Blen
         e::DST_ALPHA => F::DstAlpha,
         e::ONE_MINUS_DST_ALPHA => F::OneMinusDstAlpha,
         e::SRC_ALPHA_SATURATE => F::SrcAlphaSaturated,
+        e::SRC1_COLOR => F::Src1,
+        e::ONE_MINUS_SRC1_COLOR => F::OneMinusSrc1,
+        e::SRC1_ALPHA => F::Src1Alpha,
+        e::ONE_MINUS_SRC1_ALPHA => F::OneMinusSrc1Alpha,
         // Either this is an alpha factor, or all channels of the card's constant are its alpha.
         e::CONSTANT_ALPHA if alpha => F::Constant,
         e::ONE_MINUS_CONSTANT_ALPHA if alpha => F::OneMinusConstant,

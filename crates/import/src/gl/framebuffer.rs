@@ -2,7 +2,7 @@
 
 use gfx::state::Rect;
 
-use super::call::{Call, Fault, INVALID_ENUM, INVALID_OPERATION, INVALID_VALUE, Outcome, Shape};
+use super::call::{Arg, Call, Fault, INVALID_ENUM, INVALID_OPERATION, INVALID_VALUE, Outcome, Shape};
 use super::card::{Buffer, COLORS_MAX, Card, DEPTH, Surface, Target};
 use super::consts as e;
 use super::contexts::{lose, missing};
@@ -179,7 +179,10 @@ impl Gl {
     }
 
     /// Selects the render target by the current state.
-    pub fn aim(&mut self) -> Outcome<Option<Target>> {
+    ///
+    /// # Errors
+    /// If there is no such target; also while the size of the window is not known.
+    pub fn aim(&mut self) -> Outcome<Target> {
         if self.draw_framebuffer == 0 {
             self.settle_window()?;
         }
@@ -203,7 +206,7 @@ impl Gl {
             (name, _) => Some(self.target_of(name)?),
         };
         self.card.aim(target);
-        Ok(target)
+        target.ok_or_else(|| Fault::Unsupported("drawing before the size of the window is known".into()))
     }
 
     /// Gives the window that is drawn to the size of the viewport if no call has given it one.
@@ -287,6 +290,22 @@ pub(super) fn bind(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
         gl.read_framebuffer = name;
     }
     Ok(())
+}
+
+/// `glCheckFramebufferStatus(target)`: if the recorded driver could draw to the object and the machine cannot, draws are lost.
+pub(super) fn status(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
+    let [draw, _] = bindings(call.u32(0)?)?;
+    let name = if draw { gl.draw_framebuffer } else { gl.read_framebuffer };
+    if name == 0 || !draw || call.result != Arg::Num(f64::from(e::FRAMEBUFFER_COMPLETE)) {
+        return Ok(());
+    }
+    match gl.target_of(name) {
+        Err(Fault::Error(_)) => {
+            Err(Fault::Unsupported("a frame buffer object that is complete for the recorded driver".into()))
+        }
+        // What is not supported is named by the draws.
+        _ => Ok(()),
+    }
 }
 
 pub(super) fn delete(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
@@ -451,7 +470,10 @@ pub(super) fn draw_buffer(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
 }
 
 pub(super) fn draw_buffers(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
-    let buffers = call.numbers(1)?;
+    // Of an empty list there may be no pointer: then nothing is drawn to.
+    let count = call.size(0)? as usize;
+    let buffers = if count == 0 { Default::default() } else { call.numbers(1)? };
+    let buffers = &buffers[..count.min(buffers.len())];
     if gl.draw_framebuffer != 0 {
         let mut draw = [e::NONE; COLORS_MAX];
         if buffers.len() > draw.len() {
@@ -555,7 +577,7 @@ pub(super) fn blit(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
     if mask & e::STENCIL_BUFFER_BIT != 0 {
         return Err(Fault::Unsupported("blits of stencil values".into()));
     }
-    let Some(target) = gl.aim()? else { return Ok(()) };
+    let target = gl.aim()?;
     if target.more[0].is_some() && mask & e::COLOR_BUFFER_BIT != 0 {
         return Err(Fault::Unsupported("blits into several colour buffers".into()));
     }

@@ -13,7 +13,7 @@ pub type Idle = fn(&Gl, &Call) -> Outcome<bool>;
 /// The test for a function, by its name; none: it always changes something.
 pub fn test(core: &str) -> Option<Idle> {
     Some(match core {
-        "ActiveTexture" => |_, call| Ok(call.unit(0).is_ok()),
+        "ActiveTexture" => |_, call| Ok(call.image_unit(0).is_ok()),
         "AlphaFunc" => |gl, call| Ok((call.u32(0)?, call.f32(1)?) == gl.state.alpha),
         "BindTexture" => |gl, call| {
             let (target, name) = (target_of(call.u32(0)?)?, call.u32(1)?);

@@ -30,6 +30,8 @@ pub fn base_of(internal: u32, format: u32, kind: u32) -> Outcome<Base> {
     }
 }
 
+const BGRA8: u32 = 0x93a1;
+
 /// How texels of a base format are stored.
 pub trait Kept: Sized {
     /// The base format of an internal format.
@@ -64,6 +66,9 @@ impl Kept for Base {
             4
             | e::RGBA
             | RGBA8
+            // EXT_texture_format_BGRA8888
+            | e::BGRA
+            | BGRA8
             | RGBA12..=e::RGBA16
             | e::COMPRESSED_RGBA
             | e::COMPRESSED_RGBA_S3TC_DXT1_EXT..=e::COMPRESSED_RGBA_S3TC_DXT5_EXT => Base::Rgba,

@@ -320,10 +320,10 @@ impl Gl {
                 Step::Normal(normal) => self.state.current.normal = *normal,
                 Step::Color(color) => self.state.current.color = *color,
                 Step::Texture(coordinates) => self.state.current.set_texture(0, *coordinates),
-                Step::Multiply(_, by) if self.begun.is_none() && self.batch.indices.is_empty() => {
+                Step::Multiply(_, by) if self.begun.is_none() && self.batch.indices.is_empty() && self.stack().is_ok() => {
                     // No batch ends here, and that is all that could go wrong.
                     self.follows = false;
-                    self.stack().top *= **by;
+                    self.stack()?.top *= **by;
                     self.steps += 1;
                 }
                 Step::Numbers(compact) | Step::Multiply(compact, _) => {

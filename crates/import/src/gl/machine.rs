@@ -27,7 +27,7 @@ use super::prepare::{Packings, Prepared};
 use super::primitive::{Batch, Elements};
 use super::rectangles::Source;
 use super::saved::Saved;
-use super::state::{Stack, State, UNITS, Vertex};
+use super::state::{IMAGES, Stack, State, UNITS, Vertex};
 use super::table::{self, Entry, Moment};
 use super::texture::Texture;
 
@@ -136,7 +136,7 @@ pub struct Gl {
     /// Sampler objects by name, stored as textures of which only the sampling parameters are used.
     pub samplers: NumberMap<u32, Texture>,
     /// The samplers of the units; 0: none.
-    pub bound_samplers: [u32; UNITS],
+    pub bound_samplers: [u32; IMAGES],
     /// Textures of name 0, by target.
     pub default_textures: NumberMap<u32, Texture>,
     /// Display lists.
@@ -181,6 +181,12 @@ pub struct Gl {
     pub unsupported: Counts,
     /// Calls that raise an error.
     pub errors: Counts,
+    /// Versions of contexts, as the recorded driver has called them.
+    pub versions: NameMap<()>,
+    /// Buffer objects that have got another name, since they were deleted while vertex array objects have them.
+    pub renamed: u32,
+    /// How often a vertex array object has been searched for a deleted buffer object.
+    pub looks: u64,
     /// The number of the call that runs.
     pub number: u64,
     /// The functions that the recording calls, by their numbers.
@@ -264,6 +270,9 @@ impl Gl {
             calls: NameMap::new(),
             unsupported: Counts::new(),
             errors: Counts::new(),
+            versions: NameMap::new(),
+            renamed: 0,
+            looks: 0,
             number: 0,
             functions: Vec::new(),
             counted: Vec::new(),
@@ -357,10 +366,7 @@ impl Gl {
         match outcome {
             Ok(()) => {}
             Err(Fault::Unsupported(what)) => self.refuse(what),
-            Err(Fault::Error(error)) => {
-                let name = format!("{}: {error}", call.function.name);
-                self.errors.get_or_insert_with(&name, || Count { times: 0, first: call.number }).times += 1;
-            }
+            Err(Fault::Error(error)) => self.note_error(&format!("{}: {error}", call.function.name)),
             Err(Fault::Damaged(reason)) | Err(Fault::Limit(reason)) => {
                 let name = &*call.function.name;
                 // With nested lists, the name is put in front only once.
@@ -427,6 +433,18 @@ impl Gl {
         Ok(())
     }
 
+    /// Shows what has been drawn since the last frame as a frame, if that is wanted.
+    pub fn show_rest(&mut self) -> Outcome {
+        self.flush()?;
+        if self.card.is_wanted() {
+            self.card.end_pass();
+            if let Some(window) = self.card.windows.to_show().filter(|_| self.card.drawn) {
+                return self.swap(window);
+            }
+        }
+        Ok(())
+    }
+
     /// Calls by name.
     pub fn finish_counts(&mut self) {
         for (name, count) in self.counted.drain(..).filter(|&(_, count)| count > 0) {
@@ -441,15 +459,15 @@ impl Gl {
         Ok(self.card.recorder.finish())
     }
 
-    /// The current matrix stack.
-    pub fn stack(&mut self) -> &mut Stack {
-        match self.state.matrix_mode {
+    /// The current matrix stack. Only the texture units of fixed functions have matrices.
+    pub fn stack(&mut self) -> Outcome<&mut Stack> {
+        Ok(match self.state.matrix_mode {
             e::PROJECTION => &mut self.projection,
-            e::TEXTURE => &mut self.texture_matrices[self.state.active],
+            e::TEXTURE => self.texture_matrices.get_mut(self.state.active).ok_or(INVALID_OPERATION)?,
             e::COLOR => &mut self.color_matrix,
             mode @ MATRIX0.. => &mut self.programs.matrices[(mode - MATRIX0) as usize],
             _ => &mut self.modelview,
-        }
+        })
     }
 }
 

@@ -92,7 +92,7 @@ use num::NameMap;
 
 use gl_shader::{consts, key};
 use host::Links;
-use trace::{Part, Reading, Stream, Trace, TraceError};
+use trace::{Part, Reading, Remarks, Stream, Trace, TraceError};
 
 use call::Fault;
 pub use contexts::ContextFacts;
@@ -125,16 +125,39 @@ pub struct Report {
     pub contexts: Vec<ContextFacts>,
     /// Windows and other drawables, in the order in which they are first used.
     pub windows: Vec<WindowFacts>,
+    /// How the recording's end is cut, and in which call.
+    pub cut: Option<String>,
+    /// Versions of OpenGL, with their profiles, as the recorded driver has called them.
+    pub versions: Vec<String>,
+}
+
+/// Counts on one line, by the first call; none if there are none.
+fn listed(counts: &Counts) -> Option<String> {
+    let mut all: Vec<(&str, &Count)> = counts.iter().collect();
+    all.sort_by_key(|(what, count)| (count.first, *what));
+    let one = |(what, count): (&str, &Count)| format!("{what} ({} times, first in call {})", count.times, count.first);
+    (!all.is_empty()).then(|| all.into_iter().map(one).collect::<Vec<_>>().join("; "))
 }
 
 impl Report {
     /// The unsupported features on one line; none if all are supported.
     pub fn refusal(&self) -> Option<String> {
-        if self.unsupported.is_empty() {
-            return None;
-        }
-        let one = |(what, count): (&str, &Count)| format!("{what} ({} times, first in call {})", count.times, count.first);
-        Some(self.unsupported.iter().map(one).collect::<Vec<_>>().join("; "))
+        listed(&self.unsupported)
+    }
+
+    /// The window systems whose functions the program calls.
+    pub fn systems(&self) -> Vec<&'static str> {
+        const SYSTEMS: [(&str, &str); 4] = [("glX", "GLX"), ("egl", "EGL"), ("wgl", "WGL"), ("CGL", "CGL")];
+        let called = |prefix: &str| self.calls.iter().any(|(name, _)| name.starts_with(prefix));
+        SYSTEMS.into_iter().filter(|(prefix, _)| called(prefix)).map(|(_, name)| name).collect()
+    }
+
+    /// What is to be said of the trace.
+    pub fn remarks(&self) -> Remarks {
+        let ignored = |list| format!("these calls raise an OpenGL error and have no effect: {list}");
+        let whole = "no call swaps buffers: the whole recording is one frame".to_owned();
+        let notes = listed(&self.errors).map(ignored).into_iter().chain((self.frames == 0).then_some(whole)).collect();
+        Remarks { left_out: self.refusal(), cut: self.cut.clone(), notes }
     }
 }
 
@@ -160,7 +183,7 @@ pub enum Survey {
 /// Opens a recording of apitrace or GLInterceptor, with the wanted frames. The recording is read up to the last of them. Of earlier frames,
 /// only results that later frames can read are kept. The commands of a long recording are generated again at each reading
 /// (`reading.in_memory`). A recording that has not been read to its end has no report: an unsupported feature then ends its commands with
-/// an error (`TraceError::unsupported`), or is [left out](Trace::left_out) if `reading.lenient` is set.
+/// an error (`TraceError::unsupported`), or is [left out](Remarks::left_out) if `reading.lenient` is set.
 ///
 /// # Errors
 /// If it is damaged, or asks for more than a limit allows; with the number of the call and its place.
@@ -180,7 +203,7 @@ pub fn open(
         frames,
         // The error of a file that cannot be opened is reported below.
         length: host::length(path, links).unwrap_or(0),
-        left_out: Mutex::default(),
+        remarks: Mutex::default(),
     };
     let most = recording.in_memory();
     // What a long file has for its commands is longer as well: none of them would stay, and all would be read twice.
@@ -192,7 +215,16 @@ pub fn open(
         return begun::open(recording, most);
     }
     let (trace, report) = recording.import(Keep::All { most, survey, longer: None })?;
-    Ok((trace.unwrap_or_else(|| Trace::from_stream(path, Box::new(recording), reading.limits)), report))
+    let trace = trace.unwrap_or_else(|| Trace::from_stream(path, Box::new(recording), reading.limits));
+    Ok((remarked(trace, report.as_ref()), report))
+}
+
+/// A trace with what is to be said of it, as far as that is known.
+fn remarked(trace: Trace, report: Option<&Report>) -> Trace {
+    match report {
+        Some(report) => trace.with_remarks(report.remarks()),
+        None => trace,
+    }
 }
 
 /// A recording in a file.
@@ -204,8 +236,8 @@ struct Recording {
     frames: Range<u64>,
     /// Bytes of the file.
     length: u64,
-    /// See [`Stream::left_out`].
-    left_out: Mutex<Option<String>>,
+    /// See [`Stream::remarks`].
+    remarks: Mutex<Remarks>,
 }
 
 impl Recording {
@@ -213,10 +245,10 @@ impl Recording {
         self.reading.in_memory.unwrap_or(IN_MEMORY)
     }
 
-    /// Notes what was left out of commands that were made to their end.
+    /// Notes what is to be said of commands that were made to their end.
     fn note(&self, report: Option<Report>) {
         if let Some(report) = report {
-            *self.left_out.lock().unwrap_or_else(PoisonError::into_inner) = report.refusal();
+            *self.remarks.lock().unwrap_or_else(PoisonError::into_inner) = report.remarks();
         }
     }
 
@@ -258,8 +290,8 @@ impl Stream for Recording {
         self.length
     }
 
-    fn left_out(&self) -> Option<String> {
-        self.left_out.lock().unwrap_or_else(PoisonError::into_inner).clone()
+    fn remarks(&self) -> Remarks {
+        self.remarks.lock().unwrap_or_else(PoisonError::into_inner).clone()
     }
 }
 
@@ -356,12 +388,17 @@ fn import(
     gl.card.all_levels = reading.keep_draws;
     (gl.card.upward, gl.card.window_alpha) = (reading.upward, reading.window_alpha);
     gl.card.windows.selected = reading.window;
-    let mut kept = true;
+    let (mut kept, mut cut) = (true, None);
     if let Keep::Parts { .. } = keep {
         gl.card.recorder.keep_each();
     }
     while gl.card.frames < frames.end {
-        let Some(call) = reader.next().map_err(broken)? else { break };
+        let Some(call) = reader.next().map_err(broken)? else {
+            if let Some(Broken { call, place, reason }) = reader.cut() {
+                cut = Some(format!("call {call}, {unit} {place}: {reason}"));
+            }
+            break;
+        };
         let wrong = |reason: String| TraceError::new(path, format!("call {}, {unit} {}: {reason}", call.number, call.place));
         if let Some(size) = reader.window()
             && gl.card.windows.drawn().is_some_and(|window| !window.fixed)
@@ -402,16 +439,19 @@ fn import(
         }
     }
     gl.finish_counts();
-    let mut report = Report { calls: std::mem::take(&mut gl.calls), frames: gl.card.frames, ..Report::default() };
-    if let Err(Fault::Limit(reason) | Fault::Damaged(reason)) = gl.flush() {
+    // Where the end is cut, what was drawn of the last frame is shown, unless no frame was: such a trace has a frame at its end.
+    let ended = if cut.is_some() && gl.card.frames > 0 { gl.show_rest() } else { gl.flush() };
+    if let Err(Fault::Limit(reason) | Fault::Damaged(reason)) = ended {
         return Err(TraceError::new(path, reason));
     }
     if let Some(reason) = gl.card.windows.wrong_choice() {
         return Err(TraceError::new(path, reason));
     }
+    let mut report = Report { calls: std::mem::take(&mut gl.calls), frames: gl.card.frames, cut, ..Report::default() };
     (report.queries, report.dropped) = (gl.queries, gl.card.dropped);
     (report.contexts, report.windows) = (std::mem::take(&mut gl.contexts.facts), gl.card.windows.facts());
     report.shaders = std::mem::take(&mut gl.texts);
+    report.versions = gl.versions.iter().map(|(version, ())| version.to_owned()).collect();
     report.unsupported = std::mem::take(&mut gl.unsupported);
     report.errors = std::mem::take(&mut gl.errors);
     if let Keep::Parts { take, .. } = keep {

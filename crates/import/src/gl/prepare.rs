@@ -7,6 +7,7 @@ use gl_shader::glsl::stage::way;
 use gl_shader::wgsl;
 use glam::{Mat4, Vec4};
 use num::*;
+use std::collections::BTreeSet;
 use std::rc::Rc;
 
 use super::arb::{Active, Stage, input};
@@ -22,7 +23,7 @@ use super::primitive::{Batch, Class, Sent};
 use super::resident::{Kept, Placed};
 use super::state::{TARGETS, UNITS, Vertex};
 use super::summary::Summary;
-use super::uniforms::{self, Source, to_clip};
+use super::uniforms::{self, Sampling, Source, to_clip};
 
 /// A prepared draw.
 pub struct Prepared {
@@ -33,8 +34,7 @@ pub struct Prepared {
     /// The key of its shader.
     pub key: ShaderKey,
     programs: [Option<Active>; 2],
-    biases: [f32; UNITS],
-    borders: [[f32; 4]; UNITS],
+    sampling: Vec<Sampling>,
     /// The layout of its vertices.
     pub packing: Rc<Packing>,
     /// The vertex buffers of a draw from buffer objects.
@@ -81,7 +81,7 @@ struct Likeness {
 impl Likeness {
     fn of(gl: &Gl, batch: &Batch, summary: &Summary, units: &[UnitKey]) -> Likeness {
         let mut matrices = [0; 2];
-        for unit in units.iter().map(|key| key.unit) {
+        for unit in units.iter().map(|key| key.unit).filter(|&unit| unit < UNITS) {
             let m = &gl.texture_matrices[unit].top;
             matrices[0] |= u8::from(*m != Mat4::IDENTITY) << unit;
             matrices[1] |= u8::from(m.row(3) != Vec4::W) << unit;
@@ -124,8 +124,7 @@ impl Prepared {
     /// The values of the uniforms, with these attributes where all vertices have the same.
     pub fn source<'a>(&'a self, gl: &'a Gl, constant: &'a Vertex) -> Source<'a> {
         let [vertex, fragment] = self.programs.each_ref().map(Option::as_ref);
-        let of = (self.target, self.biases, self.borders);
-        source(gl, constant, of, [vertex, fragment])
+        source(gl, constant, (self.target, &self.sampling), [vertex, fragment])
     }
 }
 
@@ -140,6 +139,7 @@ fn colors_of(target: &Target, fragment: Option<&Active>) -> Colors {
     });
     let narrow = target.color.and_then(|color| color.narrow);
     Colors {
+        second: false,
         count,
         written,
         alike: own.is_none(),
@@ -159,17 +159,18 @@ pub type Packings = Vec<((Summary, Class, Option<Sent>), Rc<Packing>, Layouts)>;
 struct Units {
     keys: Vec<UnitKey>,
     bound: Vec<(TextureId, ViewId, SamplerId)>,
-    /// Biases of the level of detail.
-    biases: [f32; UNITS],
-    /// Border colours, and what shaders read where the card does not support one of them.
-    borders: [[f32; 4]; UNITS],
+    /// How each of them is sampled.
+    sampling: Vec<Sampling>,
+    /// Whether one of them is the depth image that is drawn to.
+    reads_depth: bool,
+    /// What shaders read where the card does not support a border colour.
     white: Vec<(TextureId, ViewId, SamplerId)>,
 }
 
 fn source<'a>(
     gl: &'a Gl,
     constant: &'a Vertex,
-    (target, biases, borders): (Target, [f32; UNITS], [[f32; 4]; UNITS]),
+    (target, sampling): (Target, &'a [Sampling]),
     [vertex, fragment]: [Option<&'a Active>; 2],
 ) -> Source<'a> {
     Source {
@@ -178,8 +179,7 @@ fn source<'a>(
         projection: &gl.projection.top,
         texture: &gl.texture_matrices,
         constant,
-        biases,
-        borders,
+        sampling,
         height: target.size[1],
         upward: target.upward,
         wider: super::reach::wider(gl.state.viewport, target.size),
@@ -199,9 +199,7 @@ impl Gl {
         constant: &mut Vertex,
         summary: &mut Summary,
     ) -> Outcome<Option<Prepared>> {
-        let Some(target) = self.aim()? else {
-            return Err(Fault::Unsupported("drawing before the size of the window is known".into()));
-        };
+        let mut target = self.aim()?;
         let Some(scissor) = self.scissor() else { return Ok(None) };
         if self.state.viewport[2] <= 0 || self.state.viewport[3] <= 0 {
             return Ok(None);
@@ -218,7 +216,14 @@ impl Gl {
         if self.pixels.is_some() && (vertex.is_some() || fragment.is_some()) {
             return Err(Fault::Unsupported("pixel rectangles with programs".into()));
         }
-        let Units { keys, mut bound, biases, borders, white } = self.units(&target, batch.class, [&vertex, &fragment])?;
+        let Units { keys, mut bound, sampling, reads_depth, white } = self.units(&target, batch.class, [&vertex, &fragment])?;
+        if reads_depth {
+            // A depth image that no test and no write needs is read while it is attached.
+            if self.state.is(e::DEPTH_TEST) || self.state.is(e::STENCIL_TEST) {
+                return Err(Fault::Unsupported("drawing into a texture that the draw reads".into()));
+            }
+            (target.depth, target.has_depth, target.has_stencil) = (None, false, false);
+        }
         let mut key = self.key(batch, summary, keys, target.size)?;
         if let Some(lighting) = &mut key.lighting {
             self.given.limit(lighting, constant, summary);
@@ -230,6 +235,7 @@ impl Gl {
         }
         key.colors = colors_of(&target, fragment.as_ref());
         key.colors.scaled = self.scales_source(Some(target));
+        key.colors.second = self.blends_second(&target, fragment.as_ref())?;
         if key.colors.narrow.is_some() && self.mask() != 0 && self.blending(&self.state.writes[0])?.is_some() {
             // Drawn, but what is blended keeps all eight bits.
             self.refuse("blending into colours of fewer than eight bits a channel".into());
@@ -269,7 +275,7 @@ impl Gl {
         if !self.survey {
             key.varying = varying(batch, summary, &key);
         }
-        let of = (target, biases, borders);
+        let of = (target, &sampling[..]);
         let shader = match self.shaders.get(&key) {
             Some(&shader) => shader,
             None => {
@@ -302,8 +308,7 @@ impl Gl {
             likeness,
             target,
             programs: [vertex, fragment],
-            biases,
-            borders,
+            sampling,
             packing,
             placed,
             writes: fixed.writes(),
@@ -324,29 +329,35 @@ impl Gl {
     fn units(&mut self, target: &Target, class: Class, [vertex, fragment]: [&Option<Active>; 2]) -> Outcome<Units> {
         let mut bound = Vec::new();
         let mut keys = Vec::new();
-        let (mut biases, mut borders, mut white) = ([0.0; UNITS], [[0.0; 4]; UNITS], Vec::new());
-        for unit in 0..UNITS {
+        let (mut sampling, mut white, mut reads_depth) = (Vec::new(), Vec::new(), false);
+        // Fixed functions have the first units. Of the others a draw has those that its programs read.
+        let images = [vertex, fragment].into_iter().flatten().flat_map(|active| &active.program.images);
+        let further: BTreeSet<usize> = images.map(|image| image.unit).filter(|&unit| unit >= UNITS).collect();
+        for unit in (0..UNITS).chain(further) {
+            self.state.reach(unit);
             let enabled = self.state.units[unit].enabled;
-            let read = |active: &Option<Active>| active.as_ref().and_then(|active| active.program.targets[unit]);
+            let target_of = |active: &Active| active.program.image(unit).map(|image| image.target);
+            let read = |active: &Option<Active>| active.as_ref().and_then(target_of);
             let (bound_to, coordinates) = match fragment {
                 None if read(vertex).is_some() => {
                     return Err(Fault::Unsupported("textures of a vertex shader beside fixed-function fragments".into()));
                 }
                 None => ((0..TARGETS.len()).rev().find(|&k| enabled & 1 << k != 0), true),
                 Some(active) => {
-                    let target = match (active.program.targets[unit], read(vertex)) {
+                    let target = match (target_of(active), read(vertex)) {
                         (Some(a), Some(b)) if a != b => {
                             return Err(Fault::Unsupported(format!("texture unit {unit} as textures of two kinds")));
                         }
                         (a, b) => a.or(b),
                     };
-                    (target, active.program.inputs & 1 << (input::TEXTURE + unit as u32) != 0)
+                    (target, unit < UNITS && active.program.inputs & 1 << (input::TEXTURE + unit as u32) != 0)
                 }
             };
             if bound_to.is_none() && fragment.is_none() {
                 continue;
             }
             let (mut key, texture) = self.unit(unit, bound_to, class)?;
+            let mut sampled = Sampling::default();
             key.sampled = texture.is_some();
             key.coordinates = coordinates && (key.sampled || fragment.is_some());
             if fragment.is_some() {
@@ -362,10 +373,11 @@ impl Gl {
                     let [first, count] = texture.levels;
                     surface.texture == texture.bound.0 && (first..first + count).contains(&surface.level)
                 };
-                if target.surfaces().any(read) {
+                if target.colors().any(|(color, _)| read(color)) {
                     return Err(Fault::Unsupported("drawing into a texture that the draw reads".into()));
                 }
-                biases[unit] = texture.bias + self.state.units[unit].environment.bias;
+                reads_depth |= target.depth.is_some_and(read);
+                sampled.bias = texture.bias + self.state.units[unit].environment.bias;
                 let programs = [vertex, fragment].into_iter().flatten();
                 let ways = programs.fold(0, |all, active| all | active.program.ways(unit));
                 // WGSL reads depths at the level of the coordinates, or without comparison at one that is named.
@@ -380,7 +392,7 @@ impl Gl {
                     ));
                 }
                 if let Some((color, sampler)) = texture.border {
-                    borders[unit] = color;
+                    sampled.border = color;
                     let (id, view, _) = texture.bound;
                     white.push((id, view, sampler));
                 }
@@ -388,9 +400,10 @@ impl Gl {
             }
             if key.sampled || key.coordinates {
                 keys.push(key);
+                sampling.push(sampled);
             }
         }
-        Ok(Units { keys, bound, biases, borders, white })
+        Ok(Units { keys, bound, sampling, reads_depth, white })
     }
 
     /// The layout of vertices for a shader, and that of their buffers; made once.

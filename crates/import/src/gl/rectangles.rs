@@ -9,7 +9,7 @@ use num::*;
 use trace::command::*;
 use trace::record;
 
-use super::call::{Call, Fault, INVALID_ENUM, INVALID_OPERATION, Outcome, Shape};
+use super::call::{Call, Fault, INVALID_ENUM, Outcome, Shape};
 use super::card::{Draw, Fixed, Order, Surface, VertexRange};
 use super::consts as e;
 use super::copies::{CopyKey, From, Map, Meet, row_edge};
@@ -59,9 +59,7 @@ impl Gl {
     /// Draws in window coordinates with the attributes of the raster position; vertex processing is skipped.
     fn in_window(&mut self, depth: f32, run: impl FnOnce(&mut Gl, Vertex) -> Outcome) -> Outcome {
         self.flush()?;
-        let Some(target) = self.aim()? else {
-            return Err(Fault::Unsupported("drawing before the size of the window is known".into()));
-        };
+        let target = self.aim()?;
         let state = self.state.clone();
         if state.is(e::FOG) && !state.fog_from_coordinate && state.fog_distance != FogDistance::Absolute {
             return Err(Fault::Unsupported("pixel rectangles with a mode of the fog's distance".into()));
@@ -135,7 +133,8 @@ impl Gl {
         reference: u32,
         bit: f32,
     ) -> Outcome {
-        let (Some(target), Some(scissor)) = (self.aim()?, self.scissor()) else { return Ok(()) };
+        let target = self.aim()?;
+        let Some(scissor) = self.scissor() else { return Ok(()) };
         let ([x0, y0], [x1, y1]) = self.corners(at, size);
         let [zx, zy] = self.state.zoom;
         if zx == 0.0 || zy == 0.0 {
@@ -255,7 +254,7 @@ impl Gl {
 
     /// The state that draws of depths and draws of stencil values have in common.
     fn values_state(&mut self, label: &'static str, text: &str) -> Outcome<Fixed> {
-        let target = self.aim()?.ok_or(INVALID_OPERATION)?;
+        let target = self.aim()?;
         if target.more[0].is_some() {
             return Err(Fault::Unsupported("pixel rectangles in several colour buffers".into()));
         }

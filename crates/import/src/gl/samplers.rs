@@ -4,7 +4,7 @@ use super::call::{Call, Fault, INVALID_ENUM, INVALID_OPERATION, INVALID_VALUE, O
 use super::consts as e;
 use super::key::{Base, Kind};
 use super::machine::{Gl, parameters};
-use super::state::UNITS;
+use super::state::IMAGES;
 use super::texture::Texture;
 use super::texturing::{target_of, with};
 
@@ -47,8 +47,8 @@ pub(super) fn sampler_parameter(gl: &mut Gl, call: &Call, shape: Shape) -> Outco
 /// `glBindSampler(unit, sampler)`
 pub(super) fn bind(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
     let (unit, sampler) = (call.u32(0)? as usize, call.u32(1)?);
-    if unit >= UNITS {
-        return if sampler == 0 { Ok(()) } else { Err(Fault::Unsupported(format!("samplers of texture unit {unit}"))) };
+    if unit >= IMAGES {
+        return Err(INVALID_VALUE);
     }
     if sampler != 0 {
         gl.samplers.get_or_insert_with(sampler, || Texture::new(Kind::D2));

@@ -3,7 +3,7 @@
 mod light;
 mod vertex;
 
-pub use gl_shader::{COLORS_MAX, LIGHTS, PLANES, TARGETS, UNITS};
+pub use gl_shader::{COLORS_MAX, IMAGES, LIGHTS, PLANES, TARGETS, UNITS};
 use glam::Mat4;
 
 use super::consts as e;
@@ -55,6 +55,30 @@ pub struct Unit {
     pub generation: [Generation; 4],
     /// Environment.
     pub environment: Environment,
+}
+
+impl Default for Unit {
+    fn default() -> Unit {
+        let plane = |k: usize| std::array::from_fn(|i| if i == k && k < 2 { 1.0 } else { 0.0 });
+        Unit {
+            enabled: 0,
+            bound: [0; 5],
+            generated: 0,
+            generation: std::array::from_fn(|k| Generation { mode: e::EYE_LINEAR, object: plane(k), eye: plane(k) }),
+            environment: Environment {
+                mode: e::MODULATE,
+                color: [0.0; 4],
+                combine: [e::MODULATE; 2],
+                sources: [[e::TEXTURE, e::PREVIOUS, e::CONSTANT, e::ZERO]; 2],
+                operands: [
+                    [e::SRC_COLOR, e::SRC_COLOR, e::SRC_ALPHA, e::ONE_MINUS_SRC_COLOR],
+                    [e::SRC_ALPHA, e::SRC_ALPHA, e::SRC_ALPHA, e::ONE_MINUS_SRC_ALPHA],
+                ],
+                scales: [1.0; 2],
+                bias: 0.0,
+            },
+        }
+    }
 }
 
 /// Stencil state of one side.
@@ -186,9 +210,9 @@ pub struct State {
     pub draw_buffer: u32,
     /// Scissor: x, y, width, height.
     pub scissor: [i32; 4],
-    /// Texture units.
-    pub units: [Unit; UNITS],
-    /// The active texture unit.
+    /// Texture units up to the last one that the program has used, and at least those of fixed functions.
+    pub units: Vec<Unit>,
+    /// The active texture unit; it is among them.
     pub active: usize,
     /// Display lists.
     pub list_base: u32,
@@ -228,25 +252,6 @@ impl Default for State {
             specular: black,
             emission: black,
             shininess: 0.0,
-        };
-        let plane = |k: usize| std::array::from_fn(|i| if i == k && k < 2 { 1.0 } else { 0.0 });
-        let unit = Unit {
-            enabled: 0,
-            bound: [0; 5],
-            generated: 0,
-            generation: std::array::from_fn(|k| Generation { mode: e::EYE_LINEAR, object: plane(k), eye: plane(k) }),
-            environment: Environment {
-                mode: e::MODULATE,
-                color: [0.0; 4],
-                combine: [e::MODULATE; 2],
-                sources: [[e::TEXTURE, e::PREVIOUS, e::CONSTANT, e::ZERO]; 2],
-                operands: [
-                    [e::SRC_COLOR, e::SRC_COLOR, e::SRC_ALPHA, e::ONE_MINUS_SRC_COLOR],
-                    [e::SRC_ALPHA, e::SRC_ALPHA, e::SRC_ALPHA, e::ONE_MINUS_SRC_ALPHA],
-                ],
-                scales: [1.0; 2],
-                bias: 0.0,
-            },
         };
         let stencil = Stencil { compare: e::ALWAYS, reference: 0, read: !0, ops: [e::KEEP; 3], write: !0 };
         let first = Vertex::default();
@@ -297,7 +302,7 @@ impl Default for State {
             clear_color: [0.0; 4],
             draw_buffer: e::BACK,
             scissor: [0; 4],
-            units: std::array::from_fn(|_| unit.clone()),
+            units: vec![Unit::default(); UNITS],
             active: 0,
             list_base: 0,
             grids: [(1, 0.0, 1.0); 2],
@@ -379,6 +384,13 @@ fn capabilities_of(mask: u32) -> u64 {
 }
 
 impl State {
+    /// Makes sure that a texture unit is among those that are stored.
+    pub fn reach(&mut self, unit: usize) {
+        if self.units.len() <= unit {
+            self.units.resize(unit + 1, Unit::default());
+        }
+    }
+
     /// Whether a capability is enabled.
     pub fn is(&self, cap: u32) -> bool {
         capability(cap).is_some_and(|bit| self.enabled & bit != 0)
@@ -417,9 +429,10 @@ impl State {
         if has(e::TEXTURE_BIT) {
             self.active = saved.active;
         }
-        for (unit, old) in self.units.iter_mut().zip(&saved.units) {
+        let unused = Unit::default();
+        for (unit, old) in self.units.iter_mut().zip(saved.units.iter().chain(std::iter::repeat(&unused))) {
             if has(e::TEXTURE_BIT) {
-                *unit = old.clone();
+                unit.clone_from(old);
             } else if has(e::ENABLE_BIT) {
                 (unit.enabled, unit.generated) = (old.enabled, old.generated);
             }

@@ -1,6 +1,6 @@
 //! The table of the machine's functions by call name.
 
-use super::call::{Call, Fault, Outcome, Scalar, Shape, core_name, shape};
+use super::call::{Arg, Call, Fault, Outcome, Scalar, Shape, core_name, shape};
 use super::elements::{BASED, INSTANCED, RANGE};
 use super::idle::{self, Idle};
 use super::indirect::{INDEXED, SEVERAL};
@@ -94,6 +94,20 @@ pub(super) fn nothing(_: &mut Gl, _: &Call, _: Shape) -> Outcome {
     Ok(())
 }
 
+/// `glGetString(GL_VERSION)`: the recorded driver has answered with the version of its context.
+fn version(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
+    if let (Ok(VERSION), Arg::Str(text)) = (call.u32(0), &call.result) {
+        if gl.versions.len() < VERSIONS_MAX {
+            gl.versions.get_or_insert_with(text, || ());
+        }
+    }
+    Ok(())
+}
+
+const VERSION: u32 = 0x1f02;
+/// Maximum number of versions that are remembered.
+const VERSIONS_MAX: usize = 16;
+
 fn unknown(_: &mut Gl, call: &Call, _: Shape) -> Outcome {
     Err(Fault::Unsupported(call.function.name.to_string()))
 }
@@ -181,6 +195,7 @@ fn exact(name: &str) -> Option<(Moment, Run)> {
         "EnableVertexAttribArray" => (Arrays, arrays::enable_generic),
         "DisableVertexAttribArray" => (Arrays, arrays::disable_generic),
         "VertexAttribPointer" => (Arrays, arrays::generic_pointer),
+        "VertexAttribIPointer" => (Arrays, arrays::whole_pointer),
         "BindProgram" => (Server, arb::bind),
         "ProgramString" => (Client, arb::string),
         "DeletePrograms" => (Client, arb::delete),
@@ -198,6 +213,7 @@ fn exact(name: &str) -> Option<(Moment, Run)> {
         "DeleteObject" => (Client, glsl::delete_object),
         "BindAttribLocation" => (Client, glsl::bind_attribute),
         "BindFragDataLocation" => (Client, glsl::bind_output),
+        "BindFragDataLocationIndexed" => (Client, glsl::bind_indexed_output),
         "GetAttribLocation" => (Client, glsl::attribute_location),
         "GetFragDataLocation" => (Client, glsl::output_location),
         "GetUniformLocation" => (Client, glsl::uniform_location),
@@ -257,6 +273,7 @@ fn exact(name: &str) -> Option<(Moment, Run)> {
         "DrawBuffers" => (Server, framebuffer::draw_buffers),
         "ReadBuffer" => (Server, framebuffer::read_buffer),
         "BindFramebuffer" => (Server, framebuffer::bind),
+        "CheckFramebufferStatus" => (Client, framebuffer::status),
         "DeleteFramebuffers" => (Client, framebuffer::delete),
         "FramebufferTexture1D" | "FramebufferTexture2D" => (Server, framebuffer::texture_1d_or_2d),
         "FramebufferTexture" => (Server, framebuffer::texture_any),
@@ -325,13 +342,20 @@ fn exact(name: &str) -> Option<(Moment, Run)> {
         | "GenFramebuffers"
         | "GenRenderbuffers"
         | "DeleteQueries"
-        | "CheckFramebufferStatus"
         | "FlushMappedBufferRange"
         | "GenLists"
         | "GenTextures"
         | "GenSamplers"
         | "GenBuffers"
         | "GenQueries"
+        | "QueryCounter"
+        | "InvalidateFramebuffer"
+        | "InvalidateSubFramebuffer"
+        | "InvalidateBufferData"
+        | "InvalidateBufferSubData"
+        | "InvalidateTexImage"
+        | "InvalidateTexSubImage"
+        | "DiscardFramebuffer"
         | "GenPrograms"
         | "ValidateProgram"
         | "ReleaseShaderCompiler"
@@ -359,8 +383,8 @@ fn exact(name: &str) -> Option<(Moment, Run)> {
         | "PopDebugGroup"
         | "StringMarkerGREMEDY"
         | "GetError"
-        | "GetString"
         | "GetStringi" => (Ignored, nothing),
+        "GetString" => (Ignored, version),
         _ if name.starts_with("Get") || name.starts_with("Is") => (Ignored, nothing),
         _ => return None,
     };
@@ -391,9 +415,14 @@ fn typed(stem: &str) -> Option<(Moment, Run)> {
         "ProgramLocalParameter" => (Server, arb::local),
         "ProgramEnvParameters" => (Server, arb::environments),
         "ProgramLocalParameters" => (Server, arb::locals),
-        "Uniform" => (Server, glsl::uniforms::uniform),
-        "UniformMatrix" => (Server, glsl::uniforms::uniform_matrix),
-        "UniformMatrix2x" | "UniformMatrix3x" | "UniformMatrix4x" => (Server, glsl::uniforms::uniform_matrix_of),
+        "Uniform" => (Server, glsl::uniforms::uniform::<false>),
+        "UniformMatrix" => (Server, glsl::uniforms::uniform_matrix::<false>),
+        "UniformMatrix2x" | "UniformMatrix3x" | "UniformMatrix4x" => (Server, glsl::uniforms::uniform_matrix_of::<false>),
+        "ProgramUniform" => (Server, glsl::uniforms::uniform::<true>),
+        "ProgramUniformMatrix" => (Server, glsl::uniforms::uniform_matrix::<true>),
+        "ProgramUniformMatrix2x" | "ProgramUniformMatrix3x" | "ProgramUniformMatrix4x" => {
+            (Server, glsl::uniforms::uniform_matrix_of::<true>)
+        }
         "Rect" => (Server, immediate::rectangle),
         "EvalCoord" => (Vertex, evaluator::coordinate),
         "Material" => (Vertex, raster::material),

@@ -19,7 +19,8 @@ const EDGE_3D_MAX: u32 = 2_048;
 const TEXELS_MAX: u64 = 1 << 26;
 
 pub(super) fn active(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
-    let unit = call.unit(0)?;
+    let unit = call.image_unit(0)?;
+    gl.state.reach(unit);
     gl.state.active = unit;
     Ok(())
 }

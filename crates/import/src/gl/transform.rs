@@ -23,26 +23,26 @@ fn given(call: &Call) -> Outcome<Mat4> {
 }
 
 pub(super) fn load_identity(gl: &mut Gl, _: &Call, _: Shape) -> Outcome {
-    gl.stack().top = Mat4::IDENTITY;
+    gl.stack()?.top = Mat4::IDENTITY;
     Ok(())
 }
 
 pub(super) fn load_matrix(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
-    gl.stack().top = given(call)?;
+    gl.stack()?.top = given(call)?;
     Ok(())
 }
 
 pub(super) fn load_transposed(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
-    gl.stack().top = given(call)?.transpose();
+    gl.stack()?.top = given(call)?.transpose();
     Ok(())
 }
 
 pub(super) fn push_matrix(gl: &mut Gl, _: &Call, _: Shape) -> Outcome {
-    if gl.stack().push() { Ok(()) } else { Err(Fault::Error("GL_STACK_OVERFLOW")) }
+    if gl.stack()?.push() { Ok(()) } else { Err(Fault::Error("GL_STACK_OVERFLOW")) }
 }
 
 pub(super) fn pop_matrix(gl: &mut Gl, _: &Call, _: Shape) -> Outcome {
-    if gl.stack().pop() { Ok(()) } else { Err(Fault::Error("GL_STACK_UNDERFLOW")) }
+    if gl.stack()?.pop() { Ok(()) } else { Err(Fault::Error("GL_STACK_UNDERFLOW")) }
 }
 
 fn box_of(call: &Call) -> Outcome<[f64; 6]> {
@@ -74,7 +74,7 @@ pub fn factor(stem: &str) -> Option<Factor> {
 }
 
 fn multiply(gl: &mut Gl, by: Mat4) -> Outcome {
-    gl.stack().top *= by;
+    gl.stack()?.top *= by;
     Ok(())
 }
 

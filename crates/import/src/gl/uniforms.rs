@@ -22,10 +22,8 @@ pub struct Source<'a> {
     pub texture: &'a [Stack; UNITS],
     /// Attributes that are the same for all vertices.
     pub constant: &'a Vertex,
-    /// Biases of the level of detail.
-    pub biases: [f32; UNITS],
-    /// Border colours of textures, in the format of the texels.
-    pub borders: [[f32; 4]; UNITS],
+    /// How the texture of each unit of the key is sampled.
+    pub sampling: &'a [Sampling],
     /// The height of the render target in pixels.
     pub height: u32,
     /// Whether the first row of the render target is the lowest.
@@ -38,6 +36,15 @@ pub struct Source<'a> {
     pub vertex: Option<&'a Active>,
     /// The fragment program.
     pub fragment: Option<&'a Active>,
+}
+
+/// What uniforms hold of how a texture is sampled.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Sampling {
+    /// Bias of the level of detail.
+    pub bias: f32,
+    /// Border colour, in the format of the texels.
+    pub border: [f32; 4],
 }
 
 /// Called for a field with its name, the index of the element if it is an array, and its vectors.
@@ -130,7 +137,7 @@ fn visit(key: &ShaderKey, source: &Source, lit: Option<&[[f32; 4]]>, field: Visi
         Some(lit) => field("lighting", None, lit),
         None => lighting(key, source, field),
     }
-    for unit in &key.units {
+    for (unit, sampling) in key.units.iter().zip(source.sampling) {
         let (k, of) = (unit.unit, &state.units[unit.unit]);
         let planes = |wanted: Made, plane: &dyn Fn(usize) -> [f32; 4]| {
             let any = unit.made.contains(&Some(wanted));
@@ -146,10 +153,10 @@ fn visit(key: &ShaderKey, source: &Source, lit: Option<&[[f32; 4]]>, field: Visi
             field("texture_matrix", Some(k), &source.texture[k].top.to_cols_array_2d());
         }
         if unit.border {
-            field("border", Some(k), &[source.borders[k]]);
+            field("border", Some(k), &[sampling.border]);
         }
         if unit.bias {
-            field("bias", Some(k), &[[source.biases[k]; 4]]);
+            field("bias", Some(k), &[[sampling.bias; 4]]);
         }
         let constant = match &unit.environment {
             EnvironmentKey::Mode(mode) => *mode == e::BLEND,
@@ -181,9 +188,9 @@ fn visit(key: &ShaderKey, source: &Source, lit: Option<&[[f32; 4]]>, field: Visi
         field("stipple", None, &rows);
     }
     if key.stipple || key.pixels || place {
-        // Converts the card's rows to rows counted from the bottom.
+        // Converts the card's rows to rows counted from the bottom, and these to rows from the top.
         let [first, step] = if source.upward { [0.0, 1.0] } else { [source.height as f32, -1.0] };
-        field("height", None, &[[first, step, 0.0, 0.0]]);
+        field("height", None, &[[first, step, source.height as f32, 0.0]]);
     }
     if key.pixels {
         field("pixels", None, &source.pixels);

@@ -34,6 +34,8 @@ pub struct Window {
     images: Option<Images>,
     /// Whether the size was stated, so that viewports do not change it.
     pub fixed: bool,
+    /// What it was cleared to before its size was known: colour, depth, stencil value.
+    pub early: (Option<[f32; 4]>, Option<f32>, Option<u32>),
     /// Whether the front buffer lacks what was drawn to both front and back.
     pub front_lacks: bool,
     /// Whether the program has destroyed it.
@@ -174,6 +176,11 @@ impl Windows {
         self.handles.remove(canonical)
     }
 
+    /// The window whose contents are shown at the end of a recording.
+    pub fn to_show(&self) -> Option<u32> {
+        self.selected.or(self.draw)
+    }
+
     /// Facts about all drawables that were used.
     pub fn facts(&self) -> Vec<WindowFacts> {
         self.list.iter().map(|window| window.facts).collect()
@@ -228,10 +235,12 @@ impl Card {
         let Some(window) = self.windows.drawn() else { return };
         window.facts.size = size;
         window.images = Some(Images { back, depth, front: None, encoded: None, accumulation: None });
+        let early = std::mem::take(&mut window.early);
         let target = self.window_target(Buffer::Back);
         self.aim(target);
         self.pass.color = Some([0.0, 0.0, 0.0, 1.0]);
         (self.pass.depth, self.pass.stencil) = (Some(1.0), Some(0));
+        self.clear(early.0, early.1, early.2);
     }
 
     /// Gives a pixel buffer its size, which stays.
@@ -337,6 +346,7 @@ impl Card {
         if shown {
             self.recorder.present(back.texture);
             self.frames += 1;
+            self.drawn = false;
         }
         if let Some(front) = front {
             self.end_pass();

@@ -12,7 +12,7 @@ pub use gl_shader::arb::program::{GENERICS, Program, Stage, input};
 use gl_shader::arb::program::{MATRICES, PARAMETERS};
 
 use super::call::{Arg, Call, Fault, INVALID_ENUM, INVALID_OPERATION, INVALID_VALUE, Outcome, Shape};
-use super::machine::{Count, Gl, components};
+use super::machine::{Gl, components};
 use super::state::Stack;
 pub use values::state as state_value;
 
@@ -223,8 +223,7 @@ pub(super) fn string(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
     let loaded = loaded.clone();
     if let Err(reason) = &loaded {
         // A driver refuses such a text too; the previous program remains.
-        let name = format!("{}: GL_INVALID_OPERATION: {reason}", call.function.name);
-        gl.errors.get_or_insert_with(&name, || Count { times: 0, first: call.number }).times += 1;
+        gl.note_error(&format!("{}: GL_INVALID_OPERATION: {reason}", call.function.name));
         let object = gl.programs.object(stage);
         if !matches!(object.text, Some(Ok(_))) {
             object.text = Some(Err(format!("text is wrong: {reason} (call {})", call.number)));

@@ -24,7 +24,8 @@ const LINK_STATUS: u32 = 0x8b82;
 /// A shader object.
 #[derive(Clone)]
 struct Shader {
-    stage: Stage,
+    /// The stage; that of others is refused when a program with it draws.
+    stage: Result<Stage, u32>,
     source: Rc<str>,
     /// The source when it was compiled.
     compiled: Option<Rc<str>>,
@@ -36,7 +37,8 @@ struct Object {
     attached: Vec<u32>,
     /// Locations that the program has chosen.
     attributes: NameMap<u32>,
-    outputs: NameMap<u32>,
+    /// Also which source of blending each is.
+    outputs: NameMap<[u32; 2]>,
     executable: Executable,
     /// What it was before the last link, until the recording says how that went.
     before: Option<Executable>,
@@ -61,7 +63,7 @@ struct Executable {
 }
 
 /// The key of a stage's translated program: the linked program, the stage, units of samplers, locations of attributes and outputs.
-type CodeKey = (u32, Stage, Vec<u32>, Vec<Option<u32>>);
+type CodeKey = (u32, Stage, Vec<u32>, Vec<Option<[u32; 2]>>);
 
 /// Shader and program objects.
 #[derive(Default)]
@@ -101,17 +103,28 @@ impl Glsl {
         self.shaders.len().max(self.objects.len()).max(self.linked.len()).max(self.codes.len())
     }
 
-    /// Whether the current program has a stage.
+    /// What linking has made of the current program.
+    fn linked(&self) -> Option<&Result<Rc<Linked>, String>> {
+        self.objects.get(self.current)?.executable.linked.as_ref()
+    }
+
+    /// Whether the current program has a stage. One that cannot be translated may have any.
     pub fn has(&self, stage: Stage) -> bool {
-        match self.objects.get(self.current).and_then(|object| object.executable.linked.as_ref()) {
+        match self.linked() {
             Some(Ok(linked)) => linked.stages[stage as usize - 1].is_some(),
-            _ => false,
+            Some(Err(_)) => true,
+            None => false,
         }
+    }
+
+    /// Whether the current program reads the number of the vertex.
+    pub fn numbers_vertices(&self) -> bool {
+        matches!(self.linked(), Some(Ok(linked)) if linked.stages[0].as_ref().is_some_and(|stage| stage.numbered()))
     }
 
     /// Whether the current program reads uniform blocks.
     pub fn reads_blocks(&self) -> bool {
-        match self.objects.get(self.current).and_then(|object| object.executable.linked.as_ref()) {
+        match self.linked() {
             Some(Ok(linked)) => linked.stages.iter().flatten().any(|stage| !stage.blocks.is_empty()),
             _ => false,
         }
@@ -137,14 +150,15 @@ impl Gl {
         let Some(translated) = &linked.stages[index] else { return Ok(None) };
         let unit = |name: &str| object.executable.units.get(name).copied().unwrap_or(0);
         let units = translated.samplers.iter().map(|sampler| unit(&sampler.name)).collect();
-        let locations = [&object.attributes, &object.outputs][index];
-        let location = |name: &str| locations.get(name).copied();
+        let attribute = |name: &str| object.attributes.get(name).copied();
+        let output = |name: &str| object.outputs.get(name).copied();
+        let location = |name: &str| if stage == Stage::Vertex { attribute(name).map(|at| [at, 0]) } else { output(name) };
         let chosen = translated.variables.iter().map(|variable| location(&variable.global.name)).collect();
         let key: CodeKey = (linked.number, stage, units, chosen);
         let loaded = match self.glsl.codes.get(&key) {
             Some(loaded) => loaded.clone(),
             None => {
-                let joints = stage::Joints { attribute: &location, output: &location, unit: &unit };
+                let joints = stage::Joints { attribute: &attribute, output: &output, unit: &unit };
                 let program = stage::program(linked.stages(), stage, &joints);
                 let number = self.programs.number();
                 let loaded = program.map(|program| Loaded { number, program: Rc::new(program) });
@@ -196,9 +210,9 @@ fn created(call: &Call) -> CallOutcome<u32> {
 
 pub(super) fn create_shader(gl: &mut Gl, call: &Call, _: Shape) -> CallOutcome {
     let stage = match call.u32(0)? {
-        VERTEX_SHADER => Stage::Vertex,
-        FRAGMENT_SHADER => Stage::Fragment,
-        other => return Err(Fault::Unsupported(format!("shaders of the stage {}", super::names::name(other)))),
+        VERTEX_SHADER => Ok(Stage::Vertex),
+        FRAGMENT_SHADER => Ok(Stage::Fragment),
+        other => Err(other),
     };
     gl.glsl.shaders.insert(created(call)?, Shader { stage, source: "".into(), compiled: None });
     Ok(())
@@ -263,13 +277,19 @@ pub(super) fn link_program(gl: &mut Gl, call: &Call, _: Shape) -> CallOutcome {
     gl.flush()?;
     let name = call.u32(0)?;
     let attached = gl.glsl_object(name)?.attached.clone();
-    let mut sources = Sources::default();
+    let (mut sources, mut other) = (Sources::default(), None);
     for shader in attached.iter().filter_map(|&shader| gl.glsl.shaders.get(shader)) {
         let text = shader.compiled.clone().ok_or(INVALID_OPERATION)?;
-        sources[shader.stage as usize - 1].push(text);
+        match shader.stage {
+            Ok(stage) => sources[stage as usize - 1].push(text),
+            Err(stage) => other = Some(stage),
+        }
     }
     let number = gl.glsl.linked.len() as u32;
-    let linked = gl.glsl.linked.entry(sources).or_insert_with_key(|sources| link(number, sources, &gl.limits)).clone();
+    let linked = match other {
+        Some(stage) => Err(format!("shaders of the stage {} are not supported", super::names::name(stage))),
+        None => gl.glsl.linked.entry(sources).or_insert_with_key(|sources| link(number, sources, &gl.limits)).clone(),
+    };
     let object = gl.glsl_object(name)?;
     let mut executable = Executable::default();
     if let Ok(linked) = &linked {
@@ -350,8 +370,15 @@ pub(super) fn bind_attribute(gl: &mut Gl, call: &Call, _: Shape) -> CallOutcome 
 }
 
 pub(super) fn bind_output(gl: &mut Gl, call: &Call, _: Shape) -> CallOutcome {
-    let (index, name) = (call.u32(1)?, text(call, 2)?);
-    gl.glsl_object(call.u32(0)?)?.outputs.insert(&name, index);
+    let (location, name) = (call.u32(1)?, text(call, 2)?);
+    gl.glsl_object(call.u32(0)?)?.outputs.insert(&name, [location, 0]);
+    Ok(())
+}
+
+/// `glBindFragDataLocationIndexed(program, location, index, name)`
+pub(super) fn bind_indexed_output(gl: &mut Gl, call: &Call, _: Shape) -> CallOutcome {
+    let (location, index, name) = (call.u32(1)?, call.u32(2)?, text(call, 3)?);
+    gl.glsl_object(call.u32(0)?)?.outputs.insert(&name, [location, index]);
     Ok(())
 }
 
@@ -374,7 +401,9 @@ pub(super) fn attribute_location(gl: &mut Gl, call: &Call, _: Shape) -> CallOutc
 pub(super) fn output_location(gl: &mut Gl, call: &Call, _: Shape) -> CallOutcome {
     let name = text(call, 1)?;
     if let Some(location) = answer(call) {
-        gl.glsl_object(call.u32(0)?)?.outputs.insert(&name, location as u32);
+        let outputs = &mut gl.glsl_object(call.u32(0)?)?.outputs;
+        let index = outputs.get(&name).map_or(0, |&[_, index]| index);
+        outputs.insert(&name, [location as u32, index]);
     }
     Ok(())
 }
@@ -402,6 +431,10 @@ pub(super) fn block_name(gl: &mut Gl, call: &Call, _: Shape) -> CallOutcome {
 pub(super) fn block_binding(gl: &mut Gl, call: &Call, _: Shape) -> CallOutcome {
     let (index, binding) = (u64::from(call.u32(1)?), call.u32(2)?);
     let object = gl.glsl_object(call.u32(0)?)?;
+    if let Some(Err(_)) = object.executable.linked {
+        // Drawing with it is refused.
+        return Ok(());
+    }
     let unnamed = || Fault::Unsupported("uniform blocks at indices that the recording does not name".into());
     let name = object.executable.block_names.get(index).ok_or_else(unnamed)?;
     object.executable.bindings.insert(name, binding);

@@ -27,14 +27,12 @@ fn part(layout: &Layout, path: &str, first: usize) -> Option<(Layout, usize, usi
         Layout::Struct(_, members) => {
             let rest = path.strip_prefix('.')?;
             let end = rest.find(['.', '[']).unwrap_or(rest.len());
-            let mut at = first;
-            for (name, member) in members {
-                if *name == rest[..end] {
-                    return part(member, &rest[end..], at);
-                }
-                at += member.slots();
-            }
-            None
+            // A name that later versions reserve has a line behind it.
+            let names = |name: &str| name.strip_suffix('_') == Some(&rest[..end]);
+            let at = members.iter().position(|member| member.name == rest[..end]);
+            let at = at.or_else(|| members.iter().position(|member| names(&member.name)))?;
+            let before: usize = members[..at].iter().map(|member| member.layout.slots()).sum();
+            part(&members[at].layout, &rest[end..], first + before)
         }
         _ => None,
     }
@@ -50,7 +48,12 @@ fn set(gl: &mut Gl, name: u32, location: i64, shape: [usize; 2], numbers: &[f64]
     let Ok(location) = u64::try_from(location) else { return Ok(()) };
     let unnamed = || Fault::Unsupported("uniforms at locations that the recording does not name".into());
     let object = gl.glsl_object(name)?;
-    let Some(Ok(linked)) = object.executable.linked.clone() else { return Err(INVALID_OPERATION) };
+    let linked = match object.executable.linked.clone() {
+        Some(Ok(linked)) => linked,
+        // Drawing with it is refused.
+        Some(Err(_)) => return Ok(()),
+        None => return Err(INVALID_OPERATION),
+    };
     // The location of a uniform was queried by the program, is stated in its declaration, or follows one of these in an array.
     let declared = |location: u64| {
         let mut all = linked.stages.iter().flatten().flat_map(Translated::located);
@@ -116,21 +119,29 @@ fn set(gl: &mut Gl, name: u32, location: i64, shape: [usize; 2], numbers: &[f64]
     Ok(())
 }
 
-/// `glUniform3f(location, x, y, z)`, `glUniform3fv(location, count, values)`
-pub fn uniform(gl: &mut Gl, call: &Call, shape: Shape) -> Outcome {
+/// The program whose uniform a call sets, and the argument that is its location: the current program, or with `NAMED` that of the first
+/// argument.
+fn program<const NAMED: bool>(gl: &Gl, call: &Call) -> Outcome<(u32, usize)> {
+    if NAMED { Ok((call.u32(0)?, 1)) } else { Ok((gl.glsl.current, 0)) }
+}
+
+/// `glUniform3f(location, x, y, z)`, `glUniform3fv(location, count, values)`; `glProgramUniform3f(program, location, x, y, z)`
+pub fn uniform<const NAMED: bool>(gl: &mut Gl, call: &Call, shape: Shape) -> Outcome {
+    let (name, at) = program::<NAMED>(gl, call)?;
     let n = if (1..=4).contains(&shape.count) { shape.count } else { return Err(INVALID_ENUM) };
     let numbers: Vec<f64> = if shape.vector {
-        let count = call.size(1)? as usize;
-        call.numbers(2)?.iter().copied().take(count.saturating_mul(n)).collect()
+        let count = call.size(at + 1)? as usize;
+        call.numbers(at + 2)?.iter().copied().take(count.saturating_mul(n)).collect()
     } else {
-        (1..=n).map(|k| call.f64(k)).collect::<Outcome<_>>()?
+        (1..=n).map(|k| call.f64(at + k)).collect::<Outcome<_>>()?
     };
-    set(gl, gl.glsl.current, i64::from(call.i32(0)?), [1, n], &numbers, shape.scalar)
+    set(gl, name, i64::from(call.i32(at)?), [1, n], &numbers, shape.scalar)
 }
 
 /// `glUniformMatrix4fv(location, count, transpose, values)`
-fn matrices(gl: &mut Gl, call: &Call, columns: usize, rows: usize) -> Outcome {
-    let (count, transpose, numbers) = (call.size(1)? as usize, call.bool(2)?, call.numbers(3)?);
+fn matrices<const NAMED: bool>(gl: &mut Gl, call: &Call, columns: usize, rows: usize) -> Outcome {
+    let (name, at) = program::<NAMED>(gl, call)?;
+    let (count, transpose, numbers) = (call.size(at + 1)? as usize, call.bool(at + 2)?, call.numbers(at + 3)?);
     let mut values = Vec::new();
     for matrix in numbers.chunks_exact(columns * rows).take(count) {
         if transpose {
@@ -139,17 +150,17 @@ fn matrices(gl: &mut Gl, call: &Call, columns: usize, rows: usize) -> Outcome {
             values.extend_from_slice(matrix);
         }
     }
-    set(gl, gl.glsl.current, i64::from(call.i32(0)?), [columns, rows], &values, Scalar::Float)
+    set(gl, name, i64::from(call.i32(at)?), [columns, rows], &values, Scalar::Float)
 }
 
-pub fn uniform_matrix(gl: &mut Gl, call: &Call, shape: Shape) -> Outcome {
+pub fn uniform_matrix<const NAMED: bool>(gl: &mut Gl, call: &Call, shape: Shape) -> Outcome {
     let n = if (2..=4).contains(&shape.count) { shape.count } else { return Err(INVALID_ENUM) };
-    matrices(gl, call, n, n)
+    matrices::<NAMED>(gl, call, n, n)
 }
 
 /// `glUniformMatrix2x3fv`: the number of columns is in the stem of the name.
-pub fn uniform_matrix_of(gl: &mut Gl, call: &Call, shape: Shape) -> Outcome {
+pub fn uniform_matrix_of<const NAMED: bool>(gl: &mut Gl, call: &Call, shape: Shape) -> Outcome {
     let columns = ["2x", "3x", "4x"].iter().position(|part| call.function.name.contains(part)).ok_or(INVALID_ENUM)? + 2;
     let rows = if (2..=4).contains(&shape.count) { shape.count } else { return Err(INVALID_ENUM) };
-    matrices(gl, call, columns, rows)
+    matrices::<NAMED>(gl, call, columns, rows)
 }

@@ -42,7 +42,11 @@ pub struct Apitrace {
     spare: Vec<Vec<Arg>>,
     spare_arrays: [Option<Rc<[f64]>>; FEW + 1],
     next: u64,
+    /// The number of the call whose event is read.
+    current: u64,
     ended: bool,
+    /// See [`super::Reader::cut`].
+    pub cut: Option<Broken>,
 }
 
 /// Maximum number of argument lists kept for reuse.
@@ -113,7 +117,9 @@ impl Apitrace {
             spare: Vec::new(),
             spare_arrays: [const { None }; FEW + 1],
             next: 0,
+            current: 0,
             ended: false,
+            cut: None,
         };
         match reader.header() {
             Ok(()) => Ok(reader),
@@ -124,9 +130,9 @@ impl Apitrace {
     fn broken(&self, stop: Stop) -> Broken {
         let reason = match stop {
             Stop::End => "the recording ends inside a call or its header".into(),
-            Stop::Broken(reason) => *reason,
+            Stop::Broken(failure) => failure.reason,
         };
-        Broken { call: self.next.saturating_sub(1), place: self.bytes.offset(), reason }
+        Broken { call: self.current, place: self.bytes.offset(), reason }
     }
 
     fn header(&mut self) -> Result<(), Stop> {
@@ -145,7 +151,22 @@ impl Apitrace {
 
     /// The next call; none at the end of the recording.
     pub fn next(&mut self) -> Result<Option<Call>, Broken> {
-        self.step().map_err(|stop| self.broken(stop))
+        match self.step() {
+            Ok(call) => Ok(call),
+            Err(Stop::Broken(failure)) if !failure.cut => Err(self.broken(Stop::Broken(failure))),
+            Err(stop) => {
+                // A call that was not entered as a whole is not run.
+                self.cut = Some(self.broken(stop));
+                self.ended = true;
+                Ok(self.unreturned())
+            }
+        }
+    }
+
+    /// The first call that was entered and not left.
+    fn unreturned(&mut self) -> Option<Call> {
+        let first = self.open.keys().next();
+        first.and_then(|number| self.open.remove(number)).or_else(|| self.last.take())
     }
 
     fn step(&mut self) -> Result<Option<Call>, Stop> {
@@ -155,11 +176,16 @@ impl Apitrace {
                 Ok(0) => self.enter(place)?,
                 Ok(1) => {
                     let number = self.uint()?;
+                    self.current = number;
                     let last = self.last.take_if(|call| call.number == number);
                     let Some(mut call) = last.or_else(|| self.open.remove(number)) else {
                         return broken(format!("call {number} is left, but was not entered"));
                     };
-                    self.details(&mut call)?;
+                    if let Err(stop) = self.details(&mut call) {
+                        // Where the end is cut, it has been entered at least.
+                        self.open.insert(number, call);
+                        return Err(stop);
+                    }
                     return Ok(Some(call));
                 }
                 Ok(other) => return broken(format!("an event of kind {other}")),
@@ -167,9 +193,12 @@ impl Apitrace {
                 Err(stop) => return Err(stop),
             }
         }
-        // Calls that had not returned when the program ended.
-        let first = self.open.keys().next();
-        Ok(first.and_then(|number| self.open.remove(number)).or_else(|| self.last.take()))
+        let call = self.unreturned();
+        if let (Some(call), None) = (&call, &self.cut) {
+            let reason = format!("the program ended inside this call of {}", call.function.name);
+            self.cut = Some(Broken { call: call.number, place: call.place, reason });
+        }
+        Ok(call)
     }
 
     /// Takes back a call that has run, to reuse the memory of its arguments.
@@ -191,6 +220,7 @@ impl Apitrace {
     fn enter(&mut self, place: u64) -> Result<(), Stop> {
         let number = self.next;
         self.next += 1;
+        self.current = number;
         let thread = if self.version >= 4 { self.uint()? as u32 } else { 0 };
         let id = self.uint()?;
         let (function, count) = match self.functions.get(id) {

@@ -1,7 +1,7 @@
 //! The expanded bytes of a file, a piece at a time: Snappy chunks as apitrace writes them, gzip, Brotli, or plain.
 
 use std::cell::Cell;
-use std::io::{BufReader, Read};
+use std::io::{self, BufReader, ErrorKind, Read};
 use std::rc::Rc;
 
 use brotli_decompressor::Decompressor;
@@ -33,7 +33,22 @@ impl Read for Counted {
 
 enum Packing {
     Snappy(BufReader<Input>, snap::raw::Decoder),
-    Stream(Input),
+    /// A stream, and whether it has asked for bytes behind the end of the file.
+    Stream(Input, Rc<Cell<bool>>),
+}
+
+/// A file that notes when bytes behind its end are asked for.
+struct Watched {
+    file: Input,
+    ended: Rc<Cell<bool>>,
+}
+
+impl Read for Watched {
+    fn read(&mut self, bytes: &mut [u8]) -> io::Result<usize> {
+        let read = self.file.read(bytes)?;
+        self.ended.set(self.ended.get() || read == 0 && !bytes.is_empty());
+        Ok(read)
+    }
 }
 
 /// A file that is expanded while it is read. At most one chunk is in memory.
@@ -46,6 +61,8 @@ pub struct Chunks {
     before: u64,
     /// Bytes of the file that have been read.
     read: Rc<Cell<u64>>,
+    /// How the end of the file is cut, if it has been reached and `piece` has the bytes before it.
+    cut: Option<String>,
     limits: Limits,
 }
 
@@ -55,15 +72,29 @@ pub enum Stop {
     /// The file ends here.
     End,
     /// It cannot be read or expanded.
-    #[expect(clippy::box_collection, reason = "a text without the box has three words")]
-    Broken(Box<String>),
+    Broken(Box<Failure>),
+}
+
+/// Why a file cannot be read further.
+#[derive(Debug)]
+pub struct Failure {
+    /// The reason.
+    pub reason: String,
+    /// Whether the file is whole up to here and its end is missing.
+    pub cut: bool,
 }
 
 impl Stop {
-    /// A reason.
+    /// The reason why a file is damaged.
     #[cold]
     pub fn broken(reason: impl Into<String>) -> Stop {
-        Stop::Broken(Box::new(reason.into()))
+        Stop::Broken(Box::new(Failure { reason: reason.into(), cut: false }))
+    }
+
+    /// How the end of a file is cut.
+    #[cold]
+    pub fn cut(reason: impl Into<String>) -> Stop {
+        Stop::Broken(Box::new(Failure { reason: reason.into(), cut: true }))
     }
 }
 
@@ -73,9 +104,9 @@ impl Chunks {
         let (file, read) = counted(file);
         let packing = match start {
             [b'a', b't'] => Packing::Snappy(BufReader::with_capacity(PIECE, file), snap::raw::Decoder::new()),
-            [0x1f, 0x8b] => Packing::Stream(gzip(start, file)),
+            [0x1f, 0x8b] => stream(start, file, gzip),
             // Brotli has no magic number.
-            _ => Packing::Stream(Box::new(Decompressor::new(std::io::Cursor::new(start).chain(file), PIECE))),
+            _ => stream(start, file, |file| Box::new(Decompressor::new(file, PIECE))),
         };
         Chunks::new(packing, read, limits)
     }
@@ -83,15 +114,13 @@ impl Chunks {
     /// A text, plain or gzip.
     pub fn text(file: Input, start: [u8; 2], limits: &Limits) -> Chunks {
         let (file, read) = counted(file);
-        let stream: Input = match start {
-            [0x1f, 0x8b] => gzip(start, file),
-            _ => Box::new(std::io::Cursor::new(start).chain(file)),
-        };
-        Chunks::new(Packing::Stream(stream), read, limits)
+        let expand: fn(Input) -> Input = if start == [0x1f, 0x8b] { gzip } else { |file| file };
+        Chunks::new(stream(start, file, expand), read, limits)
     }
 
     fn new(packing: Packing, read: Rc<Cell<u64>>, limits: &Limits) -> Chunks {
-        Chunks { packing, packed: Vec::new(), piece: Vec::new(), at: 0, before: 0, read, limits: *limits }
+        let piece = Vec::new();
+        Chunks { packing, packed: Vec::new(), piece, at: 0, before: 0, read, cut: None, limits: *limits }
     }
 
     /// Number of the next expanded byte, from 0.
@@ -109,26 +138,34 @@ impl Chunks {
     fn refill(&mut self) -> Result<(), Stop> {
         self.before += self.piece.len() as u64;
         self.at = 0;
+        if let Some(reason) = &self.cut {
+            self.piece.clear();
+            return Err(Stop::cut(reason));
+        }
         let mut room = std::mem::take(&mut self.piece);
         let broken = |what: &str, error: &dyn std::fmt::Display| Stop::broken(format!("{what}: {error}"));
         while self.piece.is_empty() {
             match &mut self.packing {
-                Packing::Stream(stream) => {
+                Packing::Stream(stream, ended) => {
                     room.clear();
-                    stream.take(PIECE as u64).read_to_end(&mut room).map_err(|error| broken("cannot be expanded", &error))?;
-                    if room.is_empty() {
-                        return Err(Stop::End);
+                    if let Err(error) = stream.take(PIECE as u64).read_to_end(&mut room) {
+                        // Brotli has no error of its own for an end that is missing.
+                        if error.kind() != ErrorKind::UnexpectedEof && !ended.get() {
+                            return Err(broken("cannot be expanded", &error));
+                        }
+                        self.cut = Some("cannot be expanded further: the end of what is compressed is missing".to_owned());
                     }
                 }
                 Packing::Snappy(file, decoder) => {
-                    let mut length = [0; 4];
-                    match file.read(&mut length[..1]).map_err(|error| broken("cannot be read", &error))? {
-                        0 => return Err(Stop::End),
-                        _ => {
-                            file.read_exact(&mut length[1..]).map_err(|_| Stop::broken("ends inside the length of a chunk"))?
+                    let mut length = Vec::new();
+                    file.take(4).read_to_end(&mut length).map_err(|error| broken("cannot be read", &error))?;
+                    let &[a, b, c, d] = &*length else {
+                        if length.is_empty() {
+                            return Err(Stop::End);
                         }
-                    }
-                    let length = u32::from_le_bytes(length) as usize;
+                        return Err(Stop::cut("ends inside the length of a chunk"));
+                    };
+                    let length = u32::from_le_bytes([a, b, c, d]) as usize;
                     if length > snap::raw::max_compress_len(CHUNK_MAX) {
                         return Err(Stop::broken(format!("a chunk of {length} bytes, longer than any")));
                     }
@@ -137,19 +174,29 @@ impl Chunks {
                         .take(length as u64)
                         .read_to_end(&mut self.packed)
                         .map_err(|error| broken("cannot be read", &error))?;
-                    if read < length {
-                        return Err(Stop::broken(format!("ends inside a chunk: {read} of its {length} bytes are there")));
+                    let cut = (read < length).then(|| format!("ends inside a chunk: {read} of its {length} bytes are there"));
+                    if let Some(reason) = cut.as_ref().filter(|_| read < SNAPPY_HEAD) {
+                        return Err(Stop::cut(reason));
                     }
                     let expanded = snap::raw::decompress_len(&self.packed).map_err(|error| broken("a Snappy chunk", &error))?;
                     // Three bytes of Snappy expand to 64 at most.
                     if expanded > CHUNK_MAX.min(length.saturating_mul(64)) {
                         return Err(Stop::broken(format!("a Snappy chunk of {length} bytes claims to expand to {expanded}")));
                     }
-                    // What was there is written over: only what is longer than the piece before is cleared first.
-                    room.resize(expanded, 0);
-                    let done = decoder.decompress(&self.packed, &mut room).map_err(|error| broken("a Snappy chunk", &error))?;
-                    room.truncate(done);
+                    if cut.is_some() {
+                        self.cut = cut;
+                        room = snappy_start(&self.packed, expanded).map_err(|error| broken("a Snappy chunk", &error))?;
+                    } else {
+                        // What was there is written over: only what is longer than the piece before is cleared first.
+                        room.resize(expanded, 0);
+                        let done =
+                            decoder.decompress(&self.packed, &mut room).map_err(|error| broken("a Snappy chunk", &error))?;
+                        room.truncate(done);
+                    }
                 }
+            }
+            if room.is_empty() && (self.cut.is_some() || matches!(self.packing, Packing::Stream(..))) {
+                return Err(self.cut.as_ref().map_or(Stop::End, Stop::cut));
             }
             self.piece = std::mem::take(&mut room);
         }
@@ -247,6 +294,161 @@ fn counted(file: Input) -> (Input, Rc<Cell<u64>>) {
     (Box::new(Counted { file, read: read.clone() }), read)
 }
 
-fn gzip(start: [u8; 2], file: Input) -> Input {
-    Box::new(MultiGzDecoder::new(BufReader::with_capacity(PIECE, std::io::Cursor::new(start).chain(file))))
+/// A file whose first two bytes have been read, expanded by a function.
+fn stream(start: [u8; 2], file: Input, expand: impl FnOnce(Input) -> Input) -> Packing {
+    let ended = Rc::new(Cell::new(false));
+    let file = Watched { file: Box::new(io::Cursor::new(start).chain(file)), ended: ended.clone() };
+    Packing::Stream(expand(Box::new(file)), ended)
+}
+
+fn gzip(file: Input) -> Input {
+    Box::new(MultiGzDecoder::new(BufReader::with_capacity(PIECE, file)))
+}
+
+/// Bytes of the longest length that a Snappy chunk begins with.
+const SNAPPY_HEAD: usize = 5;
+
+/// Expands the start of a Snappy chunk whose end is missing: all elements that are whole, up to the chunk's length.
+fn snappy_start(packed: &[u8], length: usize) -> Result<Vec<u8>, &'static str> {
+    let mut rest = packed.iter().position(|byte| byte & 0x80 == 0).map_or(&[][..], |last| &packed[last + 1..]);
+    let mut out: Vec<u8> = Vec::new();
+    while let Some((&tag, behind)) = rest.split_first() {
+        // A number of one to four bytes, the lowest first.
+        let number = |bytes: usize| {
+            let (number, behind) = behind.split_at_checked(bytes)?;
+            Some((number.iter().rev().fold(0, |all, &byte| all << 8 | usize::from(byte)), behind))
+        };
+        let high = usize::from(tag >> 2);
+        if tag & 3 == 0 {
+            // Bytes that are stored.
+            let found = if high < 60 { Some((high, behind)) } else { number(high - 59) };
+            let Some((count, behind)) = found else { break };
+            let taken = (count + 1).min(behind.len());
+            out.extend_from_slice(&behind[..taken]);
+            rest = &behind[taken..];
+        } else {
+            // Bytes that are repeated.
+            let found = match tag & 3 {
+                1 => number(1).map(|(low, behind)| (4 + (high & 7), (high >> 3) << 8 | low, behind)),
+                2 => number(2).map(|(offset, behind)| (high + 1, offset, behind)),
+                _ => number(4).map(|(offset, behind)| (high + 1, offset, behind)),
+            };
+            let Some((count, offset, behind)) = found else { break };
+            if offset == 0 || offset > out.len() {
+                return Err("repeats bytes before its start");
+            }
+            for _ in 0..count {
+                out.push(out[out.len() - offset]);
+            }
+            rest = behind;
+        }
+        if out.len() > length {
+            return Err("expands to more than its length");
+        }
+    }
+    Ok(out)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Text that repeats near and far, and noise: all kinds of elements.
+    fn sample() -> Vec<u8> {
+        let mut state = 1_u32;
+        let mut noise = || {
+            state = state.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
+            (state >> 24) as u8
+        };
+        let mut bytes: Vec<u8> = (0..3000).map(|_| noise()).collect();
+        for k in 0..40 {
+            let from = 37 * k;
+            bytes.extend_from_within(from..from + 3 + 5 * k);
+            bytes.extend((0..k % 7).map(|_| noise()));
+        }
+        bytes
+    }
+
+    #[test]
+    fn a_snappy_chunk_that_is_cut_anywhere_has_the_start_of_its_bytes() {
+        let whole = sample();
+        let packed = snap::raw::Encoder::new().compress_vec(&whole).expect("packed");
+        let mut last = 0;
+        for cut in SNAPPY_HEAD..packed.len() {
+            let start = snappy_start(&packed[..cut], whole.len()).expect("a start");
+            assert!(whole.starts_with(&start) && start.len() >= last, "{cut}");
+            last = start.len();
+        }
+        assert_eq!(snappy_start(&packed, whole.len()), Ok(whole.clone()));
+        assert_eq!(snappy_start(&packed, whole.len() - 1), Err("expands to more than its length"));
+        // A copy from before the start.
+        assert_eq!(snappy_start(&[4, 0 << 2, 7, 1, 9], 8), Err("repeats bytes before its start"));
+    }
+
+    /// All bytes that can be read, and whether the end is cut.
+    fn read(mut chunks: Chunks) -> (Vec<u8>, bool) {
+        let mut bytes = Vec::new();
+        loop {
+            match chunks.byte() {
+                Ok(byte) => bytes.push(byte),
+                Err(Stop::End) => return (bytes, false),
+                Err(Stop::Broken(failure)) => {
+                    assert!(failure.cut, "{}", failure.reason);
+                    return (bytes, true);
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn what_is_compressed_is_read_up_to_where_it_is_cut() {
+        use std::io::Write;
+        let whole = sample();
+        let mut gzip = flate2::write::GzEncoder::new(Vec::new(), flate2::Compression::default());
+        gzip.write_all(&whole).expect("memory");
+        let gzip = gzip.finish().expect("memory");
+        let mut chunked = b"at".to_vec();
+        for part in whole.chunks(1000) {
+            let packed = snap::raw::Encoder::new().compress_vec(part).expect("packed");
+            chunked.extend((packed.len() as u32).to_le_bytes());
+            chunked.extend(packed);
+        }
+        for file in [&gzip, &chunked] {
+            let open = |end: usize| {
+                let (start, rest) = file[..end].split_first_chunk::<2>().expect("two bytes");
+                Chunks::apitrace(Box::new(io::Cursor::new(rest.to_vec())), *start, &Limits::default())
+            };
+            assert_eq!(read(open(file.len())), (whole.clone(), false));
+            let mut cuts = 0;
+            for end in (3..file.len()).step_by(7) {
+                let (start, cut) = read(open(end));
+                assert!(whole.starts_with(&start), "{end}");
+                cuts += u32::from(cut);
+                // Between two chunks nothing is seen to be missing.
+                assert!(cut || start.len().is_multiple_of(1000), "{end}");
+            }
+            assert!(cuts > 100, "{cuts}");
+        }
+    }
+
+    #[test]
+    fn damage_is_no_cut() {
+        use std::io::Write;
+        let mut gzip = flate2::write::GzEncoder::new(Vec::new(), flate2::Compression::default());
+        gzip.write_all(&sample()).expect("memory");
+        let mut gzip = gzip.finish().expect("memory");
+        // The checksum.
+        let at = gzip.len() - 7;
+        gzip[at] ^= 1;
+        let (start, rest) = gzip.split_first_chunk::<2>().expect("two bytes");
+        let mut chunks = Chunks::apitrace(Box::new(io::Cursor::new(rest.to_vec())), *start, &Limits::default());
+        let wrong = loop {
+            match chunks.byte() {
+                Ok(_) => {}
+                Err(Stop::End) => panic!("the checksum is wrong"),
+                Err(Stop::Broken(failure)) => break failure,
+            }
+        };
+        assert!(!wrong.cut, "{}", wrong.reason);
+    }
 }

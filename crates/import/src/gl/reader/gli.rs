@@ -94,14 +94,16 @@ pub struct GliText {
     line: u64,
     /// The size of the window, where a comment states it.
     pub window: Option<[u32; 2]>,
+    /// See [`super::Reader::cut`].
+    pub cut: Option<Broken>,
 }
 
 impl GliText {
     /// Reads the first line; `start` is the file's first two bytes, which have been read.
     pub fn open(file: Input, start: [u8; 2], memory: Memory, limits: &Limits) -> Result<GliText, Broken> {
         let bytes = Chunks::text(file, start, limits);
-        let mut reader =
-            GliText { bytes, memory, hexadecimal: false, functions: NameMap::new(), next: 0, line: 0, window: None };
+        let functions = NameMap::new();
+        let mut reader = GliText { bytes, memory, hexadecimal: false, functions, next: 0, line: 0, window: None, cut: None };
         let first = reader.line().map_err(|stop| reader.broken(stop))?.unwrap_or_default();
         match first.trim_end() {
             "GLI0.t" => {}
@@ -114,7 +116,7 @@ impl GliText {
     fn broken(&self, stop: Stop) -> Broken {
         let reason = match stop {
             Stop::End => "the recording ends inside a call".into(),
-            Stop::Broken(reason) => *reason,
+            Stop::Broken(failure) => failure.reason,
         };
         Broken { call: self.next, place: self.line, reason }
     }
@@ -140,7 +142,17 @@ impl GliText {
 
     /// The next call; none at the end of the text.
     pub fn next(&mut self) -> Result<Option<Call>, Broken> {
-        self.step().map_err(|stop| self.broken(stop))
+        if self.cut.is_some() {
+            return Ok(None);
+        }
+        match self.step() {
+            Ok(call) => Ok(call),
+            Err(Stop::Broken(failure)) if !failure.cut => Err(self.broken(Stop::Broken(failure))),
+            Err(stop) => {
+                self.cut = Some(self.broken(stop));
+                Ok(None)
+            }
+        }
     }
 
     fn step(&mut self) -> Result<Option<Call>, Stop> {
@@ -164,7 +176,9 @@ impl GliText {
                     return Err(Stop::broken(format!("a call of more than {CALL_MAX} bytes")));
                 }
             }
-            let call = self.call(text.trim(), place).map_err(Stop::broken)?;
+            // Each line has an end but one where the text is cut.
+            let wrong = |reason| if text.ends_with('\n') { Stop::broken(reason) } else { Stop::cut(reason) };
+            let call = self.call(text.trim(), place).map_err(wrong)?;
             self.next += 1;
             return Ok(Some(call));
         }
@@ -178,11 +192,11 @@ impl GliText {
     }
 
     fn call(&mut self, text: &str, place: u64) -> Result<Call, String> {
-        let Some((name, rest)) = text.split_once('(') else { return Err(format!("no call: {text:.60?}")) };
+        let Some((name, rest)) = text.split_once('(') else { return Err(format!("no call: {:?}", start(text))) };
         let name = name.trim();
         let plain = |c: char| c.is_ascii_alphanumeric() || c == '_';
         if name.is_empty() || name.len() > 128 || !name.chars().all(plain) {
-            return Err(format!("no name of a function: {name:.60?}"));
+            return Err(format!("no name of a function: {:?}", start(name)));
         }
         let function = match self.functions.get(name) {
             Some(function) => function.clone(),
@@ -207,6 +221,12 @@ impl GliText {
 /// Whether a line has one quote more that opens than quotes that close, or one less.
 fn opens(line: &str) -> bool {
     line.bytes().filter(|&byte| byte == b'"').count() % 2 == 1
+}
+
+/// The start of a text, for a message.
+fn start(text: &str) -> &str {
+    const MOST: usize = 60;
+    text.char_indices().nth(MOST).map_or(text, |(end, _)| &text[..end])
 }
 
 /// Whether hexadecimal arguments of a function are the bits of floats.
@@ -258,7 +278,7 @@ impl Tokens<'_> {
             let numbers: Result<Vec<f64>, String> = numbers
                 .map(|text| match number(text, self.floats) {
                     Some(Arg::Num(number)) => Ok(number),
-                    _ => Err(format!("{text:.40?} in an array is no number")),
+                    _ => Err(format!("{:?} in an array is no number", start(text))),
                 })
                 .collect();
             self.text = &rest[end + 1..];
@@ -268,7 +288,7 @@ impl Tokens<'_> {
         let (word, rest) = (self.text[..end].trim(), &self.text[end..]);
         self.text = rest;
         if let Some(id) = word.strip_prefix('*') {
-            let id: u64 = id.parse().map_err(|_| format!("{word:.40?} is no number of a buffer"))?;
+            let id: u64 = id.parse().map_err(|_| format!("{:?} is no number of a buffer", start(word)))?;
             return self
                 .memory
                 .blobs
@@ -280,7 +300,7 @@ impl Tokens<'_> {
             // A pointer to data that was not recorded.
             return Ok(Arg::Null);
         }
-        number(word, self.floats).ok_or_else(|| format!("{word:.40?} is no argument"))
+        number(word, self.floats).ok_or_else(|| format!("{:?} is no argument", start(word)))
     }
 }
 

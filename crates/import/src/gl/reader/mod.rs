@@ -45,6 +45,14 @@ impl Reader {
         }
     }
 
+    /// How the recording's end is cut, if it has been read to there. The program crashed or was killed: the calls before are whole.
+    pub fn cut(&self) -> Option<&Broken> {
+        match self {
+            Reader::Apitrace(reader) => reader.cut.as_ref(),
+            Reader::Gli(reader) => reader.cut.as_ref(),
+        }
+    }
+
     /// The window's size, if the recording has stated it so far.
     pub fn window(&self) -> Option<[u32; 2]> {
         match self {
