@@ -389,9 +389,8 @@ fn an_attached_depth_texture_is_read_where_nothing_tests_it() {
 #[test]
 fn an_error_of_a_draw_leaves_the_call_behind_it() {
     // The draw is made when the next call needs it. It has no image to draw to; that call selects the window again.
-    let calls = format!(
-        "glBindFramebuffer(GL_FRAMEBUFFER,1)\n{QUAD}\nglBindFramebuffer(GL_FRAMEBUFFER,0)\nglColor3f(1,0,0)\n{QUAD}"
-    );
+    let calls =
+        format!("glBindFramebuffer(GL_FRAMEBUFFER,1)\n{QUAD}\nglBindFramebuffer(GL_FRAMEBUFFER,0)\nglColor3f(1,0,0)\n{QUAD}");
     let (trace, report) = recorded(&calls, &[], 0..u64::MAX, &Reading::default());
     assert_eq!(last_of(&trace).at(8, 8), RED);
     let errors: Vec<&str> = report.errors.iter().map(|(name, _)| name).collect();

@@ -176,23 +176,40 @@ fn is_other_sampler(name: &str) -> bool {
     shape && sampler(name).is_none()
 }
 
-/// Removes prototypes of functions that no shader defines: no shader can call them.
+/// Removes prototypes of functions that no shader defines and none calls.
 fn drop_undefined(shaders: &mut [(Dialect, Vec<Token>)]) {
-    let mut defined = BTreeSet::new();
+    let (mut defined, mut words) = (BTreeSet::new(), BTreeMap::<String, isize>::new());
     for (_, tokens) in shaders.iter() {
         for item in items(tokens).into_iter().filter(|item| item.body(tokens).is_some()) {
             defined.extend(item.function.map(|header| tokens[header.name].text.clone()));
         }
     }
+    let name_of = |tokens: &[Token], item: &Item| {
+        let header = item.function?;
+        let prototype = header.close + 2 == item.whole.end && tokens[item.whole.end - 1].is(";");
+        let name = &tokens[header.name];
+        let undefined = prototype && header.name > item.whole.start && name.word && !defined.contains(&name.text);
+        undefined.then(|| name.text.clone())
+    };
+    for (_, tokens) in shaders.iter() {
+        for name in items(tokens).iter().filter_map(|item| name_of(tokens, item)) {
+            *words.entry(name).or_default() += 1;
+        }
+    }
+    if words.is_empty() {
+        return;
+    }
+    for (_, tokens) in shaders.iter() {
+        for pair in tokens.windows(2).filter(|pair| pair[1].is("(")) {
+            // A call is one more than the prototypes: its function is missed later.
+            if let Some(left) = words.get_mut(&pair[0].text) {
+                *left -= 1;
+            }
+        }
+    }
     for (_, tokens) in shaders {
-        let undefined = |item: &Item| {
-            let prototype = item.function.is_some_and(|header| {
-                let ends = header.close + 2 == item.whole.end && header.name > item.whole.start;
-                ends && tokens[header.name].word && !defined.contains(&tokens[header.name].text)
-            });
-            prototype && tokens[item.whole.end - 1].is(";")
-        };
-        let gone: Vec<_> = items(tokens).into_iter().filter(undefined).map(|item| item.whole).collect();
+        let gone = |item: &Item| name_of(tokens, item).is_some_and(|name| words.get(&name) == Some(&0));
+        let gone: Vec<_> = items(tokens).into_iter().filter(gone).map(|item| item.whole).collect();
         for range in gone.into_iter().rev() {
             tokens.drain(range);
         }
