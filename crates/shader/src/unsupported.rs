@@ -2,7 +2,7 @@
 //!
 //! naga's validator finds them too, but often says only what it fails at ("Unable to cast"). So they are looked for where it refuses a module.
 
-use naga::{ArraySize, Expression, Function, Handle, Literal, Module, Scalar, ScalarKind, Span, Type, TypeInner};
+use naga::{Expression, Function, Handle, Literal, Module, Scalar, ScalarKind, Span, Type, TypeInner};
 
 /// Numbers that are not supported: what they are, and wgpu's feature.
 pub type Numbers = (&'static str, &'static str);
@@ -18,8 +18,19 @@ pub fn named((numbers, feature): Numbers) -> String {
 
 /// The first place of a module that has numbers which are not supported, and the message.
 pub fn scalar(module: &Module) -> Option<(Span, String)> {
-    let types: Vec<Option<Numbers>> = module.types.iter().map(|(_, ty)| of_type(&ty.inner)).collect();
-    let of = |ty: Handle<Type>| within(module, ty, &types);
+    // Of each type and of what it is made of: handles point backwards.
+    let mut types: Vec<Option<Numbers>> = Vec::with_capacity(module.types.len());
+    for (_, ty) in module.types.iter() {
+        let before = |ty: Handle<Type>| types.get(ty.index()).copied().flatten();
+        types.push(match &ty.inner {
+            TypeInner::Array { base, .. } | TypeInner::BindingArray { base, .. } | TypeInner::Pointer { base, .. } => {
+                before(*base)
+            }
+            TypeInner::Struct { members, .. } => members.iter().find_map(|member| before(member.ty)),
+            inner => of_type(inner),
+        });
+    }
+    let of = |ty: Handle<Type>| types.get(ty.index()).copied().flatten();
     let mut found: Vec<(Span, Numbers)> = Vec::new();
     // Built-in types have no place: what is declared with them has.
     found.extend(module.types.iter().filter_map(|(ty, _)| Some((module.types.get_span(ty), of(ty)?))));
@@ -48,16 +59,6 @@ pub fn scalar(module: &Module) -> Option<(Span, String)> {
     module.entry_points.iter().for_each(|item| function(&item.function, Span::UNDEFINED));
     let start = |span: &Span| span.to_range().map_or(usize::MAX, |range| range.start);
     found.into_iter().min_by_key(|(span, _)| start(span)).map(|(span, numbers)| (span, named(numbers)))
-}
-
-/// Numbers of a type or of what it is made of: handles point backwards.
-fn within(module: &Module, ty: Handle<Type>, own: &[Option<Numbers>]) -> Option<Numbers> {
-    match &module.types[ty].inner {
-        TypeInner::Array { base, size: ArraySize::Constant(_) | ArraySize::Dynamic | ArraySize::Pending(_), .. }
-        | TypeInner::BindingArray { base, .. }
-        | TypeInner::Pointer { base, .. } => within(module, *base, own),
-        _ => own[ty.index()],
-    }
 }
 
 fn of_type(inner: &TypeInner) -> Option<Numbers> {

@@ -4,7 +4,7 @@
 //! nothing, by what kind of end it is, and not by what lies between: so it is right for some branches and wrong for others. Here each branch is
 //! classified by the constructs that it leaves.
 
-use std::collections::HashMap;
+use std::collections::{HashMap, HashSet};
 
 use super::{Inst, Refusal, op};
 
@@ -55,7 +55,7 @@ impl Block {
                 op::BRANCH => add(last.operand(0)),
                 op::BRANCH_CONDITIONAL => [1, 2].into_iter().for_each(|n| add(last.operand(n))),
                 op::SWITCH => {
-                    let mut seen = std::collections::HashSet::new();
+                    let mut seen = HashSet::new();
                     add(last.operand(1));
                     seen.insert(last.operand(1));
                     for pair in last.operands[2.min(last.operands.len())..].chunks_exact(2) {
@@ -180,6 +180,8 @@ pub(super) struct Flow {
     pub inside: Vec<Option<Option<usize>>>,
     /// Selections that the blocks begin.
     pub begins: Vec<Option<usize>>,
+    /// The targets of the switches, by construct.
+    targets: HashMap<usize, HashSet<u32>>,
 }
 
 /// The role of labels that end constructs.
@@ -195,8 +197,13 @@ impl Flow {
     /// If there is none: with the word of the instruction.
     pub fn new(blocks: &[Block]) -> Result<Flow, Refusal> {
         let numbers: HashMap<u32, usize> = blocks.iter().enumerate().map(|(n, block)| (block.label, n)).collect();
-        let mut flow =
-            Flow { numbers, constructs: Vec::new(), inside: vec![None; blocks.len()], begins: vec![None; blocks.len()] };
+        let mut flow = Flow {
+            numbers,
+            constructs: Vec::new(),
+            inside: vec![None; blocks.len()],
+            begins: vec![None; blocks.len()],
+            targets: HashMap::new(),
+        };
         if let Some(block) = blocks.iter().enumerate().find(|&(n, block)| flow.numbers.get(&block.label) != Some(&n)) {
             return Err((block.1.at, format!("a second block of the number %{}", block.1.label)));
         }
@@ -250,6 +257,9 @@ impl Flow {
                     let kind = if last.code == op::SWITCH { Kind::Switch } else { Kind::Selection };
                     flow.constructs.push(Construct { kind, outer: here, header: number, merge, continuing: 0 });
                     flow.begins[number] = Some(construct);
+                    if kind == Kind::Switch {
+                        flow.targets.insert(construct, block.targets().into_iter().collect());
+                    }
                     within = Some(construct);
                     declared(&mut ends, merge, construct, false)?;
                     flow.enter(blocks, &mut open, merge, here, last.at)?;
@@ -263,7 +273,7 @@ impl Flow {
                     return Err((last.at, format!("a branch to %{target}, which is no block of the function")));
                 };
                 // A case that another one falls into is entered by the switch.
-                if last.code != op::SWITCH && flow.falls_to(blocks, within, target).is_some() {
+                if last.code != op::SWITCH && flow.falls_to(within, target).is_some() {
                     continue;
                 }
                 if let Some(&from) = entered.get(&to) {
@@ -328,9 +338,9 @@ impl Flow {
     }
 
     /// The innermost switch around, if the label is one of its targets.
-    fn falls_to(&self, blocks: &[Block], within: Option<usize>, target: u32) -> Option<usize> {
+    fn falls_to(&self, within: Option<usize>, target: u32) -> Option<usize> {
         let switch = self.around(within).find(|&n| self.constructs[n].kind == Kind::Switch)?;
-        blocks[self.constructs[switch].header].targets().contains(&target).then_some(switch)
+        self.targets.get(&switch)?.contains(&target).then_some(switch)
     }
 
     /// The construct that the branches of a block are in: the one that it begins, or the one that it is in.
@@ -345,7 +355,7 @@ impl Flow {
             return edge;
         }
         let is_switch = blocks[number].terminator().is_some_and(|last| last.code == op::SWITCH);
-        match self.falls_to(blocks, within, target) {
+        match self.falls_to(within, target) {
             Some(switch) if !is_switch => Edge::Fall(switch),
             _ => Edge::On,
         }

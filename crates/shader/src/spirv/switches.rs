@@ -13,7 +13,7 @@
 //!                                  if (next == 2) { break loop; }
 //! ```
 
-use std::collections::{HashMap, HashSet};
+use std::collections::{BTreeSet, HashMap, HashSet};
 
 use super::flow::{Block, Edge, Flow, Function, Kind, Merge};
 use super::{Inst, Parts, Refusal, Whole, op};
@@ -32,11 +32,13 @@ pub(super) fn mend(parts: &mut Parts) -> Result<(), Refusal> {
             variables_for_phis(parts, &mut function);
             parts.changed = true;
         }
-        // Each pass writes the innermost ones.
+        // Each pass writes the innermost ones, and leaves no new ones.
+        let mut left = flow.constructs.len();
         while !broken.is_empty() {
-            for switch in broken {
-                rewrite(parts, &mut function, &switch)?;
-            }
+            left = left
+                .checked_sub(broken.len())
+                .ok_or_else(|| (function.blocks[0].at, "switches that cannot be written in another way".to_owned()))?;
+            rewrite(parts, &mut function, broken)?;
             flow = Flow::new(&function.blocks)?;
             broken = broken_switches(&flow, &function.blocks)?;
         }
@@ -77,8 +79,8 @@ fn tidy(parts: &mut Parts, function: &mut Function) {
     let loops = function.blocks.iter().filter(|block| matches!(block.merge(), Merge::Loop(..))).map(|block| block.label);
     let loops: HashSet<u32> = loops.collect();
     let mut added: Vec<(usize, Block)> = Vec::new();
-    // Phis whose value comes through an added block: target, and the block that it came from before.
-    let mut through: Vec<(u32, u32, u32)> = Vec::new();
+    // The added blocks that values of phis come through, by target and the block that they came from before.
+    let mut through: HashMap<(u32, u32), u32> = HashMap::new();
     for (number, block) in function.blocks.iter_mut().enumerate() {
         let (at, label, merge) = (block.at, block.label, block.merge());
         let Some(last) = block.insts.last_mut() else { continue };
@@ -104,20 +106,32 @@ fn tidy(parts: &mut Parts, function: &mut Function) {
                 block.retarget(target, own);
                 let insts = vec![Inst { at, code: op::BRANCH, operands: vec![target] }];
                 added.push((number, Block { label: own, insts, at }));
-                through.push((target, label, own));
+                through.insert((target, label), own);
                 parts.changed = true;
             }
         }
     }
-    for (number, block) in added.into_iter().rev() {
-        function.blocks.insert(number + 1, block);
+    insert_after(&mut function.blocks, added);
+    if through.is_empty() {
+        return;
     }
-    for (target, from, to) in through {
-        for block in function.blocks.iter_mut().filter(|block| block.label == target) {
-            for inst in block.insts.iter_mut().filter(|inst| inst.code == op::PHI) {
-                let sources = inst.operands.iter_mut().skip(3).step_by(2);
-                sources.filter(|source| **source == from).for_each(|source| *source = to);
+    for block in &mut function.blocks {
+        for inst in block.insts.iter_mut().filter(|inst| inst.code == op::PHI) {
+            for source in inst.operands.iter_mut().skip(3).step_by(2) {
+                *source = through.get(&(block.label, *source)).copied().unwrap_or(*source);
             }
+        }
+    }
+}
+
+/// Inserts blocks, each after the block of a number; the numbers ascend.
+fn insert_after(blocks: &mut Vec<Block>, added: Vec<(usize, Block)>) {
+    let mut added = added.into_iter().peekable();
+    let old = std::mem::take(blocks);
+    for (number, block) in old.into_iter().enumerate() {
+        blocks.push(block);
+        while let Some((_, block)) = added.next_if(|(after, _)| *after == number) {
+            blocks.push(block);
         }
     }
 }
@@ -149,15 +163,13 @@ fn share_no_end(parts: &mut Parts, function: &mut Function) {
         added.push((number, Block { label: own, insts: vec![Inst { at, code: op::UNREACHABLE, operands: vec![] }], at }));
         parts.changed = true;
     }
-    for (number, block) in added.into_iter().rev() {
-        function.blocks.insert(number + 1, block);
-    }
+    insert_after(&mut function.blocks, added);
 }
 
 /// Makes a variable of each phi: the blocks that it names store into it, and it becomes a load.
 fn variables_for_phis(parts: &mut Parts, function: &mut Function) {
     let numbers: HashMap<u32, usize> = function.blocks.iter().enumerate().map(|(n, block)| (block.label, n)).collect();
-    let mut stores: Vec<(usize, Inst)> = Vec::new();
+    let mut stores: Vec<Vec<Inst>> = vec![Vec::new(); function.blocks.len()];
     let mut variables = Vec::new();
     for block in &mut function.blocks {
         for inst in block.insts.iter_mut().filter(|inst| inst.code == op::PHI && inst.operands.len() >= 2) {
@@ -166,16 +178,15 @@ fn variables_for_phis(parts: &mut Parts, function: &mut Function) {
             variables.push(Inst { at, code: op::VARIABLE, operands: vec![pointer, variable, 7] });
             for pair in inst.operands[2..].chunks_exact(2) {
                 if let Some(&number) = numbers.get(&pair[1]) {
-                    stores.push((number, Inst { at, code: op::STORE, operands: vec![variable, pair[0]] }));
+                    stores[number].push(Inst { at, code: op::STORE, operands: vec![variable, pair[0]] });
                 }
             }
             *inst = Inst { at, code: op::LOAD, operands: vec![ty, id, variable] };
         }
     }
-    for (number, store) in stores {
-        let block = &mut function.blocks[number];
+    for (block, stores) in function.blocks.iter_mut().zip(stores) {
         let end = block.end();
-        block.insts.insert(end, store);
+        block.insts.splice(end..end, stores);
     }
     if let Some(first) = function.blocks.first_mut() {
         first.insts.splice(0..0, variables);
@@ -270,101 +281,176 @@ fn broken_switches(flow: &Flow, blocks: &[Block]) -> Result<Vec<Broken>, Refusal
 
 /// The targets of a switch that cases fall into, in an order in which each comes after those that fall into it.
 fn order(falls: &[(u32, u32)], targets: &[u32], at: u32) -> Result<Vec<u32>, Refusal> {
-    let mut waiting: Vec<u32> = targets.iter().copied().filter(|target| falls.iter().any(|(_, to)| to == target)).collect();
+    let falls: BTreeSet<(u32, u32)> = falls.iter().copied().collect();
+    let mut into: HashMap<u32, Vec<u32>> = HashMap::new();
+    let mut waits: HashMap<u32, usize> = HashMap::new();
+    let fallen: HashSet<u32> = falls.iter().map(|&(_, to)| to).collect();
+    for &(from, to) in &falls {
+        into.entry(from).or_default().push(to);
+        // Only what is itself fallen into has to come first.
+        *waits.entry(to).or_default() += usize::from(fallen.contains(&from));
+    }
+    let mut ready: Vec<u32> = targets.iter().rev().copied().filter(|target| waits.get(target) == Some(&0)).collect();
     let mut ordered = Vec::new();
-    while !waiting.is_empty() {
-        let ready = |target: &u32| !falls.iter().any(|(from, to)| to == target && waiting.contains(from));
-        let Some(n) = waiting.iter().position(ready) else {
-            return Err((at, "cases of a switch that fall into each other in a circle".to_owned()));
-        };
-        ordered.push(waiting.remove(n));
+    while let Some(target) = ready.pop() {
+        ordered.push(target);
+        for to in into.get(&target).into_iter().flatten() {
+            if let Some(count) = waits.get_mut(to) {
+                *count -= 1;
+                ready.extend((*count == 0).then_some(*to));
+            }
+        }
+    }
+    if ordered.len() < fallen.len() {
+        return Err((at, "cases of a switch that fall into each other in a circle".to_owned()));
     }
     Ok(ordered)
 }
 
-/// Writes one switch in another way.
-fn rewrite(parts: &mut Parts, function: &mut Function, switch: &Broken) -> Result<(), Refusal> {
-    let Some(header) = function.blocks.iter().position(|block| block.label == switch.header) else { return Ok(()) };
-    let merge = switch.merge;
-    let at = function.blocks[header].terminator().map_or(0, |last| last.at);
-    let fallen = order(&switch.falls, &function.blocks[header].targets(), at)?;
+/// How one switch is written in another way.
+struct Plan {
+    switch: Broken,
+    at: u32,
+    /// The variable that says what comes next, and its type and that of a pointer to it.
+    next: u32,
+    whole: u32,
+    pointer: u32,
+    /// Targets that cases fall into, in order, and targets around the switch: what may come next, and the constant that says so.
+    comes: Vec<u32>,
+    fallen: usize,
+    codes: HashMap<u32, (u32, u32)>,
+    zero: u32,
+    /// The blocks that read it, one for each number; after the last of them the switch has ended.
+    deciders: Vec<u32>,
+    /// Blocks that stay in the switch, and those of cases that others fall into.
+    own: Vec<Block>,
+    cases: HashMap<u32, Vec<Block>>,
+}
 
-    // What comes next, as a number: 0 is what follows the switch.
-    let whole = parts.whole(Whole { bits: 32, signed: false, components: 1 });
-    let (pointer, next) = (parts.pointer(whole), parts.fresh());
-    let codes: HashMap<u32, u32> = fallen.iter().chain(&switch.far).copied().zip(1..).collect();
-    let ids: Vec<u32> = (0..=codes.len() as u32).map(|code| parts.constant(whole, code)).collect();
-    // The blocks that read it, one for each number; after the last of them the switch has ended.
-    let mut deciders: Vec<u32> = codes.iter().map(|_| parts.fresh()).collect();
-    deciders.push(merge);
-    let inst = |code, operands| Inst { at, code, operands };
-    // A block that says what comes next, and leads there.
-    let step = |parts: &mut Parts, target: u32, to: u32| {
-        let insts = vec![inst(op::STORE, vec![next, ids[codes[&target] as usize]]), inst(op::BRANCH, vec![to])];
-        Block { label: parts.fresh(), insts, at }
-    };
+impl Plan {
+    fn new(parts: &mut Parts, header: &Block, switch: Broken) -> Result<Plan, Refusal> {
+        let at = header.terminator().map_or(0, |last| last.at);
+        let mut comes = order(&switch.falls, &header.targets(), at)?;
+        let fallen = comes.len();
+        comes.extend(&switch.far);
+        let whole = parts.whole(Whole { bits: 32, signed: false, components: 1 });
+        let (pointer, next, zero) = (parts.pointer(whole), parts.fresh(), parts.constant(whole, 0));
+        let codes = comes.iter().zip(1..).map(|(&label, code)| (label, (code, parts.constant(whole, code)))).collect();
+        let mut deciders: Vec<u32> = comes.iter().map(|_| parts.fresh()).collect();
+        deciders.push(switch.merge);
+        let (own, cases) = (Vec::new(), HashMap::new());
+        Ok(Plan { switch, at, next, whole, pointer, comes, fallen, codes, zero, deciders, own, cases })
+    }
 
-    // Blocks that stay in the switch, those of cases that others fall into, and those outside.
-    let mut own: Vec<Block> = Vec::new();
-    let mut cases: HashMap<u32, Vec<Block>> = HashMap::new();
-    let mut outside: Vec<Block> = Vec::new();
-    let mut place = 0;
-    for mut block in std::mem::take(&mut function.blocks) {
-        if let Some(case) = switch.cases.get(&block.label) {
-            let position = fallen.iter().position(|target| target == case);
-            let exit = deciders[position.map_or(0, |n| n + 1)];
-            let mut steps = Vec::new();
-            for target in block.targets() {
-                match switch.exits.get(&(block.label, target)) {
-                    Some(Exit::Leave) => block.retarget(target, exit),
-                    Some(Exit::Fall | Exit::Far) => {
-                        let to = step(parts, target, exit);
-                        block.retarget(target, to.label);
-                        steps.push(to);
-                    }
-                    None => {}
+    fn inst(&self, code: u32, operands: Vec<u32>) -> Inst {
+        Inst { at: self.at, code, operands }
+    }
+
+    /// A block that says what comes next, and leads there.
+    fn step(&self, parts: &mut Parts, target: u32, to: u32) -> Block {
+        let constant = self.codes.get(&target).map_or(self.zero, |&(_, constant)| constant);
+        let insts = vec![self.inst(op::STORE, vec![self.next, constant]), self.inst(op::BRANCH, vec![to])];
+        Block { label: parts.fresh(), insts, at: self.at }
+    }
+
+    fn header(&mut self, parts: &mut Parts, block: &mut Block) {
+        let first = self.deciders[0];
+        let end = block.end();
+        block.insts.insert(end, self.inst(op::STORE, vec![self.next, self.zero]));
+        if let Some(inst) = block.insts.iter_mut().find(|inst| inst.code == op::SELECTION_MERGE) {
+            inst.operands[0] = first;
+        }
+        let mut targets = HashMap::from([(self.switch.merge, first)]);
+        for &target in &self.comes[..self.fallen] {
+            let to = self.step(parts, target, first);
+            targets.insert(target, to.label);
+            self.own.push(to);
+        }
+        if let Some(last) = block.insts.last_mut() {
+            for (n, target) in last.operands.iter_mut().enumerate() {
+                if n == 1 || n > 2 && n % 2 == 1 {
+                    *target = targets.get(target).copied().unwrap_or(*target);
                 }
             }
-            let list = if position.is_some() { cases.entry(*case).or_default() } else { &mut own };
-            list.push(block);
-            list.extend(steps);
+        }
+    }
+
+    /// A block of a case.
+    fn inside(&mut self, parts: &mut Parts, mut block: Block, case: u32) {
+        // The constants of cases that are fallen into count from 1, as their blocks do.
+        let position = self.codes.get(&case).map(|&(code, _)| code as usize);
+        let exit = self.deciders[position.unwrap_or(0)];
+        let mut steps = Vec::new();
+        for target in block.targets() {
+            match self.switch.exits.get(&(block.label, target)) {
+                Some(Exit::Leave) => block.retarget(target, exit),
+                Some(Exit::Fall | Exit::Far) => {
+                    let to = self.step(parts, target, exit);
+                    block.retarget(target, to.label);
+                    steps.push(to);
+                }
+                None => {}
+            }
+        }
+        let list = if position.is_some() { self.cases.entry(case).or_default() } else { &mut self.own };
+        list.push(block);
+        list.extend(steps);
+    }
+
+    /// All blocks that come after the header.
+    fn blocks(mut self, parts: &mut Parts) -> Vec<Block> {
+        let mut out = std::mem::take(&mut self.own);
+        for n in 0..self.comes.len() {
+            let (target, label, after, loaded) = (self.comes[n], self.deciders[n], self.deciders[n + 1], parts.fresh());
+            let (code, constant) = self.codes.get(&target).copied().unwrap_or((0, self.zero));
+            let mut insts = vec![self.inst(op::LOAD, vec![self.whole, loaded, self.next])];
+            if n < self.fallen {
+                insts.push(self.inst(op::SELECTION_MERGE, vec![after, 0]));
+                insts.push(self.inst(op::SWITCH, vec![loaded, after, code, target]));
+            } else {
+                let (boolean, equal) = (parts.boolean(), parts.fresh());
+                insts.push(self.inst(op::I_EQUAL, vec![boolean, equal, loaded, constant]));
+                insts.push(self.inst(op::SELECTION_MERGE, vec![after, 0]));
+                insts.push(self.inst(op::BRANCH_CONDITIONAL, vec![equal, target, after]));
+            }
+            out.push(Block { label, insts, at: self.at });
+            out.extend(self.cases.remove(&target).unwrap_or_default());
+        }
+        out
+    }
+}
+
+/// Writes switches in another way, none of which is inside of another one.
+fn rewrite(parts: &mut Parts, function: &mut Function, switches: Vec<Broken>) -> Result<(), Refusal> {
+    let numbers: HashMap<u32, usize> = function.blocks.iter().enumerate().map(|(n, block)| (block.label, n)).collect();
+    let mut plans = Vec::new();
+    let (mut headers, mut cases) = (HashMap::new(), HashMap::new());
+    for switch in switches {
+        headers.insert(switch.header, plans.len());
+        cases.extend(switch.cases.iter().map(|(&label, &case)| (label, (plans.len(), case))));
+        let header = &function.blocks[numbers[&switch.header]];
+        plans.push(Plan::new(parts, header, switch)?);
+    }
+    let mut outside = Vec::new();
+    for mut block in std::mem::take(&mut function.blocks) {
+        if let Some(&(plan, case)) = cases.get(&block.label) {
+            plans[plan].inside(parts, block, case);
             continue;
         }
-        if block.label == switch.header {
-            let end = block.end();
-            block.insts.insert(end, inst(op::STORE, vec![next, ids[0]]));
-            block.retarget(merge, deciders[0]);
-            if let Some(inst) = block.insts.iter_mut().find(|inst| inst.code == op::SELECTION_MERGE) {
-                inst.operands[0] = deciders[0];
-            }
-            for &target in &fallen {
-                let to = step(parts, target, deciders[0]);
-                block.retarget(target, to.label);
-                own.push(to);
-            }
-            place = outside.len() + 1;
+        if let Some(&plan) = headers.get(&block.label) {
+            plans[plan].header(parts, &mut block);
         }
         outside.push(block);
     }
-    for (n, target) in fallen.iter().chain(&switch.far).enumerate() {
-        let (label, after, loaded) = (deciders[n], deciders[n + 1], parts.fresh());
-        let mut insts = vec![inst(op::LOAD, vec![whole, loaded, next])];
-        if n < fallen.len() {
-            insts.push(inst(op::SELECTION_MERGE, vec![after, 0]));
-            insts.push(inst(op::SWITCH, vec![loaded, after, codes[target], *target]));
-        } else {
-            let (boolean, equal) = (parts.boolean(), parts.fresh());
-            insts.push(inst(op::I_EQUAL, vec![boolean, equal, loaded, ids[codes[target] as usize]]));
-            insts.push(inst(op::SELECTION_MERGE, vec![after, 0]));
-            insts.push(inst(op::BRANCH_CONDITIONAL, vec![equal, *target, after]));
-        }
-        own.push(Block { label, insts, at });
-        own.extend(cases.remove(target).unwrap_or_default());
+    let variables: Vec<Inst> = plans.iter().map(|plan| plan.inst(op::VARIABLE, vec![plan.pointer, plan.next, 7])).collect();
+    let mut plans: Vec<Option<Plan>> = plans.into_iter().map(Some).collect();
+    for block in outside {
+        let plan = headers.get(&block.label).and_then(|&plan| plans[plan].take());
+        function.blocks.push(block);
+        function.blocks.extend(plan.map(|plan| plan.blocks(parts)).unwrap_or_default());
     }
-    outside.splice(place..place, own);
-    if let Some(first) = outside.first_mut() {
-        first.insts.insert(0, inst(op::VARIABLE, vec![pointer, next, 7]));
+    if let Some(first) = function.blocks.first_mut() {
+        first.insts.splice(0..0, variables);
     }
-    function.blocks = outside;
     Ok(())
 }
