@@ -333,10 +333,12 @@ fn archives_become_what_they_say() {
     let home = tempfile::tempdir().expect("a folder");
     let path = home.path().join("honest.zip");
     std::fs::write(&path, &honest).expect("written");
-    done(&inspect(&path).run());
-    refused(&inspect(&path).arg("--limit").arg("trace.bytes=1_000_000").run(), &["honest.zip", "trace.ron", "trace.bytes=N"]);
+    refused(&inspect(&path).run(), &["honest.zip", "trace.expansion=N"]);
+    let inspect = || inspect(&path).arg("--limit").arg("trace.expansion=2000");
+    done(&inspect().run());
+    refused(&inspect().arg("--limit").arg("trace.bytes=1_000_000").run(), &["honest.zip", "trace.ron", "trace.bytes=N"]);
     // As large as the limit allows, and there is no memory for it.
-    refused(&inspect(&path).memory_mib(80).run(), &["honest.zip", "memory"]);
+    refused(&inspect().memory_mib(80).run(), &["honest.zip", "memory"]);
 }
 
 #[test]
