@@ -136,6 +136,13 @@ impl Lab {
         out
     }
 
+    /// Uses a module's only entry point, which must fail: it is compiled, and no workgroup runs. The message.
+    pub fn refusal_of(mut self, shader: ShaderId) -> String {
+        let pipeline = self.card.create_compute_pipeline("", None, record::stage(shader));
+        self.dispatch(pipeline, [0, 1, 1], []);
+        self.refusal()
+    }
+
     /// Runs the recording, which must fail; the message.
     pub fn refusal(self) -> String {
         match self.frames() {

@@ -571,15 +571,16 @@ fn what_is_not_supported_is_refused_by_name() {
     let main = "@compute @workgroup_size(1) fn main() {";
     for size in ["65535, 65535, 1", "none, 1, 1"] {
         let mut lab = Lab::new();
-        lab.compute(&format!("override none = 0u; @compute @workgroup_size({size}) fn main() {{}}"));
-        let message = lab.refusal();
+        let text = format!("override none = 0u; @compute @workgroup_size({size}) fn main() {{}}");
+        let shader = lab.card.create_shader("program", &text);
+        let message = lab.refusal_of(shader);
         assert!(message.to_lowercase().contains("workgroup") && message.contains("main"), "{message}");
     }
     let cases = [
         ("@group(0) @binding(0) var t: texture_external;", "{ _ = textureDimensions(t); }", "external"),
-        ("@group(0) @binding(0) var<storage, read_write> a: array<f64>;", "{ a[0] = 1.0lf; }", "f64"),
-        ("@group(0) @binding(0) var<storage, read_write> a: array<i64>;", "{ a[0] = 1li; }", "64"),
-        ("@group(0) @binding(0) var<storage, read_write> a: atomic<u64>;", "{ atomicAdd(&a, 1lu); }", "64"),
+        ("@group(0) @binding(0) var<storage, read_write> a: array<f64>;", "{ a[0] = 1.0lf; }", "SHADER_F64"),
+        ("@group(0) @binding(0) var<storage, read_write> a: array<i64>;", "{ a[0] = 1li; }", "SHADER_INT64"),
+        ("@group(0) @binding(0) var<storage, read_write> a: atomic<u64>;", "{ atomicAdd(&a, 1lu); }", "SHADER_INT64"),
         (
             "enable wgpu_ray_query; @group(0) @binding(0) var s: acceleration_structure;",
             "{ var q: ray_query; rayQueryInitialize(&q, s, RayDesc(0u, 255u, 0.1, 9.0, vec3f(), vec3f(1.0))); }",
@@ -588,8 +589,8 @@ fn what_is_not_supported_is_refused_by_name() {
     ];
     for (declarations, body, named) in cases {
         let mut lab = Lab::new();
-        lab.compute(&format!("{declarations}\n{main}\n{body}\n}}"));
-        let message = lab.refusal();
+        let shader = lab.card.create_shader("program", &format!("{declarations}\n{main}\n{body}\n}}"));
+        let message = lab.refusal_of(shader);
         assert!(message.to_lowercase().contains(&named.to_lowercase()), "`{message}` does not name {named}");
         assert!(message.contains("program.wgsl") && message.contains("command"), "{message}");
     }

@@ -219,12 +219,12 @@ fn damaged_modules_are_refused() {
         [("cut short", COMPUTE[0][..COMPUTE[0].len() / 2].to_vec()), ("no SPIR-V", vec![1; 40]), ("empty", Vec::new())];
     for (what, binary) in cases {
         let mut lab = Lab::new();
-        lab.card.create_shader_spirv("broken", &binary);
-        let message = lab.refusal();
+        let shader = lab.card.create_shader_spirv("broken", &binary);
+        let message = lab.refusal_of(shader);
         assert!(message.contains("broken.spv") && message.contains("command 0"), "{what}: {message}");
     }
     let mut lab = Lab::new();
-    lab.card.create_shader_naga_ir("broken", "(types: [], nothing: 3)");
-    let message = lab.refusal();
+    let shader = lab.card.create_shader_naga_ir("broken", "(types: [], nothing: 3)");
+    let message = lab.refusal_of(shader);
     assert!(message.contains("broken.ron") && message.contains("1:23: no naga IR"), "{message}");
 }
