@@ -65,6 +65,9 @@ pub fn run(arguments: &Arguments) -> Result<Verdict> {
     }
     let config = arguments.machine.load()?;
     let trace = arguments.reading.open(&arguments.trace)?;
+    if !trace.presents(1) && check(&trace)?.draws_nothing() {
+        bail!("{}: the trace draws nothing, so that nothing holds a frame back", arguments.trace.display());
+    }
     let frames = match &arguments.frames {
         Some(text) => frame_range(text).map_err(|reason| anyhow::anyhow!("--frames {text}: {reason}"))?,
         None => {

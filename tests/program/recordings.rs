@@ -456,6 +456,7 @@ fn a_trace_that_draws_nothing_says_so() {
     let page = folder.path().join("page.html");
     let message = refused(&["replay", &name, "--report", &page.display().to_string()]);
     assert!(message.contains("draws nothing") && !page.exists(), "{message}");
+    assert!(refused(&["why", &name]).contains("draws nothing"));
     let (code, report, _) = run(&["inspect", &name, "--device-limits"]);
     assert_eq!(code, 0);
     for part in ["nothing is drawn", "features asked for: SHADER_INT64 | IMMEDIATES", "maxTextureDimension2D", "8192"] {
