@@ -332,7 +332,13 @@ impl Gl {
     /// Makes a context current in the thread that calls; `Current::NONE` makes none current.
     pub fn make_current(&mut self, to: Current) -> Outcome {
         let before = self.contexts.now;
-        self.contexts.explicit = true;
+        if !std::mem::replace(&mut self.contexts.explicit, true)
+            && to.context != Some(0)
+            && let Some(window) = self.card.windows.at(0)
+        {
+            // The calls before it had no context: a clear of them is none of the window.
+            window.early = Default::default();
+        }
         if to.context.is_none() {
             self.contexts.threads.remove(self.contexts.thread);
         } else {
