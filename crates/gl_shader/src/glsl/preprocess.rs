@@ -429,7 +429,7 @@ impl Preprocessor<'_> {
                 _ => return self.wrong("parameters of a macro are names between commas"),
             }
         }
-        if list.len() % 2 == 0 {
+        if list.len().is_multiple_of(2) {
             return self.wrong("a parameter of a macro has no name");
         }
         Ok(names)
