@@ -137,8 +137,9 @@ fn frames_have_the_numbers_of_the_trace() {
     let folder = one.path().display().to_string();
     fs::copy(out.path().join("frame-0001.png"), one.path().join("frame-0001.png")).expect("a copy");
     fs::copy(out.path().join("frame-0001.png"), one.path().join("frame-mine.png")).expect("a copy");
-    let (code, _, message) =
-        run(&["replay", "traces/particles", "--fidelity", "functional", "--frames", "2", "--out", &folder]);
+    let replay = ["replay", "traces/particles", "--fidelity", "functional", "--frames", "2", "--out", &folder];
+    assert!(refused(&replay).contains("frame-0001.png is there, and no replay has written it"));
+    let (code, _, message) = run(&[&replay[..], &["--force"]].concat());
     assert_eq!(code, 0, "{message}");
     assert_eq!([1, 2, 3].map(|n: u32| one.path().join(format!("frame-{n:04}.png")).exists()), [false, true, false]);
     assert!(one.path().join("frame-mine.png").exists());
@@ -148,7 +149,7 @@ fn frames_have_the_numbers_of_the_trace() {
     let mut names: Vec<_> =
         fs::read_dir(one.path()).expect("a folder").map(|entry| entry.expect("an entry").file_name()).collect();
     names.sort();
-    assert_eq!(names, ["config.ron", "frame-0002.png", "frame-mine.png", "stats.csv", "stats.json"]);
+    assert_eq!(names, [".fillrate-files", "config.ron", "frame-0002.png", "frame-mine.png", "stats.csv", "stats.json"]);
     // One that finds fewer frames than requested says so.
     let (code, _, message) = run(&["replay", "traces/particles", "--fidelity", "functional", "--frames", "2..9"]);
     assert!(code == 0 && message.contains("warning: the trace ends with frame 3: --frames 2..9 asks for more"), "{message}");
@@ -225,11 +226,11 @@ fn images_none_leaves_statistics_only() {
         (names, fs::read(out.path().join("stats.json")).expect("statistics"))
     };
     let (all, statistics) = files(&["--images", "all"]);
-    assert_eq!(all, ["config.ron", "frame-0000.png", "passes.csv", "stats.csv", "stats.json"]);
+    assert_eq!(all, [".fillrate-files", "config.ron", "frame-0000.png", "passes.csv", "stats.csv", "stats.json"]);
     assert!(files(&[]) == (all, statistics.clone()), "all is the default");
     // The picture of the earlier replay goes, and the statistics are the same.
     let (none, same) = files(&["--images", "none"]);
-    assert_eq!(none, ["config.ron", "passes.csv", "stats.csv", "stats.json"]);
+    assert_eq!(none, [".fillrate-files", "config.ron", "passes.csv", "stats.csv", "stats.json"]);
     assert!(same == statistics, "--images none changes the statistics");
     // Without --out the option has nothing to change.
     let (code, _, message) = run(&["replay", "traces/triangle", "--images", "none"]);

@@ -241,11 +241,13 @@ fn pages_stay_short() {
     for folder in ["docs", "docs/tutorials"] {
         let entries = fs::read_dir(root.join(folder)).expect("a folder").map(|entry| entry.expect("an entry").path());
         found.extend(entries.filter(|path| path.extension().is_some_and(|extension| extension == "md")));
+        // Reports to another project, to be pasted.
+        found.retain(|path| !path.ends_with("docs/upstream.md"));
     }
     let words = |path: &PathBuf| fs::read_to_string(path).expect("a page").split_whitespace().count();
     let all: usize = found.iter().map(words).sum();
     assert!(
         all <= 12_000,
-        "README.md, docs/*.md and docs/tutorials/*.md have {all} words; long tables belong below docs/data/"
+        "README.md, docs/*.md without upstream.md, and docs/tutorials/*.md have {all} words; long tables belong below docs/data/"
     );
 }

@@ -19,7 +19,8 @@ fn inspect(name: &str, bytes: &[u8], limits: &[&str]) -> Output {
 fn a_text_of_many_lines_takes_time_in_proportion() {
     // Each line was once read again for each line after it: 4 * 10^10 bytes.
     let output = inspect("t.txt", format!("GLI0.t\nglShaderSource(1,1,\"{}", "\n".repeat(200_000)).as_bytes(), &[]);
-    refused(&output, &["t.txt", "the recording ends inside a call"]);
+    done(&output);
+    assert!(output.stderr.contains("the end of the recording is missing: call 0"), "{output:?}");
     let program = format!("!!ARBfp1.0\n{}MOV result.color, fragment.color;\nEND\n", "# a comment\n".repeat(30_000));
     let calls = format!("GLI0.t\nglProgramStringARB(34820,34933,{},\"{program}\")\nwglSwapBuffers(1)\n", program.len());
     let output = inspect("t.txt", calls.as_bytes(), &[]);

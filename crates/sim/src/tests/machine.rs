@@ -150,7 +150,8 @@ fn a_ring_that_waits_for_itself_is_stopped_and_shows_every_queue() {
             );
             assert!(text.contains(&queue), "{text}");
         }
-        assert_eq!(text.lines().count(), 1 + 4 + 4, "{text}");
+        // The reason, whom to tell, the units and the channels.
+        assert_eq!(text.lines().count(), 2 + 4 + 4, "{text}");
     }
 }
 

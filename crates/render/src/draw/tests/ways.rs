@@ -75,7 +75,7 @@ pub(super) fn variety() -> Vec<(&'static str, Scene)> {
     let mut clipped = base();
     clipped.source = PLAIN
         .replace("struct V {", "enable clip_distances;\nstruct V { @builtin(clip_distances) d: array<f32, 2>,")
-        .replace("return V(p, c)", "return V(array<f32, 2>(p.x + 0.3, 0.5 - p.y * c.x), p, c)")
+        .replace("return V(p, c)", "return V(array<f32, 2>(p.x + 0.3 * p.w, 0.5 * p.w - p.y * c.x), p, c)")
         .replace("@fragment fn fs(v: V)", "@fragment fn fs(@location(0) c: vec4<f32>)")
         .replace("return v.c", "return c");
     out.push(("clip distances", clipped));
@@ -185,7 +185,11 @@ fn the_scale_of_positions_changes_no_pixel() {
             scaled.vertices.iter_mut().for_each(|v| v[..4].iter_mut().for_each(|x| *x = (f64::from(*x) * unit) as f32));
             let scaled = scaled.draw();
             same(name, &format!("with positions times 2^{exponent}"), &usual, &scaled);
-            assert_eq!(usual.drawn.funnel, scaled.drawn.funnel, "{name}, 2^{exponent}");
+            // What is cut away at the eye reaches to a w of 2^-126. With a smaller scale it is larger in proportion, which parts slivers that cover no
+            // sample otherwise.
+            if !crosses || exponent > -62 {
+                assert_eq!(usual.drawn.funnel, scaled.drawn.funnel, "{name}, 2^{exponent}");
+            }
         }
     }
     // Other factors round; below the least normal number there is nothing in front of the eye.
