@@ -242,14 +242,12 @@ fn what_is_deleted_stays_where_it_is_used() {
 
 #[test]
 fn a_window_of_unknown_size_is_cleared() {
-    let text = format!(
-        "GLI0.t\nglClearColor(0,0,1,1)\nglClear(GL_COLOR_BUFFER_BIT)\nglViewport(0,0,16,16)\nglColor3f(1,0,0)\n\
-                        glRectf(-1,-1,0,1)\nwglSwapBuffers(1)\n"
-    );
+    let text = "GLI0.t\nglClearColor(0,0,1,1)\nglClear(GL_COLOR_BUFFER_BIT)\nglViewport(0,0,16,16)\nglColor3f(1,0,0)\n\
+                        glRectf(-1,-1,0,1)\nwglSwapBuffers(1)\n";
     let import = |text: String| {
         import_bytes(Path::new("x.txt"), text.into_bytes(), [&[], &[]], &Reading::default()).expect("a recording")
     };
-    let (trace, report) = import(text.clone());
+    let (trace, report) = import(text.to_owned());
     assert_eq!(report.refusal(), None);
     let image = last_of(&trace);
     assert_eq!((image.at(3, 8), image.at(12, 8)), (RED, BLUE));

@@ -96,10 +96,10 @@ pub(super) fn nothing(_: &mut Gl, _: &Call, _: Shape) -> Outcome {
 
 /// `glGetString(GL_VERSION)`: the recorded driver has answered with the version of its context.
 fn version(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
-    if let (Ok(VERSION), Arg::Str(text)) = (call.u32(0), &call.result) {
-        if gl.versions.len() < VERSIONS_MAX {
-            gl.versions.get_or_insert_with(text, || ());
-        }
+    if let (Ok(VERSION), Arg::Str(text)) = (call.u32(0), &call.result)
+        && gl.versions.len() < VERSIONS_MAX
+    {
+        gl.versions.get_or_insert_with(text, || ());
     }
     Ok(())
 }
