@@ -259,6 +259,21 @@ fn a_window_of_unknown_size_is_cleared() {
 }
 
 #[test]
+fn a_blit_says_how_large_a_window_is() {
+    // All is drawn into a texture of 16 x 16 texels; the window has had one viewport, of 8 x 16.
+    let text = "GLI0.t\nglViewport(0,0,8,16)\nglBindTexture(3553,1)\nglTexParameteri(3553,10241,9728)\n\
+                glTexImage2D(3553,0,6408,16,16,0,6408,5121,U0x0)\nglBindFramebuffer(GL_FRAMEBUFFER,1)\n\
+                glFramebufferTexture2D(GL_FRAMEBUFFER,GL_COLOR_ATTACHMENT0,3553,1,0)\nglViewport(0,0,16,16)\n\
+                glClearColor(0,0,1,1)\nglClear(GL_COLOR_BUFFER_BIT)\nglColor3f(1,0,0)\nglRectf(-1,-1,0,1)\n\
+                glBindFramebuffer(GL_DRAW_FRAMEBUFFER,0)\nglBlitFramebuffer(0,0,16,16,0,0,16,16,16384,9728)\nwglSwapBuffers(1)\n";
+    let (trace, report) =
+        import_bytes(Path::new("x.txt"), text.as_bytes().to_vec(), [&[], &[]], &Reading::default()).expect("a recording");
+    assert_eq!(report.refusal(), None);
+    let image = last_of(&trace);
+    assert_eq!((image.at(3, 8), image.at(12, 8)), (RED, BLUE));
+}
+
+#[test]
 fn no_colour_buffer_is_drawn_to_after_an_empty_list() {
     let calls = |list: &str| format!("glColor3f(1,0,0)\n{list}\n{QUAD}");
     assert_eq!(shown(&calls("glDrawBuffers(0,U0x0)"), &[]).at(8, 8), BLACK);

@@ -10,7 +10,7 @@ use super::copies::{CopyKey, From, Map, Meet, row_edge};
 use super::draw::kind_of;
 use super::image::Kept;
 use super::key::{Base, Kind};
-use super::machine::Gl;
+use super::machine::{Gl, WINDOW_MAX};
 use super::names;
 use super::state::TARGETS;
 use super::texture::{FromTarget, Level};
@@ -576,6 +576,11 @@ pub(super) fn blit(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
     }
     if mask & e::STENCIL_BUFFER_BIT != 0 {
         return Err(Fault::Unsupported("blits of stencil values".into()));
+    }
+    // A program that draws everything into framebuffer objects gives the window no viewport: what it copies there says how large the window is.
+    if gl.draw_framebuffer == 0 {
+        let reach = |a: f32, b: f32| a.max(b).clamp(0.0, WINDOW_MAX as f32) as u32;
+        gl.window([reach(x0, x1), reach(y0, y1)], false)?;
     }
     let target = gl.aim()?;
     if target.more[0].is_some() && mask & e::COLOR_BUFFER_BIT != 0 {

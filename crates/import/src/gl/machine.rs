@@ -32,7 +32,7 @@ use super::table::{self, Entry, Moment};
 use super::texture::Texture;
 
 /// Maximum width and height of a window.
-const WINDOW_MAX: u32 = 16_384;
+pub(super) const WINDOW_MAX: u32 = 16_384;
 /// Maximum number of objects of each kind, so that a recording cannot use much memory with few calls.
 const NAMES_MAX: usize = 1 << 20;
 /// Maximum number of calls that display lists run: this many, and more for each call of the recording. Nested lists cause much work with
