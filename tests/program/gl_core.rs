@@ -274,6 +274,25 @@ fn a_blit_says_how_large_a_window_is() {
 }
 
 #[test]
+fn a_texture_that_is_deleted_leaves_the_bound_framebuffer_object() {
+    let target = "glBindTexture(3553,1)\nglTexParameteri(3553,10241,9728)\nglTexImage2D(3553,0,6408,16,16,0,6408,5121,U0x0)\n\
+                  glBindFramebuffer(GL_FRAMEBUFFER,1)\nglFramebufferTexture2D(GL_FRAMEBUFFER,GL_COLOR_ATTACHMENT0,3553,1,0)\n";
+    // Bound: the object has no image any more, and takes another one.
+    let calls = format!(
+        "{target}glDeleteTextures(1,{{1}})\n{target}glClearColor(1,0,0,1)\nglClear(16384)\n\
+         glBindFramebuffer(GL_DRAW_FRAMEBUFFER,0)\nglBlitFramebuffer(0,0,16,16,0,0,16,16,16384,9728)"
+    );
+    assert_eq!(shown(&calls, &[]).at(3, 5), RED);
+    // Not bound: OpenGL would keep the texture, also beside a new one of the same name.
+    let unbound = format!("{target}glBindFramebuffer(GL_FRAMEBUFFER,0)\nglDeleteTextures(1,{{1}})\n");
+    shown(&format!("{unbound}{QUAD}"), &[]);
+    for again in ["", "glBindTexture(3553,1)\nglTexImage2D(3553,0,6408,16,16,0,6408,5121,U0x0)\n"] {
+        let (why, _) = refused(&format!("{unbound}{again}glBindFramebuffer(GL_FRAMEBUFFER,1)\nglClear(16384)"), &[]);
+        assert!(why.contains("attached to a frame buffer object that is not bound"), "{why}");
+    }
+}
+
+#[test]
 fn no_colour_buffer_is_drawn_to_after_an_empty_list() {
     let calls = |list: &str| format!("glColor3f(1,0,0)\n{list}\n{QUAD}");
     assert_eq!(shown(&calls("glDrawBuffers(0,U0x0)"), &[]).at(8, 8), BLACK);

@@ -55,13 +55,25 @@ impl Framebuffer {
         self.colors.iter_mut().chain([&mut self.depth, &mut self.stencil])
     }
 
-    /// Marks attachments of a texture that another context deletes.
+    /// Detaches a texture.
+    fn detach_texture(&mut self, name: u32) {
+        let attached = self.attached().filter(|at| matches!(at, Attached::Texture(own, ..) if *own == name));
+        attached.for_each(|at| *at = Attached::Nothing);
+    }
+
+    /// Detaches a render buffer.
+    fn detach_renderbuffer(&mut self, name: u32) {
+        let attached = self.attached().filter(|at| matches!(at, Attached::Renderbuffer(own) if *own == name));
+        attached.for_each(|at| *at = Attached::Nothing);
+    }
+
+    /// Marks attachments of a texture that is deleted and would stay alive as long as it is attached.
     pub fn lose_texture(&mut self, name: u32) {
         let names = self.attached().filter_map(|at| if let Attached::Texture(name, ..) = at { Some(name) } else { None });
         lose(names, name);
     }
 
-    /// Marks attachments of a render buffer that another context deletes.
+    /// Marks attachments of a render buffer that is deleted and would stay alive as long as it is attached.
     pub fn lose_renderbuffer(&mut self, name: u32) {
         let names = self.attached().filter_map(|at| if let Attached::Renderbuffer(name) = at { Some(name) } else { None });
         lose(names, name);
@@ -72,6 +84,22 @@ impl Default for Framebuffer {
     fn default() -> Self {
         let (draw, read) = (alone(e::COLOR_ATTACHMENT0), e::COLOR_ATTACHMENT0);
         Framebuffer { colors: [Attached::Nothing; COLORS], depth: Attached::Nothing, stencil: Attached::Nothing, draw, read }
+    }
+}
+
+impl Gl {
+    /// Has frame buffer objects part from an object that is deleted: those that are bound `detach` it, and the others `lose` it.
+    fn part_from(&mut self, detach: impl Fn(&mut Framebuffer), lose: impl Fn(&mut Framebuffer)) {
+        for name in self.framebuffers.keys() {
+            let is_bound = [self.draw_framebuffer, self.read_framebuffer].contains(&name);
+            let Some(object) = self.framebuffers.get_mut(name) else { continue };
+            if is_bound { detach(object) } else { lose(object) }
+        }
+    }
+
+    /// Has frame buffer objects part from a texture that is deleted.
+    pub(super) fn part_from_texture(&mut self, name: u32) {
+        self.part_from(|object| object.detach_texture(name), |object| object.lose_texture(name));
     }
 }
 
@@ -397,6 +425,7 @@ pub(super) fn delete_renderbuffers(gl: &mut Gl, call: &Call, _: Shape) -> Outcom
     for &name in call.numbers(1)?.iter() {
         if let Some(mut buffer) = gl.renderbuffers.remove(name as u32) {
             gl.contexts.sharing().for_each(|context| context.lose_renderbuffer(name as u32));
+            gl.part_from(|object| object.detach_renderbuffer(name as u32), |object| object.lose_renderbuffer(name as u32));
             buffer.free(&mut gl.card);
         }
     }

@@ -51,6 +51,7 @@ pub(super) fn delete(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
         let name = name as u32;
         if let Some(mut texture) = gl.textures.remove(name).filter(|_| name != 0) {
             gl.contexts.sharing().for_each(|context| context.lose_texture(name));
+            gl.part_from_texture(name);
             texture.free(&mut gl.card);
             for bound in gl.state.units.iter_mut().flat_map(|unit| &mut unit.bound).filter(|bound| **bound == name) {
                 *bound = 0;
