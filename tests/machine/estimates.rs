@@ -182,7 +182,7 @@ fn a_bound_moves_with_the_unit_that_bounds_and_with_no_other() {
     assert!(apart > 1.2 * cycles(&run("corridor", Fidelity::Bound, &narrow[..3])));
 }
 
-/// A trace that draws a strip with a program, so many vertices and instances, and shows how many fragments were shaded.
+/// A trace that draws a strip with a program and shows how many fragments were shaded. The arguments are the numbers of vertices and instances.
 fn counting_trace(samples: u32, source: &str, [vertices, instances]: [u32; 2]) -> Trace {
     let mut card = Recorder::new("counts");
     let sized = |format| match samples {

@@ -194,7 +194,7 @@ fn address_space() -> u64 {
 const FREE_EXPANSION: u64 = 64 << 20;
 
 impl Limits {
-    /// Whether so many packed bytes may become so many others.
+    /// Checks that `packed` bytes may become `expanded` bytes.
     ///
     /// # Errors
     /// If they become more than the limit allows.

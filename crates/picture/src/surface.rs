@@ -57,7 +57,7 @@ pub fn picture(surface: &Surface, bytes: &[u8]) -> Result<RgbaImage, String> {
 pub fn colors(surface: &Surface, bytes: &[u8]) -> Result<RgbImage, String> {
     let image = picture(surface, bytes)?;
     let out = image.pixels().flat_map(|pixel| [pixel[0], pixel[1], pixel[2]]).collect();
-    Ok(RgbImage::from_raw(surface.width, surface.height, out).expect("three bytes a pixel"))
+    Ok(RgbImage::from_raw(surface.width, surface.height, out).expect("three bytes per pixel"))
 }
 
 /// Puts the stored bytes of a texel in order.

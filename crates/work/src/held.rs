@@ -61,7 +61,7 @@ pub struct StoreShape {
 /// The formats whose stored texels are the same words.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum TexelClass {
-    /// Colours of so many bytes: a view decides what they stand for.
+    /// Colours, by the number of their bytes. A view decides what they stand for.
     Color(u32),
     /// Depth and stencil have one format only, whatever aspect a view names.
     DepthStencil(Format),

@@ -74,7 +74,7 @@ const BLACK: [f64; 4] = [0.0, 0.0, 0.0, 1.0];
 /// Its alpha is that of [`red`].
 const WHITE: [f64; 4] = [1.0, 1.0, 1.0, 0.0625];
 
-/// The number of a colour whose red is so many sixteenths; its alpha is one of them.
+/// The number of a colour whose red is a number of sixteenths; its alpha is one sixteenth.
 fn red(sixteenths: u32) -> u32 {
     sixteenths
 }

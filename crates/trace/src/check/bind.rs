@@ -140,7 +140,7 @@ pub fn bind_group_layout(entries: &[LayoutEntry]) -> Result<Vec<LayoutEntry>, St
     Ok(sorted)
 }
 
-/// The rules of a pipeline layout of so many groups.
+/// The rules of a pipeline layout with this number of groups.
 ///
 /// # Errors
 /// The rule that is broken.

@@ -20,7 +20,7 @@ pub fn run(source: Source<'_>, inputs: &[u32]) -> Result<Vec<u32>, String> {
     run_words(source, inputs, 64)
 }
 
-/// Runs a module with so many words for its results.
+/// Runs a module whose result buffer has this number of words.
 pub fn run_words(source: Source<'_>, inputs: &[u32], words: usize) -> Result<Vec<u32>, String> {
     let module = Module::new("tree", source).map_err(|e| e.to_string())?;
     let program = compile(&module, Stage::Compute, None, &Options::default()).map_err(|e| e.to_string())?;
