@@ -254,7 +254,7 @@ impl DramConfig {
 
     /// Bank and row of an address within the channel.
     #[inline(always)]
-    fn place(&self, address: u64) -> (u32, u64) {
+    pub(crate) fn place(&self, address: u64) -> (u32, u64) {
         let index = address >> self.row_bytes.trailing_zeros();
         let banks = u64::from(self.banks);
         let (row, bank) = (index / banks, index % banks);

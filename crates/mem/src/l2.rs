@@ -5,6 +5,7 @@ use std::collections::VecDeque;
 use super::cache::{self, CACHES, Cache, CacheShape};
 use super::misses::Misses;
 use super::port::{DramAnswer, DramRequest, Kind, SliceAnswer, SliceRequest};
+use super::system::ChannelShare;
 use knob::Allowed;
 use sim::{Budget, Counted, In, Out, Tick, Unit, Wires};
 use stats::Heading;
@@ -89,13 +90,14 @@ pub struct L2Slice {
     free: Vec<u32>,
     /// Entries that can be answered.
     ready: VecDeque<u32>,
-    /// Requests for DRAM, not yet sent.
+    /// Requests for DRAM, not yet sent, with addresses within the slice.
     outgoing: VecDeque<DramRequest>,
     /// The next byte of the request at the head to be looked up, from its address, and its entry.
     done: u32,
     entry: Option<u32>,
     items: u64,
     counts: L2Counts,
+    share: ChannelShare,
     input: In<SliceRequest>,
     output: Out<SliceAnswer>,
     to_dram: Out<DramRequest>,
@@ -106,12 +108,13 @@ pub struct L2Slice {
 const OUTGOING: usize = 4;
 
 impl L2Slice {
-    /// An empty slice.
+    /// An empty slice, which has a share of its channel's addresses.
     ///
     /// # Panics
     /// If its cache has no shape, which a [`MemoryPlan`](super::MemoryPlan) refuses.
     pub fn new(
         config: L2Config,
+        share: ChannelShare,
         input: In<SliceRequest>,
         output: Out<SliceAnswer>,
         to_dram: Out<DramRequest>,
@@ -131,6 +134,7 @@ impl L2Slice {
             items: 0,
             counts: L2Counts::default(),
             config,
+            share,
             input,
             output,
             to_dram,
@@ -244,6 +248,7 @@ impl L2Slice {
             if !wires.can_push(&self.to_dram) {
                 return did.or(Tick::Memory);
             }
+            let request = DramRequest { address: self.share.address(request.address), ..request };
             wires.push_sized(&self.to_dram, request, u32::from(request.bytes));
             self.outgoing.pop_front();
             did = Tick::Moved;

@@ -28,8 +28,8 @@ pub use port::{
     Answer, DramAnswer, DramRequest, Kind, MemoryPort, REQUEST_BYTES, Request, SliceAnswer, SliceRequest, requests,
 };
 pub use system::{
-    Interleave, Memory, MemoryConfig, MemoryIds, MemoryKind, MemoryKnobs, MemoryPlan, MemoryUnits, PortShape, client_sums,
-    memory_tree,
+    ChannelShare, Interleave, Memory, MemoryConfig, MemoryIds, MemoryKind, MemoryKnobs, MemoryPlan, MemoryUnits, PortShape,
+    client_sums, memory_tree,
 };
 #[cfg(test)]
 mod tests;

@@ -53,6 +53,32 @@ impl Interleave {
     }
 }
 
+/// The part of a channel's addresses that belongs to one of its slices. Slices of a channel take runs of its addresses in turn, so that
+/// no byte of one slice has the bank, row and column of a byte of another, and a row is shared by neighbours.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct ChannelShare {
+    /// Number of the slice among the slices of its channel.
+    slice: u32,
+    /// Slices of the channel.
+    slices: u32,
+    /// Log2 of the bytes of a run.
+    shift: u32,
+}
+
+impl ChannelShare {
+    /// The share of a slice where `slices` slices, dealt runs as `interleave` says, stand in front of `channels` channels in turn.
+    pub(crate) fn new(interleave: Interleave, slice: u32, channels: u32) -> ChannelShare {
+        ChannelShare { slice: slice / channels, slices: interleave.slices / channels, shift: interleave.shift }
+    }
+
+    /// The address within the channel that an address within the slice has.
+    #[inline(always)]
+    pub fn address(&self, address: u64) -> u64 {
+        let run = (address >> self.shift) * u64::from(self.slices) + u64::from(self.slice);
+        run << self.shift | (address & ((1 << self.shift) - 1))
+    }
+}
+
 /// What stands behind the clients' ports.
 #[derive(Clone, Copy, Debug)]
 pub enum MemoryConfig {
@@ -300,7 +326,8 @@ impl MemoryPlan {
                     from_slices.push(from_slice);
                     ports[channel].requests.push(at_dram);
                     ports[channel].answers.push(from_dram);
-                    memory.l2.push(L2Slice::new(l2, input, output, to, from));
+                    let share = ChannelShare::new(self.interleave, slice as u32, channels);
+                    memory.l2.push(L2Slice::new(l2, share, input, output, to, from));
                 }
                 memory.dram = ports.into_iter().map(|ports| Dram::new(dram, ports.requests, ports.answers)).collect();
                 memory.crossbar = Some(Crossbar::new(self.interleave, self.requests, to_slices));

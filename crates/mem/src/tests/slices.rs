@@ -64,7 +64,7 @@ pub(super) fn is_done(machine: &Rig) -> bool {
         && machine.tally().1.iter().all(|&resident| resident == 0)
 }
 
-fn go(config: MemoryConfig, orders: Vec<Vec<Order>>) -> Rig {
+pub(super) fn go(config: MemoryConfig, orders: Vec<Vec<Order>>) -> Rig {
     let mut every = rig(config, orders.clone());
     run(&mut every, &mut (), Clock::EveryCycle, 10_000, |m, _| is_done(m)).unwrap();
     let mut machine = rig(config, orders.clone());
