@@ -17,6 +17,7 @@ macro_rules! eprintln {
 
 mod accuracy;
 mod attila;
+mod card;
 mod compare;
 mod configs;
 mod import;

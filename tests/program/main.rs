@@ -2,6 +2,7 @@
 
 mod accuracy;
 mod attila;
+mod card;
 mod cli;
 mod commands;
 mod compare;

@@ -1,8 +1,12 @@
 //! Machines for checks, and their statistics.
 
-use anyhow::{Context, Result, ensure};
+use std::collections::BTreeMap;
+use std::sync::atomic::{AtomicUsize, Ordering};
+
+use anyhow::{Context, Result, anyhow, ensure};
 
 use machine::{Config, Machine, MachineReport};
+use num::OUR_FAULT;
 use sim::{Clock, UNITS, UnitCounts};
 use stats::{Group, Heading, Tree};
 use synthetic::{Scene, events};
@@ -82,4 +86,33 @@ pub fn wrong_pixels(report: &MachineReport) -> Result<u64> {
     ensure!(!report.frames.is_empty(), "the run has no frame");
     let wrong = report.frames.iter().map(|frame| frame.picture.as_ref().map(|picture| picture.wrong_pixels));
     wrong.sum::<Option<u64>>().context("a frame has no picture")
+}
+
+/// Runs so many pieces of work, as many at once as there are threads; what they come to is in their order. A machine waits for its renderer,
+/// so that none of these threads may be one of those on which renderers draw.
+///
+/// # Errors
+/// The first piece's that fails, or that a thread cannot be started. `name` is what messages call a piece.
+pub fn on_threads<T: Send>(pieces: usize, name: &str, run: &(dyn Fn(usize) -> Result<T> + Sync)) -> Result<Vec<T>> {
+    let next = AtomicUsize::new(0);
+    let work = || {
+        let mut done = Vec::new();
+        loop {
+            let at = next.fetch_add(1, Ordering::Relaxed);
+            if at >= pieces {
+                return done;
+            }
+            done.push((at, run(at)));
+        }
+    };
+    let done = std::thread::scope(|scope| -> Result<BTreeMap<usize, Result<T>>> {
+        let start = |_| std::thread::Builder::new().name(name.to_owned()).spawn_scoped(scope, work);
+        let threads = (0..rayon::current_num_threads().min(pieces)).map(start).collect::<Result<Vec<_>, _>>();
+        let threads = threads.with_context(|| format!("cannot start a thread for a {name}"))?;
+        let ended = threads
+            .into_iter()
+            .map(|thread| thread.join().map_err(|_| anyhow!("a {name} stopped on an internal error. {OUR_FAULT}")));
+        Ok(ended.collect::<Result<Vec<_>>>()?.into_iter().flatten().collect())
+    })?;
+    done.into_values().collect()
 }

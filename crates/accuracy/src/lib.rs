@@ -8,6 +8,7 @@
 //! `docs/README.md` says.
 
 pub mod attila;
+pub mod card;
 pub mod classes;
 mod depth;
 mod draws;

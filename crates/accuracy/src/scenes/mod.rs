@@ -35,12 +35,9 @@ mod shadow;
 mod shapes;
 mod stage;
 
-use std::collections::BTreeMap;
-use std::sync::atomic::{AtomicUsize, Ordering};
-
 use anyhow::{Context, Result, anyhow};
-use num::OUR_FAULT;
 
+use super::harness::on_threads;
 use super::{Setting, hint};
 
 pub use page::{markdown, pictures, text};
@@ -137,31 +134,12 @@ impl Scene {
     }
 }
 
-/// Plays scenes, as many at once as there are threads; what they come to is in the order of the scenes. A machine waits for its renderer, so
-/// that none of these threads may be one of those on which renderers draw.
+/// Plays scenes, as many at once as there are threads; what they come to is in the order of the scenes.
 ///
 /// # Errors
 /// The first scene's that does not run, or that a thread cannot be started.
 pub fn run(scenes: &[&'static Scene], setting: &Setting) -> Result<Vec<Outcome>> {
-    let next = AtomicUsize::new(0);
-    let play = || {
-        let mut played = Vec::new();
-        loop {
-            let at = next.fetch_add(1, Ordering::Relaxed);
-            let Some(scene) = scenes.get(at) else { return played };
-            played.push((at, scene.run(setting)));
-        }
-    };
-    let played = std::thread::scope(|scope| -> Result<BTreeMap<usize, Result<Outcome>>> {
-        let start = |_| std::thread::Builder::new().name("scene".into()).spawn_scoped(scope, play);
-        let threads = (0..rayon::current_num_threads().min(scenes.len())).map(start).collect::<Result<Vec<_>, _>>();
-        let threads = threads.context("cannot start a thread for scenes")?;
-        let ended = threads
-            .into_iter()
-            .map(|thread| thread.join().map_err(|_| anyhow!("a scene stopped on an internal error. {OUR_FAULT}")));
-        Ok(ended.collect::<Result<Vec<_>>>()?.into_iter().flatten().collect())
-    })?;
-    played.into_values().collect()
+    on_threads(scenes.len(), "scene", &|at| scenes[at].run(setting))
 }
 
 /// The scene of that name.

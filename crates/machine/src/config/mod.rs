@@ -55,6 +55,10 @@ pub const BUILT_IN: &[(&str, &str)] = &[
     ("sort-last-image", include_str!("../../../../configs/sort-last-image.ron")),
     ("geforce2-ultra", include_str!("../../../../configs/geforce2-ultra.ron")),
     ("gtx-titan", include_str!("../../../../configs/gtx-titan.ron")),
+    ("gtx-980", include_str!("../../../../configs/gtx-980.ron")),
+    ("rx-5700-xt", include_str!("../../../../configs/rx-5700-xt.ron")),
+    ("mali-g57-mc2", include_str!("../../../../configs/mali-g57-mc2.ron")),
+    ("radeon-x700-xt", include_str!("../../../../configs/radeon-x700-xt.ron")),
 ];
 
 /// Their names, as messages list them.

@@ -1,0 +1,166 @@
+//! Vertices, triangles and draws.
+
+use anyhow::Result;
+
+use super::bench::Bench;
+use super::recipes::{Grid, Mesh};
+use super::{Because, Benchmark, Class, Family, seen, unconfirmed};
+use gfx::state::*;
+
+/// A benchmark of this family on the GeForce GTX 980.
+const GEOMETRY: Benchmark = Benchmark {
+    name: "",
+    family: Family::Geometry,
+    card: "gtx-980",
+    what: "",
+    unit: "",
+    published: &[],
+    class: Class::B,
+    source: seen(""),
+    formula: None,
+    fault: &[],
+    because: None,
+    quick: false,
+    measure: |_| Ok(Vec::new()),
+};
+
+pub(super) const BENCHMARKS: &[Benchmark] = &[
+    Benchmark {
+        name: "tri-cull",
+        what: "an indexed grid that faces away",
+        unit: "triangles/cycle",
+        published: &[8.0],
+        source: unconfirmed("16 PolyMorph engines, half a primitive each; zeux 2023: two culled for one drawn is typical"),
+        fault: &["assembly.primitives_per_cycle=2"],
+        quick: true,
+        measure: |bench| Ok(vec![triangles(bench, CULLED, IndexFormat::Uint16)?]),
+        ..GEOMETRY
+    },
+    Benchmark {
+        name: "tri-draw",
+        what: "an indexed grid of cells of 2x2 pixels",
+        unit: "triangles/cycle",
+        published: &[4.0],
+        source: unconfirmed(
+            "four raster engines; measured one each on an RTX 3090 (flanks devlog 0173: 70 to 76 ps, 7 engines)",
+        ),
+        fault: &["setup.interval=2"],
+        quick: true,
+        measure: |bench| Ok(vec![triangles(bench, DRAWN, IndexFormat::Uint16)?]),
+        ..GEOMETRY
+    },
+    Benchmark {
+        name: "tri-size",
+        what: "cells of 2, 4, 8, 16, 32 pixels",
+        unit: "triangles/cycle",
+        published: &[4.0, 4.0, 64.0 / 40.0, 64.0 / 144.0, 64.0 / 544.0],
+        class: Class::Shape,
+        source: seen("min(4 triangles, 64 pixels of the quads that they touch): GeForce GTX 980 white paper, p. 7"),
+        fault: &["traverse.quads_per_cycle=1"],
+        measure: sizes,
+        ..GEOMETRY
+    },
+    Benchmark {
+        name: "tri-reuse",
+        what: "indices 0, 1, 2 repeated to 96, 99, 384 indices",
+        unit: "vertex invocations",
+        published: &[3.0, 6.0, 12.0],
+        class: Class::Exact,
+        source: seen("Kerbl et al. 2018 (GTX 1080 Ti): batches of at most 96 indices share nothing"),
+        fault: &["fetch.reuse=1"],
+        because: Some(Because { what: "vertices are reused by a FIFO, not by batches of 96 indices", off: -0.750 }),
+        measure: reused,
+        ..GEOMETRY
+    },
+    Benchmark {
+        name: "tri-index",
+        what: "the grid of tri-cull with indices of 32 bits",
+        unit: "of the rate with 16 bits",
+        published: &[1.0],
+        class: Class::A,
+        source: seen("12 bytes of indices a triangle are 96 of 199 bytes a cycle"),
+        fault: &["fetch.index_lines=4"],
+        because: Some(Because { what: "the fetch unit has one port of 64 bytes a cycle", off: -0.312 }),
+        measure: |bench| {
+            Ok(vec![triangles(bench, CULLED, IndexFormat::Uint32)? / triangles(bench, CULLED, IndexFormat::Uint16)?])
+        },
+        ..GEOMETRY
+    },
+    Benchmark {
+        name: "draws",
+        what: "draws of 1, 16, 256 culled triangles of one mesh, same state",
+        unit: "cycles/draw",
+        published: &[8.0, 8.0, 32.0],
+        class: Class::C,
+        source: unconfirmed(
+            "no drain between draws of one state: commands (command.command_cycles, assumed 8) or triangles (8 a cycle)",
+        ),
+        fault: &["command.command_cycles=64", "memory.port_latency=300"],
+        because: Some(Because { what: "sort-middle fetches the indices of a draw when the one before has left", off: 47.818 }),
+        measure: draws,
+        ..GEOMETRY
+    },
+    Benchmark {
+        name: "tri-cull",
+        card: "rx-5700-xt",
+        what: "an indexed grid that faces away",
+        unit: "triangles/cycle",
+        published: &[8.0],
+        source: seen("AMD, RDNA architecture white paper: four primitive units cull two each; quoted by zeux 2023"),
+        fault: &["assembly.primitives_per_cycle=2"],
+        measure: |bench| Ok(vec![triangles(bench, CULLED, IndexFormat::Uint16)?]),
+        ..GEOMETRY
+    },
+    Benchmark {
+        name: "tri-draw",
+        card: "rx-5700-xt",
+        what: "an indexed grid of cells of 2x2 pixels",
+        unit: "triangles/cycle",
+        published: &[4.0],
+        source: seen("AMD, RDNA architecture white paper: four primitive units send one each"),
+        fault: &["setup.interval=2"],
+        quick: true,
+        measure: |bench| Ok(vec![triangles(bench, DRAWN, IndexFormat::Uint16)?]),
+        ..GEOMETRY
+    },
+];
+
+const CULLED: CullMode = CullMode::Back;
+const DRAWN: CullMode = CullMode::Front;
+
+/// Triangles a cycle of a grid of cells of 2x2 pixels.
+fn triangles(bench: &Bench, cull: CullMode, indices: IndexFormat) -> Result<f64> {
+    let grid = Grid { cull, indices, ..Grid::plain(128, 256) };
+    Ok(f64::from(2 * 128 * 128) / bench.slope(&|draws| grid.trace(draws), [1, 3])?)
+}
+
+fn sizes(bench: &Bench) -> Result<Vec<f64>> {
+    let of = |size: u32| {
+        let cells = 256 / size;
+        let draws = if size > 4 { [4, 12] } else { [1, 3] };
+        let grid = Grid { cull: DRAWN, ..Grid::plain(cells, 256) };
+        Ok(f64::from(2 * cells * cells) / bench.slope(&|draws| grid.trace(draws), draws)?)
+    };
+    [2, 4, 8, 16, 32].into_iter().map(of).collect()
+}
+
+fn reused(bench: &Bench) -> Result<Vec<f64>> {
+    let of = |indices: u32| {
+        let mesh = Mesh {
+            positions: vec![[-1.0, -1.0], [1.0, -1.0], [-1.0, 1.0]],
+            indices: (0..indices).map(|n| n % 3).collect(),
+            format: IndexFormat::Uint16,
+        };
+        let phase = bench.last(&mesh.trace(16, CullMode::None, "return vec4f(1.0);", &[[0, indices / 3]]))?;
+        Ok(phase.counts.funnel.vertices_shaded as f64)
+    };
+    [96, 99, 384].into_iter().map(of).collect()
+}
+
+fn draws(bench: &Bench) -> Result<Vec<f64>> {
+    let of = |triangles: u32| {
+        let grid = Grid { cull: CULLED, ..Grid::plain(64, 128) };
+        bench.slope(&|draws| grid.parts(draws, triangles), [64, 320])
+    };
+    [1, 16, 256].into_iter().map(of).collect()
+}
