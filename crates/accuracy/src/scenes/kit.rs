@@ -245,13 +245,9 @@ impl Kit {
             })
             .collect();
         let depth = pass.depth.map(|(target, clear)| DepthAttachment {
-            view: target.view,
             depth_clear: clear.map(|(depth, _)| depth).filter(|_| target.format.has_depth()),
-            depth_store: true,
-            depth_read_only: false,
             stencil_clear: clear.map(|(_, stencil)| stencil).filter(|_| target.format.has_stencil()),
-            stencil_store: true,
-            stencil_read_only: false,
+            ..record::load_depth(target.view)
         });
         let mut open = self.card.begin_render_pass_with(color, depth, pass.queries);
         for (pipeline, group, attributes, draw) in made {

@@ -330,13 +330,9 @@ impl Card {
         };
         let color: Vec<_> = target.colors().map(attachment).collect();
         let depth = target.depth.map(|depth| DepthAttachment {
-            view: depth.view,
             depth_clear: pass.depth,
-            depth_store: true,
-            depth_read_only: false,
             stencil_clear: pass.stencil,
-            stencil_store: true,
-            stencil_read_only: false,
+            ..record::load_depth(depth.view)
         });
         // A query of the recording becomes one query of the set in each pass that it spans.
         let mut queries: Vec<u64> = pass.draws.iter().filter_map(|draw| draw.query).collect();

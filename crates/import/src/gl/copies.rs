@@ -155,15 +155,7 @@ impl Card {
         let group = self.recorder.create_bind_group(layout, entries);
         {
             let color = (format != DEPTH).then(|| record::load(to.view));
-            let attached = (format == DEPTH).then_some(DepthAttachment {
-                view: to.view,
-                depth_clear: None,
-                depth_store: true,
-                depth_read_only: false,
-                stencil_clear: None,
-                stencil_store: true,
-                stencil_read_only: false,
-            });
+            let attached = (format == DEPTH).then(|| record::load_depth(to.view));
             let mut pass = self.recorder.begin_render_pass(color, attached);
             pass.set_pipeline(pipeline);
             pass.set_scissor(area);

@@ -3,6 +3,7 @@
 use gfx::state::{Rect, Viewport};
 use num::*;
 use trace::command::*;
+use trace::record;
 
 use super::objects::Reason;
 use super::pipeline::check_multiview;
@@ -151,15 +152,7 @@ impl Translator {
 
     fn depth_attachment(&self, a: schema::RenderPassDepthStencilAttachment) -> Result<DepthAttachment, Reason> {
         let view = self.objects.views.get(a.view)?;
-        let mut native = DepthAttachment {
-            view: view.id,
-            depth_clear: None,
-            depth_store: true,
-            depth_read_only: false,
-            stencil_clear: None,
-            stencil_store: true,
-            stencil_read_only: false,
-        };
+        let mut native = record::load_depth(view.id);
         // wgpu marks an aspect that the format does not have as read-only.
         if view.format.has_depth() {
             (native.depth_clear, native.depth_store, native.depth_read_only) = channel(a.depth);

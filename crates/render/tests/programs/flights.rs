@@ -215,13 +215,9 @@ fn depths(count: usize) -> Trace {
         card.write_buffer(uniforms, 0, "uniforms", bytes(&bits(&[2.0, aside, 0.0, next()])));
         let first = frame == 0;
         let depth = DepthAttachment {
-            view: depth_view,
             depth_clear: first.then_some(1.0),
-            depth_store: true,
-            depth_read_only: false,
             stencil_clear: first.then_some(0),
-            stencil_store: true,
-            stencil_read_only: false,
+            ..record::load_depth(depth_view)
         };
         let pipeline = match frame {
             3 | 7 => writes,

@@ -158,19 +158,6 @@ fn test(format: Format, stencil: bool) -> DepthStencil {
     }
 }
 
-/// A depth attachment that is loaded and kept.
-fn loaded(view: ViewId) -> DepthAttachment {
-    DepthAttachment {
-        view,
-        depth_clear: None,
-        depth_store: true,
-        depth_read_only: false,
-        stencil_clear: None,
-        stencil_store: true,
-        stencil_read_only: false,
-    }
-}
-
 /// What of a depth attachment's aspects is there after a pass that clears it to depth 0.5 and stencil value 0x17f, as tests of a second pass see it.
 fn tested(format: Format, stores: [bool; 2], in_one_pass: bool, asks: &[(bool, u32, bool)]) {
     for samples in [1, 4] {
@@ -184,14 +171,14 @@ fn tested(format: Format, stores: [bool; 2], in_one_pass: bool, asks: &[(bool, u
             depth_store: stores[0],
             stencil_clear: format.has_stencil().then_some(0x17f),
             stencil_store: stores[1],
-            ..loaded(depth_view)
+            ..record::load_depth(depth_view)
         };
         if !in_one_pass {
             drop(stage.card.begin_render_pass([], Some(cleared.clone())));
         }
         for &(stencil, value, _) in asks {
             let pipeline = stage.pipeline(Format::Rgba8Unorm, samples, Some(test(format, stencil)));
-            let attachment = if in_one_pass { cleared.clone() } else { loaded(depth_view) };
+            let attachment = if in_one_pass { cleared.clone() } else { record::load_depth(depth_view) };
             let target = if samples > 1 { color_view } else { shown_view };
             let color = ColorAttachment { resolve: (samples > 1).then_some(shown_view), ..record::clear(target, BLACK) };
             let mut pass = stage.card.begin_render_pass([color], Some(attachment));
@@ -260,7 +247,7 @@ fn depths_that_a_cache_has_kept_of_one_image_say_nothing_of_another() {
         (far, None, &[(tests, 1, 5), (tests, 4, 8)]),
     ];
     for (depth, depth_clear, draws) in passes {
-        let depth = DepthAttachment { depth_clear, ..loaded(depth) };
+        let depth = DepthAttachment { depth_clear, ..record::load_depth(depth) };
         let mut pass = stage.card.begin_render_pass([record::clear(shown_view, BLACK)], Some(depth));
         for &(pipeline, depth, color) in draws {
             pass.set_pipeline(pipeline);

@@ -729,15 +729,7 @@ impl Generator<'_, '_> {
                 draws.push((self.pipeline(key), STENCILS[at as usize], instance));
             }
         }
-        let attachment = DepthAttachment {
-            view: depth.view,
-            depth_clear: None,
-            depth_store: true,
-            depth_read_only: false,
-            stencil_clear: None,
-            stencil_store: true,
-            stencil_read_only: false,
-        };
+        let attachment = record::load_depth(depth.view);
         let color = ColorAttachment { resolve, ..record::clear(color.view, [0.0, 0.0, 0.0, 1.0]) };
         let mut pass = self.card.begin_render_pass([color], Some(attachment));
         for (pipeline, reference, instance) in draws {

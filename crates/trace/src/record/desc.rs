@@ -103,15 +103,20 @@ pub fn clear_and_resolve(view: ViewId, color: [f64; 4], resolve: ViewId) -> Colo
 
 /// A depth attachment that is cleared to the far plane; kept if `store`.
 pub fn clear_depth(view: ViewId, store: bool) -> Option<DepthAttachment> {
-    Some(DepthAttachment {
+    Some(DepthAttachment { depth_clear: Some(1.0), depth_store: store, ..load_depth(view) })
+}
+
+/// A depth attachment whose depths and stencil values are loaded, written and kept.
+pub fn load_depth(view: ViewId) -> DepthAttachment {
+    DepthAttachment {
         view,
-        depth_clear: Some(1.0),
-        depth_store: store,
+        depth_clear: None,
+        depth_store: true,
         depth_read_only: false,
         stencil_clear: None,
         stencil_store: true,
         stencil_read_only: false,
-    })
+    }
 }
 
 /// A uniform buffer in a layout.
