@@ -40,7 +40,7 @@ pub fn run(arguments: &Arguments) -> Result<Verdict> {
         trace::write(&trace, out).inspect_err(|_| remove(&trace, out, is_new))?;
     }
     println!("{}", out.display());
-    Ok(Verdict::Done)
+    Ok(super::reading::verdict(&trace))
 }
 
 /// Removes what has been written of a trace: without its command list, which is written last, it is none, and would be in the way of the

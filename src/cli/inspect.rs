@@ -106,9 +106,6 @@ pub fn run(arguments: &Arguments) -> Result<Verdict> {
     if skips > skipped.len() as u64 {
         println!("left out: {} more", grouped(skips - skipped.len() as u64));
     }
-    for warning in &origin.warnings {
-        println!("warning: {warning}");
-    }
     if arguments.device_limits && !origin.details.is_empty() {
         println!("limits asked for:");
         origin.details.iter().for_each(|(name, value)| println!("  {name:<56}{value:>12}"));

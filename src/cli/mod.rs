@@ -75,6 +75,13 @@ enum Verdict {
     Failed,
 }
 
+impl Verdict {
+    /// [`Verdict::Failed`] if either part failed.
+    fn and(self, other: Verdict) -> Verdict {
+        if other == Verdict::Failed { other } else { self }
+    }
+}
+
 /// Exit code of a program whose reader has gone: what shells report for one that the signal of a broken pipe has ended.
 const READER_GONE: i32 = 141;
 
@@ -173,8 +180,8 @@ pub fn main() -> ExitCode {
     let result = run(&arguments.command);
     flush();
     match result {
-        Ok(Verdict::Done) if !reading::has_left_out() => ExitCode::SUCCESS,
-        Ok(_) => ExitCode::from(1),
+        Ok(Verdict::Done) => ExitCode::SUCCESS,
+        Ok(Verdict::Failed) => ExitCode::from(1),
         Err(error) => {
             eprintln!("error: {error:#}");
             ExitCode::from(if reading::is_unsupported(&error) { 1 } else { 2 })

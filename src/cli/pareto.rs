@@ -47,13 +47,16 @@ pub struct Arguments {
 pub fn run(arguments: &Arguments) -> Result<Verdict> {
     let config = arguments.machine.load()?;
     let options = Options::new(config, Fidelity::Cycle);
+    let mut verdict = Verdict::Done;
     if arguments.classes {
-        let found = arguments.traces.iter().map(|path| {
-            let name = path.display().to_string();
-            classes::errors(&name, &arguments.reading.open(path)?, &options).with_context(|| name.clone())
-        });
-        print!("{}", classes::table(&found.collect::<Result<Vec<_>>>()?));
-        return Ok(Verdict::Done);
+        let mut found = Vec::new();
+        for path in &arguments.traces {
+            let (name, trace) = (path.display().to_string(), arguments.reading.open(path)?);
+            found.push(classes::errors(&name, &trace, &options).with_context(|| name.clone())?);
+            verdict = verdict.and(super::reading::verdict(&trace));
+        }
+        print!("{}", classes::table(&found));
+        return Ok(verdict);
     }
     let mut fronts: Vec<Front> = Vec::new();
     let open = |path: &PathBuf| -> Result<(String, Trace)> { Ok((path.display().to_string(), arguments.reading.open(path)?)) };
@@ -68,6 +71,7 @@ pub fn run(arguments: &Arguments) -> Result<Verdict> {
             println!("{}", found.table());
         }
         fronts.push(found);
+        verdict = verdict.and(super::reading::verdict(&trace));
     }
     if arguments.errors {
         print!("{}", errors(&fronts));
@@ -84,5 +88,5 @@ pub fn run(arguments: &Arguments) -> Result<Verdict> {
         put("pareto.svg", plot(&fronts))?;
         println!("written to {}", out.display());
     }
-    Ok(Verdict::Done)
+    Ok(verdict)
 }

@@ -2,14 +2,14 @@
 
 use std::ops::Range;
 use std::path::Path;
-use std::sync::atomic::{AtomicBool, Ordering};
 
 use anyhow::{Result, anyhow};
 
+use super::Verdict;
 use crate::import::gl::Report;
 use crate::import::{self, Kind};
 use crate::num::Limits;
-use crate::trace::{self, Remarks, Trace};
+use crate::trace::{self, Origin, Trace};
 
 /// How far a trace is trusted.
 #[derive(clap::Args)]
@@ -62,22 +62,21 @@ impl Reading {
     }
 
     fn supported(&self, path: &Path, (trace, _): (Trace, Option<Report>)) -> Result<Trace> {
-        warn_of_recording(path, &trace);
-        let remarks = trace.remarks();
-        match &remarks.left_out {
+        let origin = trace.origin();
+        match &origin.left_out {
             Some(refusal) if !self.lenient => Err(import::gl::unsupported(path, refusal).into()),
             _ => {
-                say(path, &remarks);
+                say(path, &origin);
                 Ok(trace)
             }
         }
     }
 
     /// Says what there is to say of a recorded program whose commands have been read to their end, if that was not known when it was opened.
-    pub fn say_at_end(&self, path: &Path, trace: &Trace, opened: &Remarks) {
-        let remarks = trace.remarks();
-        if remarks != *opened {
-            say(path, &remarks);
+    pub fn say_at_end(&self, path: &Path, trace: &Trace, opened: &Origin) {
+        let origin = trace.origin();
+        if origin != *opened {
+            say(path, &origin);
         }
     }
 
@@ -85,7 +84,9 @@ impl Reading {
     pub fn open_to_inspect(&self, path: &Path) -> Result<(Trace, Option<Report>)> {
         self.warn_ignored(path);
         let (trace, report) = import::open_reported(path, &trace::Reading { lenient: true, ..self.reading()? })?;
-        say(path, &Remarks { cut: trace.remarks().cut, ..Remarks::default() });
+        if let Some(cut) = trace.origin().cut {
+            eprintln!("warning: {}: {cut}", path.display());
+        }
         Ok((trace, report))
     }
 
@@ -127,43 +128,30 @@ impl Reading {
     }
 }
 
-/// Says what a recording lacks: its end, or actions that its program's own driver refused.
-fn warn_of_recording(path: &Path, trace: &Trace) {
-    let origin = trace.origin();
-    for warning in &origin.warnings {
-        eprintln!("warning: {}: {warning}", path.display());
-    }
+/// Says what there is to say of a recording: what it lacks, what is left out of it, and what else a person who sees the pictures needs.
+fn say(path: &Path, origin: &Origin) {
+    let path = path.display();
     if let (count, [first, ..]) = origin.skipped() {
         let actions = if count == 1 { "1 action is".to_owned() } else { format!("{count} actions are, the first of them") };
         eprintln!(
-            "warning: {}: left out, since it failed when it was recorded, or since it is not supported and nothing uses what it makes: \
-             {actions} {first}",
-            path.display()
+            "warning: {path}: left out, since it failed when it was recorded, or since it is not supported and nothing uses what it makes: \
+             {actions} {first}"
         );
     }
-}
-
-/// Says what there is to say of a recorded program.
-pub fn say(path: &Path, Remarks { left_out, cut, notes }: &Remarks) {
-    let path = path.display();
-    for note in notes {
+    for note in &origin.notes {
         eprintln!("note: {path}: {note}");
     }
-    if let Some(place) = cut {
-        eprintln!("warning: {path}: the end of the recording is missing: {place}; the calls before are replayed");
+    if let Some(cut) = &origin.cut {
+        eprintln!("warning: {path}: {cut}");
     }
-    if let Some(refusal) = left_out {
+    if let Some(refusal) = &origin.left_out {
         eprintln!("warning: {path}: left out, not supported: {refusal}");
-        LEFT_OUT.store(true, Ordering::Relaxed);
     }
 }
 
-/// Whether a trace was taken whose pictures lack something.
-static LEFT_OUT: AtomicBool = AtomicBool::new(false);
-
-/// Whether the pictures of a trace lack something that is not supported, so that the exit status is 1.
-pub fn has_left_out() -> bool {
-    LEFT_OUT.load(Ordering::Relaxed)
+/// How a command ends that has used this trace to its end: it fails if the pictures lack something that is not supported.
+pub fn verdict(trace: &Trace) -> Verdict {
+    if trace.origin().left_out.is_some() { Verdict::Failed } else { Verdict::Done }
 }
 
 /// Whether a command failed since a recording asks for what is not supported: it is not damaged.

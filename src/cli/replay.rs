@@ -13,11 +13,11 @@ use super::Verdict;
 use super::progress::ProgressLine;
 use super::report::{self, Gathering};
 use super::threads::MOST;
-use crate::num::OUR_FAULT;
 use crate::render::Watch;
 use crate::report::compare::KnobDifference;
 use crate::report::files::About;
 use crate::report::folder::{Folder, Images};
+use crate::report::order::{fault, wrong_pixels};
 use crate::report::owned::check_replaceable;
 use crate::report::terminal::{self, Seen};
 use crate::report::{html, timeline};
@@ -293,7 +293,7 @@ pub fn run(arguments: &Arguments) -> Result<Verdict> {
     let frames = &arguments.frames.0;
     let end = if frames.end == u32::MAX { u64::MAX } else { u64::from(frames.end) };
     let trace = Arc::new(arguments.reading.open_frames(&arguments.trace, u64::from(frames.start)..end)?);
-    let opened = trace.remarks();
+    let opened = trace.origin();
     let in_runs = || {
         let timed = matches!(options.fidelity, Fidelity::Cycle) && arguments.timeline.is_none();
         timed && options.no_runs().is_none() && options.more_than(FRAMES_OF_ONE_RUN, &trace)
@@ -402,12 +402,11 @@ pub fn run(arguments: &Arguments) -> Result<Verdict> {
             recorder.interval()
         );
     }
-    let wrong = done.total.number("sort.wrong_pixels").unwrap_or(0.0);
-    if wrong > 0.0 && options.config.keeps_order() {
-        eprintln!("error: {wrong} pixels are not those of functional rendering, and this machine keeps its order. {OUR_FAULT}");
+    if let Some(fault) = fault(&options.config, wrong_pixels(&done.total)) {
+        eprintln!("error: {fault}");
         return Ok(Verdict::Failed);
     }
-    Ok(Verdict::Done)
+    Ok(super::reading::verdict(&trace))
 }
 
 #[cfg(test)]

@@ -278,26 +278,30 @@ pub fn run(arguments: &Arguments) -> Result<Verdict> {
         bail!("{} is missing: it says which machine the trace was replayed on", folder.join("config.ron").display());
     }
     let stated = Path::new(subject.statistics.text("trace"));
-    match &arguments.trace {
-        Some(path) => subject.write(&out, Some(&arguments.reading.open(path)?), arguments.why)?,
-        None if subject.config.is_some() && stated.exists() => {
-            let written = arguments.reading.open(stated).and_then(|trace| subject.write(&out, Some(&trace), arguments.why));
-            if let Err(reason) = written {
-                if arguments.why {
-                    return Err(reason);
-                }
+    let with_trace = |path: &Path| -> Result<Verdict> {
+        let trace = arguments.reading.open(path)?;
+        subject.write(&out, Some(&trace), arguments.why)?;
+        Ok(super::reading::verdict(&trace))
+    };
+    let without_trace = || subject.write(&out, None, false).map(|()| Verdict::Done);
+    let verdict = match &arguments.trace {
+        Some(path) => with_trace(path)?,
+        None if subject.config.is_some() && stated.exists() => match with_trace(stated) {
+            Ok(verdict) => verdict,
+            Err(reason) if arguments.why => return Err(reason),
+            Err(reason) => {
                 eprintln!("note: the page has no heat maps and no limits of passes: {reason:#}");
-                subject.write(&out, None, false)?;
+                without_trace()?
             }
-        }
+        },
         None if arguments.why => {
             bail!("--why renders the trace again, and {} is not there: name it by --trace", stated.display());
         }
-        None => subject.write(&out, None, false)?,
-    }
+        None => without_trace()?,
+    };
     if arguments.plots {
         write_plots(folder, &plots::replay(&subject.statistics, subject.config.as_ref()))?;
     }
     println!("the page: {}", out.display());
-    Ok(Verdict::Done)
+    Ok(verdict)
 }

@@ -55,10 +55,11 @@ pub fn run(arguments: &Arguments) -> Result<Verdict> {
         return equal(arguments, &options);
     }
     let pairs = arguments.times.map_or(1, NonZeroU32::get);
-    let mut compared = Vec::new();
+    let (mut compared, mut verdict) = (Vec::new(), Verdict::Done);
     for path in &arguments.traces {
         let (name, trace) = (format!("`{}`", path.display()), arguments.reading.open(path)?);
         compared.push(compare(&name, &trace, &options, arguments.frames_per_run, pairs).with_context(|| name.clone())?);
+        verdict = verdict.and(super::reading::verdict(&trace));
     }
     for sequence in SEQUENCES.iter().filter(|_| arguments.frames > 0) {
         let (name, trace) = (format!("{}: {}", sequence.name, sequence.what), (sequence.record)(arguments.frames).finish());
@@ -68,18 +69,21 @@ pub fn run(arguments: &Arguments) -> Result<Verdict> {
     if arguments.times.is_some() {
         print!("\n{}\n{}", times(&compared), shares(&compared));
     }
-    Ok(Verdict::Done)
+    Ok(verdict)
 }
 
 /// Prints whether one run of all frames is one machine.
 fn equal(arguments: &Arguments, options: &Options) -> Result<Verdict> {
     print!("{}", head_of_one_run());
-    let mut different = 0;
+    let mut verdict = Verdict::Done;
     let mut one = |name: &str, trace: &Trace| -> Result<()> {
         let compared = one_run(name, trace, options).with_context(|| name.to_owned())?;
         print!("{}", row_of_one_run(&compared));
         super::flush();
-        different += usize::from(!compared.equal());
+        verdict = verdict.and(super::reading::verdict(trace));
+        if !compared.equal() {
+            verdict = Verdict::Failed;
+        }
         Ok(())
     };
     for path in &arguments.traces {
@@ -88,5 +92,5 @@ fn equal(arguments: &Arguments, options: &Options) -> Result<Verdict> {
     for sequence in SEQUENCES.iter().filter(|_| arguments.frames > 0) {
         one(&format!("{}: {}", sequence.name, sequence.what), &(sequence.record)(arguments.frames).finish())?;
     }
-    Ok(if different > 0 { Verdict::Failed } else { Verdict::Done })
+    Ok(verdict)
 }

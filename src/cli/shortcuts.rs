@@ -41,9 +41,11 @@ pub fn run(arguments: &Arguments) -> Result<Verdict> {
         return Ok(Verdict::Done);
     }
     let config = arguments.machine.load()?;
+    let mut verdict = Verdict::Done;
     let mut found: Vec<(String, Vec<Taken>)> = Vec::new();
     for path in &arguments.traces {
         let trace = arguments.reading.open(path)?;
+        verdict = verdict.and(super::reading::verdict(&trace));
         let taken = shortcuts(&trace, &config).with_context(|| path.display().to_string())?;
         let name = path.file_stem().unwrap_or(path.as_os_str()).to_string_lossy().into_owned();
         found.push((name, taken));
@@ -55,7 +57,6 @@ pub fn run(arguments: &Arguments) -> Result<Verdict> {
     } else {
         print!("{}", table(&found));
     }
-    let mut verdict = Verdict::Done;
     for (name, taken) in &found {
         for taken in taken.iter().filter(|taken| !taken.same_pictures) {
             eprintln!("{name}: {} shows another picture than the exact way", taken.shortcut.name);

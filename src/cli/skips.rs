@@ -62,6 +62,7 @@ pub fn run(arguments: &Arguments) -> Result<Verdict> {
     let mut all: Vec<(String, Vec<Saving>)> = Vec::new();
     for path in &arguments.traces {
         let trace = arguments.reading.open(path)?;
+        verdict = verdict.and(super::reading::verdict(&trace));
         let name = path.display().to_string();
         let found = savings(&trace, &config, turns).with_context(|| name.clone())?;
         if arguments.table.is_empty() {

@@ -7,6 +7,7 @@ pub mod files;
 pub mod folder;
 pub mod html;
 pub mod limits;
+pub mod order;
 pub mod owned;
 pub mod pages;
 pub mod plots;

@@ -419,8 +419,8 @@ fn a_recording_of_a_killed_program_is_replayed_as_far_as_it_is_whole() {
     assert_eq!(code, 0, "{message}");
     assert!(out.contains("2 frames"), "{out}");
     assert!(message.contains("warning: ") && message.contains("inside action 18 (Submit), which is left out"), "{message}");
-    let (code, out, _) = run(&["inspect", &name]);
-    assert!(code == 0 && out.contains("warning: ") && out.contains("the recording ends after 18 actions"), "{out}");
+    let (code, _, message) = run(&["inspect", &name]);
+    assert!(code == 0 && message.contains("warning: ") && message.contains("the recording ends after 18 actions"), "{message}");
     // Wherever it is cut: what is drawn of it is what the whole draws, or it is refused by name.
     let mut shown = vec![0; 4];
     for end in (0..whole.len()).step_by(61).chain([whole.len() - 1]) {

@@ -9,7 +9,7 @@ use super::error::{Place, TraceError};
 use super::origin::Origin;
 use super::store::{Bytes, Store};
 use super::stream::Part;
-use super::{Commands, Remarks, Trace};
+use super::{Commands, Trace};
 
 /// A trace in the making: commands in order, and named blobs that may be files of a foreign trace, used where they are.
 pub struct Builder {
@@ -87,13 +87,6 @@ impl Builder {
     /// The trace.
     pub fn finish(self) -> Trace {
         let commands = Commands::List(self.commands, self.places);
-        Trace {
-            file: self.file,
-            commands,
-            store: self.store,
-            limits: Limits::default(),
-            origin: Origin::default(),
-            remarks: Remarks::default(),
-        }
+        Trace { file: self.file, commands, store: self.store, limits: Limits::default(), origin: Origin::default() }
     }
 }

@@ -77,18 +77,6 @@ pub struct Trace {
     store: Store,
     limits: Limits,
     origin: Origin,
-    remarks: Remarks,
-}
-
-/// What is to be said of a trace that was made from a recording, beside its commands.
-#[derive(Clone, Debug, Default, PartialEq, Eq)]
-pub struct Remarks {
-    /// What the commands leave out, because it is not supported: the pictures lack it.
-    pub left_out: Option<String>,
-    /// How the end of the recording is cut. The commands are those of what is whole.
-    pub cut: Option<String>,
-    /// Other facts that a person who sees the pictures needs, a sentence each.
-    pub notes: Vec<String>,
 }
 
 /// How far a trace from elsewhere is trusted.
@@ -167,7 +155,6 @@ impl Trace {
             store: Store::default(),
             limits,
             origin: Origin::default(),
-            remarks: Remarks::default(),
         }
     }
 
@@ -199,26 +186,17 @@ impl Trace {
         Trace { limits, ..self }
     }
 
-    /// The same trace, with what its importer knows beside the commands.
+    /// The same trace, with what is known of the recording that it was made from.
     pub fn with_origin(self, origin: Origin) -> Trace {
         Trace { origin, ..self }
     }
 
-    /// What its importer knows beside the commands.
-    pub fn origin(&self) -> &Origin {
-        &self.origin
-    }
-
-    /// The same trace, with what is to be said of it.
-    pub fn with_remarks(self, remarks: Remarks) -> Trace {
-        Trace { remarks, ..self }
-    }
-
-    /// What is to be said of the trace. Of a stream it may be known only when the commands have been read to their end.
-    pub fn remarks(&self) -> Remarks {
+    /// What is known of the recording that the trace was made from. Of a stream it may be known only when the commands have been read to their
+    /// end.
+    pub fn origin(&self) -> Origin {
         match &self.commands {
-            Commands::Stream(stream, _) if self.remarks == Remarks::default() => stream.remarks(),
-            _ => self.remarks.clone(),
+            Commands::Stream(stream, _) if self.origin == Origin::default() => stream.origin(),
+            _ => self.origin.clone(),
         }
     }
 
@@ -255,7 +233,7 @@ impl Trace {
         for (blob, entry) in &header.files {
             package.add(name, &mut store, blob, entry)?;
         }
-        Ok(Trace { file, commands, store, limits: *limits, origin: Origin::default(), remarks: Remarks::default() })
+        Ok(Trace { file, commands, store, limits: *limits, origin: Origin::default() })
     }
 
     /// Opens a trace whose files are in memory: the text of `trace.ron`, and the files that it names; `name` is what messages
@@ -280,7 +258,7 @@ impl Trace {
             return Err(TraceError::new(name, format!("file {missing:?} is not there")));
         }
         let (commands, limits) = (Commands::Text(text), Limits::default());
-        Ok(Trace { file: name.to_path_buf(), commands, store, limits, origin: Origin::default(), remarks: Remarks::default() })
+        Ok(Trace { file: name.to_path_buf(), commands, store, limits, origin: Origin::default() })
     }
 
     /// Opens the trace in a folder; `links` is about the file of its commands.
@@ -310,7 +288,7 @@ impl Trace {
                 .add_file(&name, path, reading.links(), size, Some(entry.hash))
                 .map_err(|reason| TraceError::new(file, reason))?;
         }
-        Ok(Trace { file: file.to_path_buf(), commands, store, limits, origin: Origin::default(), remarks: Remarks::default() })
+        Ok(Trace { file: file.to_path_buf(), commands, store, limits, origin: Origin::default() })
     }
 
     /// What messages call the trace: the file that holds its commands.

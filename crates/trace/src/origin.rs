@@ -1,13 +1,17 @@
-//! What an importer knows of a recording beside its commands.
+//! What is known of a recording beside the commands that were made from it.
 
 /// Lines that are kept about actions that are left out.
 const SKIPPED_MAX: usize = 1000;
 
-/// What an importer knows of a recording beside its commands.
-#[derive(Clone, Debug, Default)]
+/// What is known of a recording beside the commands that were made from it.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Origin {
-    /// What a reader of the trace has to be warned of.
-    pub warnings: Vec<String>,
+    /// What the commands leave out, because it is not supported: the pictures lack it.
+    pub left_out: Option<String>,
+    /// How the end of the recording is cut, and what of it is replayed: a sentence.
+    pub cut: Option<String>,
+    /// Other facts that a person who sees the pictures needs, a sentence each.
+    pub notes: Vec<String>,
     /// What the recorded program asked for and showed, by name.
     pub facts: Vec<(String, String)>,
     /// More of that, for a reader who asks for all.

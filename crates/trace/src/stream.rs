@@ -5,7 +5,7 @@ use std::ops::ControlFlow;
 use std::sync::mpsc::sync_channel;
 use std::thread::{Builder, scope};
 
-use super::Remarks;
+use super::Origin;
 use super::command::Command;
 use super::error::TraceError;
 use super::store::Bytes;
@@ -29,9 +29,9 @@ pub trait Stream: Send + Sync {
     /// If they cannot be made.
     fn make(&self, take: &mut dyn FnMut(Part) -> ControlFlow<()>) -> Result<(), TraceError>;
 
-    /// What is to be said of the commands when they were last made to their end.
-    fn remarks(&self) -> Remarks {
-        Remarks::default()
+    /// What is known of the recording, if the commands have been made to their end.
+    fn origin(&self) -> Origin {
+        Origin::default()
     }
 
     /// The length of what the commands are made from, in the unit of [`Part::read`]; 0 where that is not known.

@@ -6,9 +6,9 @@ use std::sync::mpsc::{Receiver, sync_channel};
 use std::sync::{Arc, Mutex, PoisonError};
 use std::thread::{Builder, JoinHandle};
 
-use trace::{Part, Remarks, Stream, Trace, TraceError};
+use trace::{Origin, Part, Stream, Trace, TraceError};
 
-use super::{Keep, Recording, Report, Survey, remarked};
+use super::{Keep, Recording, Report, Survey, described};
 
 /// What [`Recording::import`] answers.
 type Imported = Result<(Option<Trace>, Option<Report>), TraceError>;
@@ -56,13 +56,13 @@ pub(super) fn open(recording: Recording, most: u64) -> Result<(Trace, Option<Rep
     };
     let Ok(thread) = Builder::new().name("recording".to_owned()).spawn(read) else {
         let (trace, report) = recording.import(Keep::All { most, survey: Survey::Start, longer: None })?;
-        return Ok((remarked(trace.unwrap_or_else(|| streamed(None)), report.as_ref()), report));
+        return Ok((described(trace.unwrap_or_else(|| streamed(None)), report.as_ref()), report));
     };
     match rest.recv() {
         Ok(Said::Part(first)) => Ok((streamed(Some(Begun { first, rest, thread })), None)),
         Ok(Said::Done(imported)) => {
             let (trace, report) = (*imported)?;
-            Ok((remarked(trace.unwrap_or_else(|| streamed(None)), report.as_ref()), report))
+            Ok((described(trace.unwrap_or_else(|| streamed(None)), report.as_ref()), report))
         }
         Err(_) => std::panic::resume_unwind(thread.join().expect_err("it has not said that it is done")),
     }
@@ -92,8 +92,8 @@ impl Stream for Again {
         }
     }
 
-    fn remarks(&self) -> Remarks {
-        self.recording.remarks()
+    fn origin(&self) -> Origin {
+        self.recording.origin()
     }
 
     fn length(&self) -> u64 {

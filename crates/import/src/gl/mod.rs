@@ -92,7 +92,7 @@ use num::NameMap;
 
 use gl_shader::{consts, key};
 use host::Links;
-use trace::{Part, Reading, Remarks, Stream, Trace, TraceError};
+use trace::{Origin, Part, Reading, Stream, Trace, TraceError};
 
 use call::Fault;
 pub use contexts::ContextFacts;
@@ -152,12 +152,15 @@ impl Report {
         SYSTEMS.into_iter().filter(|(prefix, _)| called(prefix)).map(|(_, name)| name).collect()
     }
 
-    /// What is to be said of the trace.
-    pub fn remarks(&self) -> Remarks {
+    /// What a trace that was made from the recording says of it.
+    pub fn origin(&self) -> Origin {
         let ignored = |list| format!("these calls raise an OpenGL error and have no effect: {list}");
         let whole = "no call swaps buffers: the whole recording is one frame".to_owned();
         let notes = listed(&self.errors).map(ignored).into_iter().chain((self.frames == 0).then_some(whole)).collect();
-        Remarks { left_out: self.refusal(), cut: self.cut.clone(), notes }
+        let missing = |place: &String| format!("the end of the recording is missing: {place}; the calls before are replayed");
+        let mut origin = Origin::default();
+        (origin.left_out, origin.cut, origin.notes) = (self.refusal(), self.cut.as_ref().map(missing), notes);
+        origin
     }
 }
 
@@ -183,7 +186,7 @@ pub enum Survey {
 /// Opens a recording of apitrace or GLInterceptor, with the wanted frames. The recording is read up to the last of them. Of earlier frames,
 /// only results that later frames can read are kept. The commands of a long recording are generated again at each reading
 /// (`reading.in_memory`). A recording that has not been read to its end has no report: an unsupported feature then ends its commands with
-/// an error (`TraceError::unsupported`), or is [left out](Remarks::left_out) if `reading.lenient` is set.
+/// an error (`TraceError::unsupported`), or is [left out](Origin::left_out) if `reading.lenient` is set.
 ///
 /// # Errors
 /// If it is damaged, or asks for more than a limit allows; with the number of the call and its place.
@@ -203,7 +206,7 @@ pub fn open(
         frames,
         // The error of a file that cannot be opened is reported below.
         length: host::length(path, links).unwrap_or(0),
-        remarks: Mutex::default(),
+        origin: Mutex::default(),
     };
     let most = recording.in_memory();
     // What a long file has for its commands is longer as well: none of them would stay, and all would be read twice.
@@ -216,13 +219,13 @@ pub fn open(
     }
     let (trace, report) = recording.import(Keep::All { most, survey, longer: None })?;
     let trace = trace.unwrap_or_else(|| Trace::from_stream(path, Box::new(recording), reading.limits));
-    Ok((remarked(trace, report.as_ref()), report))
+    Ok((described(trace, report.as_ref()), report))
 }
 
-/// A trace with what is to be said of it, as far as that is known.
-fn remarked(trace: Trace, report: Option<&Report>) -> Trace {
+/// A trace with what is known of its recording.
+fn described(trace: Trace, report: Option<&Report>) -> Trace {
     match report {
-        Some(report) => trace.with_remarks(report.remarks()),
+        Some(report) => trace.with_origin(report.origin()),
         None => trace,
     }
 }
@@ -236,8 +239,8 @@ struct Recording {
     frames: Range<u64>,
     /// Bytes of the file.
     length: u64,
-    /// See [`Stream::remarks`].
-    remarks: Mutex<Remarks>,
+    /// See [`Stream::origin`].
+    origin: Mutex<Origin>,
 }
 
 impl Recording {
@@ -248,7 +251,7 @@ impl Recording {
     /// Notes what is to be said of commands that were made to their end.
     fn note(&self, report: Option<Report>) {
         if let Some(report) = report {
-            *self.remarks.lock().unwrap_or_else(PoisonError::into_inner) = report.remarks();
+            *self.origin.lock().unwrap_or_else(PoisonError::into_inner) = report.origin();
         }
     }
 
@@ -290,8 +293,8 @@ impl Stream for Recording {
         self.length
     }
 
-    fn remarks(&self) -> Remarks {
-        self.remarks.lock().unwrap_or_else(PoisonError::into_inner).clone()
+    fn origin(&self) -> Origin {
+        self.origin.lock().unwrap_or_else(PoisonError::into_inner).clone()
     }
 }
 

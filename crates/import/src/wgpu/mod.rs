@@ -71,8 +71,8 @@ fn import_with(file: &Path, text: &[u8], reading: &Reading) -> Result<Trace, Tra
         }
         next = following?;
     }
-    let warning = reader.cut().map(|cut| cut_warning(cut, lost.as_deref()));
-    Ok(translator.finish(warning)?.with_limits(reading.limits))
+    let cut = reader.cut().map(|cut| cut_warning(cut, lost.as_deref()));
+    Ok(translator.finish(cut)?.with_limits(reading.limits))
 }
 
 /// What is said of a recording that has no end.

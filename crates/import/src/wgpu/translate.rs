@@ -74,8 +74,8 @@ impl Translator {
         }
     }
 
-    /// The trace. The warning is about its end.
-    pub fn finish(mut self, warning: Option<String>) -> Result<Trace, TraceError> {
+    /// The trace. `cut` says how the end of the recording is cut.
+    pub fn finish(mut self, cut: Option<String>) -> Result<Trace, TraceError> {
         self.settle()?;
         let destroyed = lifetime::destructions(&self.commands, &self.dropped);
         let mut destroyed = destroyed.into_iter().peekable();
@@ -93,7 +93,7 @@ impl Translator {
             };
             origin.facts.push(("surface".into(), format!("{textures}, {presented}")));
         }
-        origin.warnings.extend(warning);
+        origin.cut = cut;
         Ok(self.builder.finish().with_origin(origin))
     }
 

@@ -294,11 +294,11 @@ fn a_long_recording_that_is_refused_can_be_inspected() {
     assert_eq!(check(&trace).expect("a trace").frames, 20);
     assert_eq!((report.frames, report.windows[0].size, report.unsupported.len()), (20, [8, 8], 1));
     // What is said is the same before and after the commands have been read.
-    assert_eq!(trace.remarks(), report.remarks());
+    assert_eq!(trace.origin(), report.origin());
     let (trace, none) = import::open_frames(&path, &reading, 0..u64::MAX).expect("a recording");
     assert!(none.is_none());
     trace.for_each_command(|_, _| -> Result<(), TraceError> { Ok(()) }).expect("commands");
-    assert_eq!(trace.remarks(), report.remarks());
+    assert_eq!(trace.origin(), report.origin());
     assert!(report.cut.is_some_and(|cut| cut.starts_with("call 60, line 63: ")));
 }
 
@@ -454,10 +454,10 @@ fn a_long_recording_starts_at_once_and_ends_at_what_is_not_supported() {
     );
     // Left out, all frames are there, and what was left out is known behind the last.
     let (trace, _) = import::open_frames(&path, &reading(true), 0..u64::MAX).expect("a recording");
-    assert_eq!(trace.remarks().left_out, None);
+    assert_eq!(trace.origin().left_out, None);
     let (frames, read) = shown(&trace);
     read.expect("all commands");
-    assert_eq!((frames, trace.remarks().left_out), (82, Some("glNoSuchThing (2 times, first in call 122)".to_owned())));
+    assert_eq!((frames, trace.origin().left_out), (82, Some("glNoSuchThing (2 times, first in call 122)".to_owned())));
     // Of the frames before it nothing is wrong.
     let (trace, _) = import::open_frames(&path, &reading(false), 0..40).expect("a recording");
     shown(&trace).1.expect("40 frames");

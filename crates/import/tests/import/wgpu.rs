@@ -53,7 +53,8 @@ fn message(text: &str) -> String {
 /// What is said of the only action that is left out.
 fn left_out(text: &str) -> String {
     let trace = import_text(text).unwrap_or_else(|error| panic!("{text}: {error}"));
-    let (count, lines) = trace.origin().skipped();
+    let origin = trace.origin();
+    let (count, lines) = origin.skipped();
     assert_eq!((count, lines.len()), (1, 1), "{text}: {lines:?}");
     lines[0].clone()
 }
@@ -399,17 +400,17 @@ fn kinds_are_told_apart() {
     assert!(refused(Path::new("/does/not/exist")).contains("No such file"));
 }
 
-/// The warnings of a trace, and its commands.
-fn cut(text: &[u8]) -> (Vec<String>, String) {
+/// What is said of a trace's end, and its commands.
+fn cut(text: &[u8]) -> (Option<String>, String) {
     let trace = import::wgpu::import(&folder("all").join("trace.ron"), text).unwrap_or_else(|error| panic!("{error}"));
-    (trace.origin().warnings.clone(), listing(&trace))
+    (trace.origin().cut, listing(&trace))
 }
 
 #[test]
 fn a_trace_cut_anywhere_keeps_the_actions_that_are_whole() {
     let text = text("all/trace.ron");
-    let (warnings, whole) = cut(text.as_bytes());
-    assert!(warnings.is_empty(), "{warnings:?}");
+    let (warning, whole) = cut(text.as_bytes());
+    assert_eq!(warning, None);
     let end = text.rfind(']').unwrap();
     let (mut begins, mut at) = (vec![], 0);
     for line in text.split_inclusive('\n') {
@@ -420,8 +421,8 @@ fn a_trace_cut_anywhere_keeps_the_actions_that_are_whole() {
     }
     let mut last = String::new();
     for cut_at in (2..end).step_by(97).chain(end - 40..end).chain(begins.iter().flat_map(|&at| [at, at + 1])) {
-        let (warnings, commands) = cut(&text.as_bytes()[..cut_at]);
-        let [warning] = &warnings[..] else { panic!("cut at byte {cut_at}: {warnings:?}") };
+        let (warning, commands) = cut(&text.as_bytes()[..cut_at]);
+        let warning = warning.unwrap_or_else(|| panic!("cut at byte {cut_at}: no warning"));
         // The comma behind an action is not a part of it.
         let ended = |&&begin: &&usize| begin < cut_at;
         let begun = begins.iter().filter(ended).count();
@@ -439,7 +440,7 @@ fn a_trace_cut_anywhere_keeps_the_actions_that_are_whole() {
 
 #[test]
 fn the_warning_of_a_cut_names_the_action() {
-    let warning = |text: &[u8]| cut(text).0.concat();
+    let warning = |text: &[u8]| cut(text).0.unwrap_or_default();
     assert!(warning(b"[").starts_with("1:2: the recording ends after 0 actions without the closing `]`: its program"));
     assert!(warning(b"[\nDropBuffer(PointerId(1)),\n").starts_with("3:1: the recording ends after 1 actions without"));
     let half = warning(b"[\nDropBuffer(PointerId(1)),\nSubmit(1, [RunRen");
@@ -456,7 +457,8 @@ fn the_warning_of_a_cut_names_the_action() {
     );
     let (lost, commands) = cut(write.as_bytes());
     assert!(
-        lost[0].contains("left out is action 1 (WriteBuffer): data file") && commands.starts_with("CreateBuffer"),
+        lost.as_ref().is_some_and(|lost| lost.contains("left out is action 1 (WriteBuffer): data file"))
+            && commands.starts_with("CreateBuffer"),
         "{lost:?}"
     );
     // In the middle, or where the recorder has ended the list, it is damage.
