@@ -94,7 +94,12 @@ pub fn run(arguments: &Arguments) -> Result<Verdict> {
     let named = if frames.start == last { format!("frame {last}") } else { format!("frames {}..{}", frames.start, frames.end) };
     println!("{} on {}, {named}: {} cycles\n", arguments.trace.display(), config.name, grouped(found.base.cycles));
     print!("{}", table(&found, arguments.rows));
-    Ok(Verdict::Done)
+    let mut verdict = super::reading::verdict(&trace);
+    for (change, fault) in found.faults() {
+        eprintln!("error: with {change}: {fault}");
+        verdict = Verdict::Failed;
+    }
+    Ok(verdict)
 }
 
 /// The ranked changes.

@@ -6,6 +6,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::machine::{FrameReport, PhaseReport};
 use crate::num::Cycle;
+use crate::report::order::wrong_pixels;
 use crate::stats::{Group, Tree};
 
 /// A pass, a dispatch, transfers or scan-out on one machine.
@@ -32,6 +33,9 @@ pub struct Row {
     pub passes: Vec<Pass>,
     /// The other statistics that are kept, by [`Entry::paths`].
     pub values: Vec<f64>,
+    /// Pixels that the machine shows otherwise than functional rendering.
+    #[serde(default)]
+    pub wrong_pixels: u64,
 }
 
 /// A machine's run on a trace.
@@ -96,7 +100,8 @@ impl Keep {
         let (paths, values) = self.of(&report.tree);
         let places: HashMap<&str, u32> = paths.iter().map(String::as_str).zip(0..).collect();
         let passes = report.phases.iter().map(|phase| pass(phase, &places)).collect();
-        (paths, Row { frame: report.number, cycles: report.cycles, seconds: report.seconds, passes, values })
+        let wrong_pixels = wrong_pixels(&report.tree);
+        (paths, Row { frame: report.number, cycles: report.cycles, seconds: report.seconds, passes, values, wrong_pixels })
     }
 }
 

@@ -12,6 +12,7 @@ use super::inputs::Inputs;
 use super::link::Formula;
 use super::plan::{Axis, Plan, described};
 use crate::knob::Setting;
+use crate::report::order;
 
 /// Statistics that add up to the bytes that DRAM moves.
 const DRAM: [&str; 2] = ["memory.dram.read_bytes", "memory.dram.write_bytes"];
@@ -37,6 +38,8 @@ pub struct Machine {
     pub cost: Option<u64>,
     /// Why it has no result.
     pub error: Option<String>,
+    /// What is wrong with its pictures, although it keeps the order of the trace.
+    pub fault: Option<String>,
 }
 
 /// What one value of an axis does.
@@ -124,6 +127,7 @@ struct Part {
 struct Sum {
     traces: BTreeMap<u32, Part>,
     error: Option<String>,
+    wrong_pixels: u64,
 }
 
 impl Sum {
@@ -145,6 +149,7 @@ impl<'s> Outcome<'s> {
         let mut sums: BTreeMap<u32, Sum> = BTreeMap::new();
         results.each(|entry| {
             let sum = sums.entry(entry.machine).or_default();
+            sum.wrong_pixels += entry.frames.iter().map(|row| row.wrong_pixels).sum::<u64>();
             let Some(cycles) = entry.cycles() else {
                 sum.error.get_or_insert_with(|| entry.error.unwrap_or_default());
                 return Ok(());
@@ -173,6 +178,7 @@ impl<'s> Outcome<'s> {
                 dram: None,
                 cost,
                 error: sum.error.take(),
+                fault: planned.config.as_ref().ok().and_then(|config| order::fault(config, sum.wrong_pixels)),
             };
             if machine.error.is_none() && sum.traces.len() == traces {
                 machine.traces = sum.traces.values().map(|part| part.cycles).collect();

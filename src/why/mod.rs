@@ -16,6 +16,7 @@ use crate::host::one_line;
 use crate::machine::{Config, FrameReport, Machine};
 use crate::num::Cycle;
 use crate::render::{self, FrameSet};
+use crate::report::order;
 use crate::run::replay::no_frames;
 use crate::run::stored_work::{Timing, time_each};
 use crate::trace::Trace;
@@ -30,6 +31,8 @@ pub struct Timed {
     pub cycles: Cycle,
     /// Passes, dispatches, transfers and scan-out by their names, in order.
     pub phases: Vec<(String, Cycle)>,
+    /// What is wrong with the pictures, although the machine keeps the order of the trace.
+    pub fault: Option<String>,
 }
 
 /// What a relaxation gains.
@@ -90,13 +93,14 @@ fn pairs<'t>(before: &'t Timed, after: &Timed) -> Option<Vec<(&'t str, Cycle, Cy
     same.then(|| before.phases.iter().zip(&after.phases).map(side).collect())
 }
 
-/// The cycles of frames, and of their phases.
-fn add(frames: &[FrameReport]) -> Timed {
+/// The cycles of a machine's frames, and of their phases.
+fn add(config: &Config, frames: &[FrameReport]) -> Timed {
     let mut sum = Timed::default();
     for frame in frames {
         sum.cycles += frame.cycles;
         sum.phases.extend(frame.phases.iter().map(|phase| (phase.phase.to_string(), phase.cycles)));
     }
+    sum.fault = order::fault(config, frames.iter().map(|frame| order::wrong_pixels(&frame.tree)).sum());
     sum
 }
 
@@ -120,7 +124,8 @@ fn time(trace: &Trace, frames: &Range<u32>, configs: &[&Config], progress: &(dyn
         // Pictures are not needed any more.
         let read = |frame: FrameReport| FrameReport { picture: None, ..frame };
         let done = |at: usize, frames: Result<Vec<FrameReport>>| {
-            let kept = |frames: Vec<FrameReport>| (add(&frames), if own[at] == 0 { frames } else { Vec::new() });
+            let config = configs[own[at]];
+            let kept = |frames: Vec<FrameReport>| (add(config, &frames), if own[at] == 0 { frames } else { Vec::new() });
             let ran = frames.map(kept).map_err(|error| format!("{error:#}"));
             results.lock().unwrap_or_else(PoisonError::into_inner)[own[at]] = ran;
             progress();
@@ -179,6 +184,13 @@ fn once(evidence: &str, told: &[String]) -> String {
 }
 
 impl Why {
+    /// What is wrong with the pictures of machines that keep the order of the trace: the change of each machine, and the message.
+    pub fn faults(&self) -> impl Iterator<Item = (&str, &str)> {
+        let changed = self.gains.iter().filter_map(|gain| Some((gain.relaxation.title.as_str(), gain.timed.as_ref().ok()?)));
+        let all = std::iter::once(("no change", &self.base)).chain(changed);
+        all.filter_map(|(change, timed)| Some((change, timed.fault.as_deref()?)))
+    }
+
     /// The answer in one sentence; only changes that [`matter`](Gain::matters). Each has what was seen of its resource without it.
     pub fn verdict(&self) -> String {
         let gains: Vec<&Gain> = self.gains.iter().filter(|gain| gain.matters(&self.base)).collect();

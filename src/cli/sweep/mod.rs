@@ -257,9 +257,10 @@ pub fn run(arguments: &Arguments) -> Result<Verdict> {
         _ => plan(&experiment, arguments.yes)?,
     };
     let (frames, traces, inputs) = open(&experiment, &plan, shard.of, &arguments.reading)?;
+    let complete = verdict(&traces);
     begin(out, &inputs, &plan.base().resolved())?;
     if let Some(tasks) = arguments.slurm {
-        return slurm::submit(out, tasks, &arguments.reading.options(), arguments.yes);
+        return Ok(slurm::submit(out, tasks, &arguments.reading.options(), arguments.yes)?.and(complete));
     }
 
     let started = Instant::now();
@@ -288,10 +289,10 @@ pub fn run(arguments: &Arguments) -> Result<Verdict> {
     }
     if shard.of > 1 {
         println!("shard {} of {}; when all have ended: fillrate sweep merge {}", shard.index, shard.of, out.display());
-        return Ok(Verdict::Done);
+        return Ok(complete);
     }
     let results = Results::open(&[out.to_owned()], 1)?;
-    finish(out, results, &inputs, &plan, screened.as_deref())
+    Ok(finish(out, results, &inputs, &plan, screened.as_deref())?.and(complete))
 }
 
 /// The machines of an experiment.
@@ -332,6 +333,11 @@ fn open(
     Ok((frames, traces, inputs))
 }
 
+/// How a sweep of these traces ends at best.
+fn verdict(traces: &[Named]) -> Verdict {
+    traces.iter().fold(Verdict::Done, |sum, (_, trace)| sum.and(crate::cli::reading::verdict(trace)))
+}
+
 /// Puts shards together.
 fn merge(folders: &[PathBuf], reading: &crate::cli::reading::Reading) -> Result<Verdict> {
     let folder = folders.first().context("no folder is given")?;
@@ -348,10 +354,12 @@ fn merge(folders: &[PathBuf], reading: &crate::cli::reading::Reading) -> Result<
     }
     // All shards have ended before anything is rendered.
     let results = Results::open(folders, inputs.shards)?;
+    let mut complete = Verdict::Done;
     let screened = match &inputs.experiment.screen {
         None => None,
         Some(screen) => {
             let (frames, traces, now) = open(&inputs.experiment, &plan, inputs.shards, reading)?;
+            complete = verdict(&traces);
             if now != inputs {
                 bail!("the traces or the program are others than when {} was begun", folder.display());
             }
@@ -361,7 +369,7 @@ fn merge(folders: &[PathBuf], reading: &crate::cli::reading::Reading) -> Result<
             Some(sweep.screened(screen.keep)?)
         }
     };
-    finish(folder, results, &inputs, &plan, screened.as_deref())
+    Ok(finish(folder, results, &inputs, &plan, screened.as_deref())?.and(complete))
 }
 
 /// Prints the configuration of a machine.
@@ -427,7 +435,11 @@ fn finish(folder: &Path, mut results: Results, inputs: &Inputs, plan: &Plan, scr
     }
     print!("\n{page}");
     println!("\nwritten to {}", folder.display());
-    Ok(if sweep.timed().next().is_some() { Verdict::Done } else { Verdict::Failed })
+    let faults: Vec<(u32, &String)> = sweep.machines.iter().filter_map(|own| Some((own.number, own.fault.as_ref()?))).collect();
+    for (machine, fault) in &faults {
+        eprintln!("error: machine {machine}: {fault}");
+    }
+    Ok(if faults.is_empty() && sweep.timed().next().is_some() { Verdict::Done } else { Verdict::Failed })
 }
 
 /// Writes what the screen found.
