@@ -413,7 +413,8 @@ impl<'a> Lowerer<'a> {
         let from = self.scalar_of(expr)?;
         let d = self.data(expr)?;
         let Some(width) = convert else {
-            if is_half(from) {
+            // One number of 16 bits, or three, have as many bits as floating-point numbers of their own type only.
+            if is_half(from) && (kind != ScalarKind::Float || matches!(d.len(), 2 | 4)) {
                 return self.refuse("bitcast of 16-bit floating-point numbers is not supported");
             }
             return Ok(Val::Data(d));

@@ -3,6 +3,7 @@
 //! Each of these is asked for by an error of naga, so that a text that naga takes is never touched. They work on tokens: a statement that is
 //! rewritten begins after `;`, `{` or `}` and ends with its `;`; a call is a name, perhaps a template list, and brackets.
 
+use std::collections::HashMap;
 use std::ops::Range;
 
 use super::edits::Edit;
@@ -301,35 +302,64 @@ impl<'t> Parsed<'t> {
         Some(vec![Edit::insert(first.start, format!("{ty}(")), Edit::insert(first.end, ")".to_owned())])
     }
 
-    /// Whether a type is a vector of 16-bit numbers.
-    fn is_half(&self, n: usize) -> bool {
-        match self.token(n) {
-            Some(Token::Word("vec2h" | "vec4h")) => true,
-            Some(Token::Word("vec2" | "vec4")) => self.token(n + 2) == Some(Token::Word("f16")),
-            _ => false,
+    /// The type at a token, if it is a vector of two or of four 16-bit numbers: its components, and the number of the token behind it.
+    fn half_vector(&self, n: usize, aliases: &HashMap<&'t str, Option<u32>>) -> Option<(u32, usize)> {
+        match self.token(n)? {
+            Token::Word("vec2h") => Some((2, n + 1)),
+            Token::Word("vec4h") => Some((4, n + 1)),
+            Token::Word(name @ ("vec2" | "vec4")) => {
+                let names = [Token::Operator("<"), Token::Word("f16"), Token::Operator(">")];
+                let is_half = (1..).zip(names).all(|(k, token)| self.token(n + k) == Some(token));
+                is_half.then_some((if name == "vec2" { 2 } else { 4 }, n + 4))
+            }
+            Token::Word(name) => Some(((*aliases.get(name)?)?, n + 1)),
+            _ => None,
         }
+    }
+
+    /// The components of each alias that stands for a vector of two or of four 16-bit numbers; none of other aliases.
+    fn half_aliases(&self) -> HashMap<&'t str, Option<u32>> {
+        let mut types: HashMap<&str, usize> = HashMap::new();
+        for n in 0..self.tokens.len() {
+            if let (Some(Token::Word("alias")), Some(Token::Word(name))) = (self.token(n), self.token(n + 1)) {
+                types.insert(name, n + 3);
+            }
+        }
+        let mut found: HashMap<&str, Option<u32>> = HashMap::new();
+        for n in 0..self.tokens.len() {
+            let (Some(Token::Word("alias")), Some(Token::Word(mut name))) = (self.token(n), self.token(n + 1)) else {
+                continue;
+            };
+            // From alias to alias, until one is known. What is on the way counts as none, so that a circle has an end.
+            let mut chain = Vec::new();
+            let components = loop {
+                if let Some(known) = found.get(name) {
+                    break *known;
+                }
+                found.insert(name, None);
+                chain.push(name);
+                let ty = types[name];
+                match self.token(ty) {
+                    Some(Token::Word(next)) if types.contains_key(next) => name = next,
+                    _ => break self.half_vector(ty, &found).map(|(components, _)| components),
+                }
+            };
+            found.extend(chain.into_iter().map(|name| (name, components)));
+        }
+        found
     }
 
     /// `bitcast` to vectors of 16-bit numbers. naga forgets what the target's components are as wide as.
     pub fn half_targets(&self) -> Vec<Edit> {
         let mut edits = Vec::new();
         let mut needs_four = false;
-        let four = self.fresh("halves");
+        let (four, aliases) = (self.fresh("halves"), self.half_aliases());
         for n in 0..self.tokens.len() {
             if self.token(n) != Some(Token::Word("bitcast")) || self.token(n + 1) != Some(Token::Operator("<")) {
                 continue;
             }
-            let (count, open) = match (self.token(n + 2), self.token(n + 3), self.token(n + 4), self.token(n + 5)) {
-                (Some(Token::Word("vec2h")), Some(Token::Operator(">")), ..) => (2, n + 4),
-                (Some(Token::Word("vec4h")), Some(Token::Operator(">")), ..) => (4, n + 4),
-                (
-                    Some(Token::Word(name @ ("vec2" | "vec4"))),
-                    Some(Token::Operator("<")),
-                    Some(Token::Word("f16")),
-                    Some(Token::Operator(">")),
-                ) => (if name == "vec2" { 2 } else { 4 }, n + 7),
-                _ => continue,
-            };
+            let Some((count, end)) = self.half_vector(n + 2, &aliases) else { continue };
+            let open = end + 1;
             let Some(close) = self.close(open).filter(|_| self.token(open) == Some(Token::Open('('))) else { continue };
             needs_four |= count == 4;
             let (head, tail) = match count {
@@ -354,8 +384,9 @@ impl<'t> Parsed<'t> {
     pub fn half_source(&self, span: Range<usize>) -> Option<Vec<Edit>> {
         let first = self.number(span.start);
         let end = (first..self.tokens.len()).find(|&n| self.token(n) == Some(Token::Separator(';')))?;
+        let aliases = self.half_aliases();
         let casts = |&n: &usize| {
-            let to_half = self.is_half(n + 2);
+            let to_half = self.half_vector(n + 2, &aliases).is_some();
             self.token(n) == Some(Token::Word("bitcast")) && self.token(n + 1) == Some(Token::Operator("<")) && !to_half
         };
         let n = (first..end).find(casts).or_else(|| (0..first).rev().find(casts))?;

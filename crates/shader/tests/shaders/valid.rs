@@ -202,6 +202,30 @@ fn words_are_cast_to_halves_and_back() {
 }
 
 #[test]
+fn a_cast_of_halves_to_their_own_type_changes_nothing() {
+    let half = "enable f16; ### alias Pair = vec2<f16>; alias Twin = Pair; alias Four = vec4h;";
+    each(half, "r = u32(bitcast<f16>(f16(x) + 0.5h) * 2.0h);", |x| 2 * x + 1);
+    each(half, "let h = vec3h(f16(x), 1.0h, 2.0h); let k = bitcast<vec3<f16>>(h); r = u32(k.x * 4.0h + k.y + k.z);", |x| {
+        4 * x + 3
+    });
+    for ty in ["vec2<f16>", "vec2h", "Pair", "Twin"] {
+        let body = format!("let h = {ty}(f16(x), 3.0h); let k = bitcast<{ty}>(h); r = u32(k.x * 4.0h + k.y);");
+        each(half, &body, |x| 4 * x + 3);
+        let body = format!("let h = bitcast<{ty}>(0x3c004000u + x * 0u); r = u32(h.x * 10.0h + h.y) + bitcast<u32>(h);");
+        each(half, &body, |_| 21 + 0x3c00_4000);
+    }
+    for ty in ["vec4<f16>", "vec4h", "Four"] {
+        let body = format!(
+            "let h = {ty}(f16(x), 3.0h, 1.0h, 2.0h); let k = bitcast<{ty}>(h); r = u32(dot(k, {ty}(4.0h, 1.0h, 10.0h, 20.0h)));"
+        );
+        each(half, &body, |x| 4 * x + 53);
+    }
+    // Aliases in a circle are an error of naga's.
+    let message = refused("enable f16; ### alias A = B; alias B = A;", "let h = bitcast<A>(f16(1.0h)); r = u32(h);");
+    assert!(message.contains("cycl") || message.contains("recursive"), "{message}");
+}
+
+#[test]
 fn functions_take_pointers_to_memory() {
     let globals = "
         struct Item { a: u32, v: vec3u, list: array<u32, 4> }

@@ -4,7 +4,7 @@
 //! of a switch to the end of the loop around; operations on numbers with a sign that have types without one, and the reverse. Every end of a
 //! construct has an `OpPhi` that tells by which branch it was reached.
 
-mod spirv;
+pub mod spirv;
 mod suite;
 mod wgsl;
 
