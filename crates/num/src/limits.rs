@@ -42,6 +42,13 @@ pub struct LimitOverrun {
     pub limit: u64,
 }
 
+impl LimitOverrun {
+    /// The error of work that came to more than this limit.
+    pub fn of(limit: Limit) -> LimitOverrun {
+        LimitOverrun { info: limit.info, limit: limit.value }
+    }
+}
+
 macro_rules! limits {
     ($($(#[doc = $about:literal])+ $field:ident: $name:literal, $default:expr, $unit:literal;)+) => {
         /// The limits of one run. All are inclusive.
@@ -152,13 +159,17 @@ limits! {
     work_quads: "work.quads", 8_000_000_000, "quads rasterised";
     /// Workgroups of all dispatches. Recorded traces have up to 320.
     work_workgroups: "work.workgroups", 1 << 27, "workgroups run";
-    /// What shaders do. A step is one simple operation on up to 64 invocations at once; memory operations are 8, texture operations 64; a
-    /// triangle in a screen tile is 16, and four quads of it are 1. Recorded traces have up to 275 million.
+    /// What shaders do, and what is done around them. A step is one simple operation on up to 64 invocations at once; memory operations are 8,
+    /// texture operations 64; a draw is 600, a vertex 4, a triangle in a screen tile 16, a quad of it 3, a workgroup 80. Recorded traces have up to
+    /// 500 million.
     work_steps: "work.shader_steps", 4_000_000_000, "shader steps";
     /// Turns of one loop between its entry and its end: a program that needs more hangs a card.
     work_loop_turns: "work.loop_turns", 1 << 20, "turns of a loop";
     /// Bytes that creations, copies, clears, loads of attachments and presents touch. Recorded traces have up to 1.9 GB.
-    work_bytes: "work.bytes", 1 << 38, "bytes created, copied and cleared";
+    work_bytes: "work.bytes", 1 << 35, "bytes created, copied and cleared";
+    /// Cycles of one machine. The other limits bound what is rendered; of one second of that, a machine may take hours. Recorded traces take up to
+    /// 1,000 million on the baseline.
+    work_cycles: "work.cycles", 100_000_000_000, "cycles of a machine";
     /// Bytes of shader source that are compiled: once for a module, and once for every pipeline stage made of it. Recorded traces have up
     /// to 18 kB.
     work_sources: "work.shader_source", 1 << 28, "bytes of shader source compiled";

@@ -79,7 +79,7 @@ impl Meter {
 
     /// What to say of a sum that is over.
     pub fn overrun(&self) -> LimitOverrun {
-        LimitOverrun { info: self.limit.info(), limit: self.limit.get() }
+        LimitOverrun::of(self.limit)
     }
 }
 

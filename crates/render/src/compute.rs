@@ -10,6 +10,7 @@ use work::{Dispatch, Event, Groups, Packet, ShaderShape};
 
 use super::bind::{Lent, ResolvedBindings};
 use super::execute::{Fault, Renderer};
+use super::ledger::WORKGROUP_STEPS;
 use super::state::Bindings;
 
 /// Packets (four invocations each) that one piece of recorded work holds at most, unless a single workgroup has more.
@@ -162,7 +163,7 @@ impl ActiveCompute {
         ledger.passing("a workgroup", files + u64::from(interface.workgroup_bytes))?;
         let resolved = ResolvedBindings::new(&mut renderer.res, interface, &self.bindings)?;
         ledger.bytes.charge(resolved.cost())?;
-        ledger.steps.charge(pipeline.program.uniform_steps())?;
+        ledger.steps.charge(WORKGROUP_STEPS.saturating_mul(groups).saturating_add(pipeline.program.uniform_steps()))?;
         let mut lent = Lent::default();
         let resources = resolved.lend(&mut lent);
         let uniforms = pipeline.program.uniforms(&resources);

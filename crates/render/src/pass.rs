@@ -14,6 +14,7 @@ use super::bind::ResolvedBindings;
 use super::draw::{self, BufferRange, IndexRange, RenderPass, Signer};
 use super::execute::{Fault, Renderer, counts};
 use super::flight::{self, Begin, Boarding, Departure, Source, Tiles};
+use super::ledger::{DRAW_STEPS, MANY_STEPS, VERTEX_STEPS};
 use super::needs::Need;
 use super::pipeline::RenderPipeline;
 use super::queued::{self, Charges, QueuedDraw, Shared};
@@ -390,8 +391,15 @@ impl ActivePass {
             resolved.resolve(&mut renderer.res, program.interface(), &state.bindings)?;
         }
         charges.prepared = std::mem::take(&mut renderer.res.charged);
-        charges.steps = pipeline.programs().iter().map(Program::uniform_steps).sum();
+        let uniform: u64 = pipeline.programs().iter().map(Program::uniform_steps).sum();
+        charges.steps = uniform.saturating_add(DRAW_STEPS).saturating_add(charges.vertices.saturating_mul(VERTEX_STEPS));
         charges.bindings = bound.resolved.iter().map(ResolvedBindings::cost).sum();
+        if charges.steps >= MANY_STEPS {
+            // The sum must be exact.
+            self.come_home(renderer)?;
+            renderer.land_all()?;
+        }
+        let state = &self.state;
         ledger.steps.charge(charges.steps)?;
         ledger.bytes.charge(charges.bindings)?;
         for slot in &state.vertex {
