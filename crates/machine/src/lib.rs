@@ -34,7 +34,7 @@ use self::blocks::Built;
 use class::Sorted;
 use drawing::Drawing;
 use mem::{ClientCounts, Crossbar, requests};
-use num::{NEVER, OUR_FAULT};
+use num::{Limit, LimitOverrun, Limits, NEVER, OUR_FAULT};
 use parts::Parts;
 use report::Readings;
 use sim::{self, Circuit, Clock, Stuck, Wire};
@@ -64,6 +64,9 @@ pub enum MachineError {
     /// The machine cannot do what the work asks, or the work is wrong.
     #[error(transparent)]
     Fault(#[from] Fault),
+    /// The run takes more cycles than the limits allow.
+    #[error(transparent)]
+    Limit(#[from] LimitOverrun),
     /// Something was left inside at the end.
     #[error("at the end of the run something was left in the machine: {0}. {OUR_FAULT}")]
     Left(String),
@@ -79,18 +82,21 @@ pub struct Machine {
     card: Card,
     clients: Vec<(&'static str, usize)>,
     network: Option<NetworkMap>,
+    /// The most cycles of a run; none: as many as it takes.
+    cycles: Option<Limit>,
 }
 
 /// Written out: what a derived one calls is compiled again in each package that clones a machine.
 impl Clone for Machine {
     fn clone(&self) -> Machine {
-        let Machine { config, circuit, card, clients, network } = self;
+        let Machine { config, circuit, card, clients, network, cycles } = self;
         Machine {
             config: config.clone(),
             circuit: circuit.clone(),
             card: card.clone(),
             clients: clients.clone(),
             network: network.clone(),
+            cycles: *cycles,
         }
     }
 }
@@ -113,7 +119,12 @@ impl Machine {
             config.core.execution,
             (class.state)(config),
         );
-        Ok(Machine { config: config.clone(), circuit, card, clients, network })
+        Ok(Machine { config: config.clone(), circuit, card, clients, network, cycles: None })
+    }
+
+    /// The same machine, which stops with an error behind the cycle that is the limit.
+    pub fn within(self, limits: &Limits) -> Machine {
+        Machine { cycles: Some(limits.work_cycles), ..self }
     }
 
     /// From now on, each draw of a pass is reported. No result depends on it.
@@ -251,6 +262,7 @@ impl Machine {
     ) -> Result<(), MachineError> {
         // Without a watcher, one comparison in each cycle that is visited.
         let mut due = watcher.as_ref().map_or(NEVER, |watcher| watcher.due());
+        let last = self.cycles.map_or(NEVER, Limit::get);
         self.card.closed = false;
         let sort = self.config.card.sort;
         // A free-running display is never quiet; what is on its way when a frame ends belongs to the next.
@@ -288,7 +300,8 @@ impl Machine {
                 }
                 // In most cycles the command processor is at an event that is not the last one, and nothing asks for a stop.
                 let (at, fault) = (&circuit.command, card.fault.is_some());
-                let stops = fault | card.phases.marked() | circuit.scanout.captures() | free;
+                let over = circuit.wires().now() > last;
+                let stops = fault | over | card.phases.marked() | circuit.scanout.captures() | free;
                 if card.events.len() > 1 && !(stops | at.idle() | at.frame_over()) {
                     return false;
                 }
@@ -303,6 +316,7 @@ impl Machine {
                 // What is still on its way to memory belongs to the frame.
                 let quiet = || quiet(circuit);
                 let stops = card.fault.is_some()
+                    || over
                     || card.phases.marked()
                     || circuit.scanout.captures()
                     || applies && circuit.command.idle()
@@ -327,6 +341,9 @@ impl Machine {
                 return Err(fault.into());
             }
             ran?;
+            if let Some(limit) = self.cycles.filter(|limit| self.circuit.wires().now() > limit.get()) {
+                return Err(LimitOverrun::of(limit).into());
+            }
             if free && drawing.is_stuck(&self.circuit, patience) {
                 return Err(MachineError::Drawing(Drawing::contents(&self.circuit)));
             }

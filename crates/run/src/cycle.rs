@@ -39,7 +39,7 @@ pub fn simulate<'r>(
     mut sink: FrameSink<'r>,
     out: &'r mut Simulated,
 ) -> Result<()> {
-    let mut machine = Machine::new(config)?;
+    let mut machine = Machine::new(config)?.within(rendering.limits());
     if sink.per_draw {
         machine.watch_draws();
     }

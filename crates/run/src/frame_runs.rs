@@ -17,7 +17,7 @@ use super::frame_sink::{Frame, FrameSink};
 use super::host::Stopwatch;
 use super::rendering::{Consumer, Rendering, Work};
 use machine::{Config, FrameReport, Machine, Totals};
-use num::OUR_FAULT;
+use num::{Limits, OUR_FAULT};
 use render::ConsumerMemory;
 use sim::Clock;
 use work::Event;
@@ -237,6 +237,7 @@ struct Machines<'s, 'e> {
     per_draw: bool,
     /// How many run at a time.
     most: usize,
+    limits: &'s Limits,
 }
 
 impl<'s> Machines<'s, '_> {
@@ -249,7 +250,7 @@ impl<'s> Machines<'s, '_> {
     where
         's: 't,
     {
-        let Machines { outlet, room, clock, per_draw, most } = *self;
+        let Machines { outlet, room, clock, per_draw, most, .. } = *self;
         if !outlet.begin(most) {
             return Ok(None);
         }
@@ -348,10 +349,11 @@ fn consume<'r>(
         pieces: machines * Machine::pieces(config),
         frames: sink.keeps,
     };
+    let limits = rendering.limits();
     let read = move |work: Work| {
         let per_draw = sink.per_draw;
         let (outlet, room) = (Outlet::new(sink), Room::new(most));
-        let machines = Machines { outlet: &outlet, room: &room, clock, per_draw, most };
+        let machines = Machines { outlet: &outlet, room: &room, clock, per_draw, most, limits };
         let led = std::thread::scope(|scope| match begin {
             Begin::Anew(runs, warms_up) => lead_anew(work, scope, &machines, config, (&runs, warms_up)),
             Begin::Warmed(frames) => lead_warmed(work, scope, &machines, config, frames),
@@ -377,7 +379,9 @@ where
     's: 't,
 {
     for (run, frames) in runs.iter().enumerate() {
-        let Some(mut feed) = machines.begin(scope, (run, || Ok(Machine::new(config)?)))? else { return Ok(()) };
+        let Some(mut feed) = machines.begin(scope, (run, || Ok(Machine::new(config)?.within(machines.limits))))? else {
+            return Ok(());
+        };
         let mut number = frames.start;
         for event in work.by_ref() {
             let event = match event {
@@ -408,7 +412,7 @@ where
     's: 't,
 {
     let busy = Stopwatch::start();
-    let (mut warmed, mut run) = (Machine::new(config)?, 0);
+    let (mut warmed, mut run) = (Machine::new(config)?.within(machines.limits), 0);
     let mut ahead = work.next();
     while ahead.is_some() {
         let Some(mut feed) = machines.begin(scope, (run, || Ok(warmed.clone())))? else { break };

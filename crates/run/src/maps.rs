@@ -12,6 +12,7 @@ use super::profiles::{Profiled, Reader};
 use super::rendering::{Consumer, Rendering, Work};
 use super::timeline::Timeline;
 use machine::{BlockNotes, Config, Machine, PassNotes};
+use num::Limits;
 use render::{self, ConsumerMemory, FrameSet};
 use sim::Clock;
 use trace::Trace;
@@ -317,8 +318,8 @@ impl Surface {
 }
 
 /// Has a machine draw the frame, and takes what it notes.
-fn noting<'c>(config: &Config, out: &'c mut (Vec<PassNotes>, Option<Timeline>)) -> Result<Consumer<'c>> {
-    let mut machine = Machine::new(config)?;
+fn noting<'c>(config: &Config, limits: &Limits, out: &'c mut (Vec<PassNotes>, Option<Timeline>)) -> Result<Consumer<'c>> {
+    let mut machine = Machine::new(config)?.within(limits);
     let mut timeline = Timeline::new(config, None)?;
     machine.watch_blocks();
     let memory = ConsumerMemory { images: Machine::images(config), pieces: Machine::pieces(config), frames: false };
@@ -377,7 +378,7 @@ pub fn details(trace: &Trace, config: &Config, frame: u32, timed: bool) -> Resul
     let key: RenderKey = config.render_key();
     rendering.consume(key, counting(&mut details.maps));
     if timed {
-        rendering.consume(key, noting(config, &mut notes)?);
+        rendering.consume(key, noting(config, rendering.limits(), &mut notes)?);
     }
     if let Ok(mut bound) = Bound::new(config) {
         let out = &mut details.estimate;

@@ -13,7 +13,8 @@ use crossbeam::channel::{self, Receiver, Sender, TryRecvError};
 use rayon::ThreadPool;
 
 use super::profiles::{self, Reader};
-use num::OUR_FAULT;
+use machine::MachineError;
+use num::{Limits, OUR_FAULT};
 use render::{self, ConsumerMemory, Needs, Stop};
 use trace::Trace;
 use work::{Event, RenderKey};
@@ -139,6 +140,11 @@ impl<'r> Rendering<'r> {
         self.options.begins = Some(frames);
     }
 
+    /// What the trace may ask for.
+    pub fn limits(&self) -> &'r Limits {
+        self.trace.limits()
+    }
+
     /// How many consumers may compute at a time.
     pub fn turns(&self) -> usize {
         self.turns.max(1)
@@ -251,7 +257,11 @@ fn render(
         let rendered = renderer.join().map_err(|_| anyhow!("the renderer stopped on an internal error. {OUR_FAULT}"))?;
         // What the renderer says comes first: a machine that lost its input has nothing to add.
         let time = rendered?;
-        results.into_iter().collect::<Result<()>>()?;
+        let named = |error: anyhow::Error| match error.downcast_ref() {
+            Some(MachineError::Limit(_)) => error.context(trace.file().display().to_string()),
+            _ => error,
+        };
+        results.into_iter().collect::<Result<()>>().map_err(named)?;
         Ok(time)
     })
 }

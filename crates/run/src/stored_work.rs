@@ -9,6 +9,7 @@ use super::machines::{Ran, Shown};
 use super::profiles::{Profiled, Reader};
 use super::rendering::{Consumer, Rendering};
 use machine::{Config, FrameReport, Machine};
+use num::Limits;
 use render::{self, ConsumerMemory};
 use sim::Clock;
 use trace::Trace;
@@ -19,6 +20,7 @@ use work::{Event, RenderKey, Surface};
 pub struct StoredWork {
     events: Vec<Event>,
     bytes: u64,
+    limits: Limits,
 }
 
 impl StoredWork {
@@ -51,7 +53,7 @@ impl StoredWork {
         let memory = ConsumerMemory { images: machines, ..ConsumerMemory::default() };
         rendering.consume(key, Consumer { memory, recorded: true, run: Box::new(run) });
         rendering.run()?;
-        Ok((bytes <= most).then_some(StoredWork { events, bytes }))
+        Ok((bytes <= most).then_some(StoredWork { events, bytes, limits: *trace.limits() }))
     }
 
     /// Bytes of the work.
@@ -77,7 +79,7 @@ impl StoredWork {
             let picture = frame.picture.as_ref().map(|picture| (picture.surface, &picture.bytes[..]));
             shown.push(Shown::new(frame.number, picture));
         };
-        let run = Machine::new(config)?.run_each(self.events.iter().cloned(), Clock::SkipIdle, each)?;
+        let run = Machine::new(config)?.within(&self.limits).run_each(self.events.iter().cloned(), Clock::SkipIdle, each)?;
         Ok(Ran { shown, cycles: run.cycles, total: run.total, machine_time: watch.elapsed() })
     }
 
@@ -86,7 +88,7 @@ impl StoredWork {
     /// # Errors
     /// If knobs do not fit each other, or the machine stops.
     pub fn time<R>(&self, config: &Config, read: impl FnMut(FrameReport) -> R) -> Result<Vec<R>> {
-        time(Timing { config, per_draw: false }, self.events.iter().cloned(), read)
+        time(Timing { config, per_draw: false }, &self.limits, self.events.iter().cloned(), read)
     }
 }
 
@@ -99,9 +101,14 @@ pub struct Timing<'c> {
     pub per_draw: bool,
 }
 
-fn time<R>(of: Timing<'_>, events: impl Iterator<Item = Event>, mut read: impl FnMut(FrameReport) -> R) -> Result<Vec<R>> {
+fn time<R>(
+    of: Timing<'_>,
+    limits: &Limits,
+    events: impl Iterator<Item = Event>,
+    mut read: impl FnMut(FrameReport) -> R,
+) -> Result<Vec<R>> {
     let mut frames = Vec::new();
-    let mut machine = Machine::new(of.config)?;
+    let mut machine = Machine::new(of.config)?.within(limits);
     if of.per_draw {
         machine.watch_draws();
     }
@@ -126,7 +133,7 @@ fn stream<R: Send>(
         let config = machine.config;
         let memory = ConsumerMemory { images: Machine::images(config), pieces: Machine::pieces(config), frames: false };
         let run = move |work: super::rendering::Work| {
-            *result = time(machine, work, read);
+            *result = time(machine, trace.limits(), work, read);
             Ok(())
         };
         rendering.consume(config.render_key(), Consumer { memory, recorded: true, run: Box::new(run) });
@@ -168,7 +175,10 @@ pub fn time_each<R: Send>(
     if let Some(stored) = StoredWork::render(trace, options, first.config.render_key(), images, most)? {
         took.kept_bytes = stored.bytes();
         let events = || stored.events.iter().cloned();
-        machines.par_iter().enumerate().try_for_each(|(at, &machine)| done(at, time(machine, events(), read)))?;
+        machines
+            .par_iter()
+            .enumerate()
+            .try_for_each(|(at, &machine)| done(at, time(machine, &stored.limits, events(), read)))?;
         return Ok(took);
     }
     let size = STREAMED * threads;
