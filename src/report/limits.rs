@@ -20,13 +20,24 @@ traces have. `--limit NAME=VALUE` sets a limit; it may be given several times, a
 
     fillrate replay recorded/trace --limit trace.bytes=16_000_000_000 --limit trace.files=200_000 --out out
 
-All subcommands that read a trace take it. A message about a limit names the limit.
+All subcommands that read a trace take it. A message about a limit names the limit. Defaults of limits of work (`work.*`, without
+`work.loop_turns`) are those of a trace up to 1 MiB; one whose files have N MiB may do N times as much.
 
 | name | default | unit | what |
 |---|---|---|---|
 ";
 
 const AFTER: &str = "
+## What the default limits cover
+
+Input below 1 MB is read, imported, compiled and drawn by functional rendering, or refused, in 30 s of two processors of 3 GHz and 3 GB. Each form of hostile input
+that is known here was measured so (`cargo test --release --test robust every_form -- --ignored --nocapture`): shaders, texts, recordings, archives, pictures and commands. Budgets
+count steps and bytes, so that a refusal does not depend on the host.
+
+They do not cover the time of a machine. What is drawn in a second may take a machine of the cycle fidelity an hour, at 0.3 to 1 million cycles per second; 30 s are about
+`--limit work.cycles=10_000_000`. The default of `work.cycles` ends endless work only. Sweeps and `why` run many machines, each with this limit. The
+fidelities bound and sampled render a trace several times.
+
 ## Which files are read
 
 The path on the command line is the user's word: it may be a symbolic link. What a trace names is not:

@@ -1,7 +1,7 @@
 //! Short shaders that become large when compiled: loops stay loops, all others are refused, in bounded time and memory.
 
 use super::deep_shaders::{compile, compiling, spirv};
-use super::generated as made;
+use super::forms::wgsl as made;
 use super::process::{Output, below_mib, done, refused};
 
 /// Asserts that a shader was refused for a limit, in bounded memory.

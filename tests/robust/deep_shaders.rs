@@ -4,7 +4,8 @@
 use fillrate::trace::record::{self, Recorder};
 use tempfile::TempDir;
 
-use super::generated::{DEEP, Kind};
+use super::forms::Kind;
+use super::forms::wgsl::DEEP;
 use super::process::{Output, Run, done, fillrate, refused};
 
 /// A replay of a trace that compiles a compute shader which `create` adds, and runs nothing.

@@ -11,7 +11,7 @@ use fillrate::trace::command::*;
 use fillrate::trace::record::{self, Recorder};
 use tempfile::TempDir;
 
-use super::process::{Output, fillrate, refused};
+use super::process::{Output, done, fillrate, refused};
 
 const FORMAT: Format = Format::Rgba8Unorm;
 
@@ -199,8 +199,24 @@ fn what_threads_do_side_by_side_ends_with_the_same_words() {
     assert!(said.iter().all(|text| *text == said[0]), "{said:?}");
 }
 
-/// A frame of each recorded trace, and what it would come to in its most frames: a hundredth of every limit at most, and a tenth of the steps of
-/// shaders, which take longest.
+#[test]
+fn a_machine_stops_behind_the_cycles_that_it_may_take() {
+    let hostile = dispatched("for (var k = 0u; k < 2000u; k++) { b[id.x & 63u] += k; }", [4, 1, 1]);
+    let replay = |options: &[&str]| {
+        let run = fillrate(["replay".as_ref(), hostile.path().as_os_str(), "--config".as_ref(), "tiny".as_ref()]);
+        options.iter().fold(run, |run, option| run.arg(option)).run()
+    };
+    for options in [&[][..], &["--clock", "every-cycle"], &["--frames-per-run", "1"]] {
+        let output = replay(&[options, &["--limit", "work.cycles=2000"]].concat());
+        refused(&output, &["trace.ron: ", "more than 2000 cycles of a machine, the limit; --limit work.cycles=N allows more"]);
+    }
+    done(&replay(&["--limit", "work.cycles=10000000"]));
+    // Without a machine there are no cycles.
+    done(&hostile.replay(&["--limit", "work.cycles=1"]));
+}
+
+/// A frame of each recorded trace, and what it would come to in its most frames: a hundredth of every limit at most, a tenth of the bytes, and
+/// a fifth of the steps, which take longest.
 #[test]
 fn recorded_traces_come_to_a_small_part_of_every_limit() {
     let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("traces");
@@ -218,7 +234,11 @@ fn recorded_traces_come_to_a_small_part_of_every_limit() {
             let (spent, limit) = (meter.spent() * times, meter.limit().get());
             println!("{}: {} {spent} of {limit}", path.display(), meter.limit().info().name);
             let name = meter.limit().info().name;
-            let share = if name == "work.shader_steps" { 10 } else { 100 };
+            let share = match name {
+                "work.shader_steps" => 5,
+                "work.bytes" => 10,
+                _ => 100,
+            };
             assert!(spent * share <= limit, "{}: {name} {spent}, more than 1/{share} of {limit}", path.display());
         }
         println!("{}: most alive {}", path.display(), summary.ledger.most_alive());

@@ -6,10 +6,12 @@ mod configs;
 mod deep_shaders;
 #[cfg(unix)]
 mod endless;
+#[cfg(unix)]
+mod every_form;
 mod experiments;
 #[cfg(unix)]
 mod files;
-mod generated;
+mod forms;
 #[cfg(unix)]
 mod glsl;
 #[cfg(unix)]

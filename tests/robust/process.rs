@@ -34,6 +34,8 @@ pub struct Output {
     /// The largest resident memory that was seen, in bytes: looked at every few milliseconds, so a short peak can be missed.
     pub peak: u64,
     pub wall: Duration,
+    /// Time of all processors together, as far as it was seen: looked at as often as memory.
+    pub busy: Duration,
 }
 
 /// A run of the program with these arguments. Bounds: 4 GiB of address space, 20 s of processor time, 40 s of wall time; two threads.
@@ -138,13 +140,14 @@ impl Run {
         let mut child = self.spawn();
         let stdout = child.stdout.take().map(collect);
         let stderr = child.stderr.take().map(collect);
-        let (mut peak, mut timed_out) = (0, false);
+        let (mut peak, mut timed_out, mut busy) = (0, false, Duration::ZERO);
         let mut pause = Duration::from_millis(1);
         let status = loop {
             if let Some(status) = child.try_wait().expect("a process of ours") {
                 break status;
             }
             peak = peak.max(resident_peak(child.id()));
+            busy = busy.max(busy_time(child.id()));
             if !timed_out && begin.elapsed() > self.wall {
                 timed_out = true;
                 child.kill().expect("a process of ours");
@@ -156,7 +159,7 @@ impl Run {
             let bytes = reader.map(|reader| reader.join().expect("the output is read")).unwrap_or_default();
             String::from_utf8_lossy(&bytes).into_owned()
         };
-        Output { status, stdout: text(stdout), stderr: text(stderr), timed_out, peak, wall: begin.elapsed() }
+        Output { status, stdout: text(stdout), stderr: text(stderr), timed_out, peak, wall: begin.elapsed(), busy }
     }
 }
 
@@ -173,6 +176,14 @@ fn resident_peak(process: u32) -> u64 {
     let status = std::fs::read_to_string(format!("/proc/{process}/status")).unwrap_or_default();
     let line = status.lines().find_map(|line| line.strip_prefix("VmHWM:")).unwrap_or_default();
     line.trim().trim_end_matches(" kB").parse::<u64>().unwrap_or(0) * 1024
+}
+
+/// The time that all processors have spent on a process so far; 0 where the system does not say.
+fn busy_time(process: u32) -> Duration {
+    let status = std::fs::read_to_string(format!("/proc/{process}/stat")).unwrap_or_default();
+    // Behind the name, which may have blanks: 11 fields, then the time of the program and the time of the system, in hundredths of a second.
+    let fields = status.rsplit(')').next().unwrap_or_default().split_whitespace();
+    Duration::from_millis(10 * fields.skip(11).take(2).filter_map(|ticks| ticks.parse::<u64>().ok()).sum::<u64>())
 }
 
 /// Asserts that a run refused its input: exit status 2, one message on the standard error that has all of these texts, and neither

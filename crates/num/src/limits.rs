@@ -161,7 +161,7 @@ limits! {
     work_workgroups: "work.workgroups", 1 << 27, "workgroups run";
     /// What shaders do, and what is done around them. A step is one simple operation on up to 64 invocations at once; memory operations are 8,
     /// texture operations 64; a draw is 600, a vertex 4, a triangle in a screen tile 16, a quad of it 3, a workgroup 80. Recorded traces have up to
-    /// 500 million.
+    /// 587 million.
     work_steps: "work.shader_steps", 4_000_000_000, "shader steps";
     /// Turns of one loop between its entry and its end: a program that needs more hangs a card.
     work_loop_turns: "work.loop_turns", 1 << 20, "turns of a loop";
@@ -201,10 +201,24 @@ fn address_space() -> u64 {
     bytes.unwrap_or(u64::MAX)
 }
 
+/// The bytes of a trace, as its files are, for which the defaults of the limits of work are made.
+const WORK_OF: u64 = 1 << 20;
+
 /// Bytes that a packed trace may become, however small it is.
 const FREE_EXPANSION: u64 = 64 << 20;
 
 impl Limits {
+    /// The limits of a trace whose files have this many bytes together: of a trace larger than 1 MiB, limits of work (`work.*`) are as many times
+    /// larger. A long recording of a real program may do as much in each of its frames as a short one.
+    pub fn for_files(mut self, bytes: u64) -> Limits {
+        let times = bytes.div_ceil(WORK_OF).max(1);
+        for limit in self.all_mut().filter(|limit| limit.info.name.starts_with("work.") && limit.info.name != "work.loop_turns")
+        {
+            limit.value = limit.value.saturating_mul(times);
+        }
+        self
+    }
+
     /// Checks that `packed` bytes may become `expanded` bytes.
     ///
     /// # Errors
@@ -251,6 +265,20 @@ mod tests {
             let wanted: Vec<u64> = default.iter().enumerate().map(|(i, &d)| if i == k { 1234 } else { d }).collect();
             assert_eq!(set, wanted, "{}", row.name);
         }
+    }
+
+    #[test]
+    fn larger_traces_may_do_more() {
+        let limits = Limits::default();
+        assert_eq!(limits.for_files(0), limits);
+        assert_eq!(limits.for_files(1 << 20), limits);
+        let larger = limits.for_files((5 << 20) + 1);
+        assert_eq!(larger.work_steps.get(), 6 * limits.work_steps.get());
+        assert_eq!(larger.work_bytes.get(), 6 * limits.work_bytes.get());
+        // What hangs a card hangs it in every trace, and memory is what the machine has.
+        assert_eq!(larger.work_loop_turns, limits.work_loop_turns);
+        assert_eq!(larger.memory_bytes, limits.memory_bytes);
+        assert_eq!(larger.shader_source, limits.shader_source);
     }
 
     #[test]

@@ -2,8 +2,7 @@
 
 use std::fmt::Write;
 
-/// A kind of text, and what makes one of a given size.
-pub type Kind = (&'static str, fn(usize) -> String);
+use super::{Kind, lines};
 
 /// A compute shader with these declarations and this body, which may use `b`, a buffer, and `x`, a number of it.
 pub fn shader(declarations: &str, body: &str) -> String {
@@ -11,10 +10,6 @@ pub fn shader(declarations: &str, body: &str) -> String {
         "@group(0) @binding(0) var<storage, read_write> b: array<u32>;\n{declarations}\n\
          @compute @workgroup_size(1) fn main() {{\nvar x = b[0]; var t = x == 1u;\n{body}\nb[1] = x + u32(t);\n}}\n"
     )
-}
-
-fn lines(n: usize, line: impl Fn(usize) -> String) -> String {
-    (0..n).map(line).collect::<Vec<_>>().join("\n")
 }
 
 /// Texts that are nested to this depth, each by another construct.
