@@ -5,6 +5,7 @@
 #[path = "../../crates/run/tests/stores/check.rs"]
 mod check;
 #[path = "../../crates/run/tests/stores/sequence.rs"]
+#[allow(dead_code, reason = "the suite makes sequences of numbers, the fuzzer of bytes")]
 mod sequence;
 
 thread_local! {
