@@ -1,5 +1,6 @@
 //! Options of all subcommands that read a trace: limits, and which of its files are read.
 
+use std::fs::Metadata;
 use std::ops::Range;
 use std::path::Path;
 
@@ -51,13 +52,13 @@ impl Reading {
     /// end: see [`Reading::say_at_end`].
     pub fn open_frames(&self, path: &Path, frames: Range<u64>) -> Result<Trace> {
         self.warn_ignored(path);
-        self.supported(path, import::open_frames(path, &self.reading()?, frames)?)
+        self.supported(path, import::open_frames(path, &self.reading(path)?, frames)?)
     }
 
     /// As [`Reading::open`], with all commands and payload in memory, as writing the trace needs.
     pub fn open_whole(&self, path: &Path) -> Result<Trace> {
         self.warn_ignored(path);
-        let reading = trace::Reading { in_memory: Some(u64::MAX), ..self.reading()? };
+        let reading = trace::Reading { in_memory: Some(u64::MAX), ..self.reading(path)? };
         self.supported(path, import::open_reported(path, &reading)?)
     }
 
@@ -83,7 +84,7 @@ impl Reading {
     /// Opens a trace of any kind to show what is in it. What is not supported is no error.
     pub fn open_to_inspect(&self, path: &Path) -> Result<(Trace, Option<Report>)> {
         self.warn_ignored(path);
-        let (trace, report) = import::open_reported(path, &trace::Reading { lenient: true, ..self.reading()? })?;
+        let (trace, report) = import::open_reported(path, &trace::Reading { lenient: true, ..self.reading(path)? })?;
         if let Some(cut) = trace.origin().cut {
             eprintln!("warning: {}: {cut}", path.display());
         }
@@ -93,7 +94,7 @@ impl Reading {
     /// Opens a trace of any kind, with what is known of a recorded program.
     pub fn open_reported(&self, path: &Path) -> Result<(Trace, Option<Report>)> {
         self.warn_ignored(path);
-        Ok(import::open_reported(path, &self.reading()?)?)
+        Ok(import::open_reported(path, &self.reading(path)?)?)
     }
 
     /// Warns of options that a trace of its kind ignores. They are not refused: where a command reads several traces, its options may be
@@ -110,8 +111,8 @@ impl Reading {
         }
     }
 
-    fn reading(&self) -> Result<trace::Reading> {
-        let mut limits = Limits::default();
+    fn reading(&self, path: &Path) -> Result<trace::Reading> {
+        let mut limits = Limits::default().for_files(bytes_of(path));
         for assignment in &self.limits {
             limits.set(assignment).map_err(|reason| anyhow!("--limit {reason}"))?;
         }
@@ -125,6 +126,18 @@ impl Reading {
             window: self.window,
             in_memory: None,
         })
+    }
+}
+
+/// Bytes of the files of a trace: of a file, or of those in a folder and in its folder `trace`.
+fn bytes_of(path: &Path) -> u64 {
+    let below = |folder: &Path| -> u64 {
+        let entries = std::fs::read_dir(folder).into_iter().flatten().flatten();
+        entries.filter_map(|entry| entry.metadata().ok()).filter(Metadata::is_file).map(|file| file.len()).sum()
+    };
+    match std::fs::metadata(path) {
+        Ok(file) if file.is_file() => file.len(),
+        _ => below(path) + below(&path.join("trace")),
     }
 }
 
