@@ -22,17 +22,43 @@ pub struct Machine {
     port_width: u32,
     /// Banks of units, and how many each has.
     banks: Vec<(String, usize)>,
+    /// How even the load of pipelines is, in words; empty where there is one.
+    balance: String,
+}
+
+/// How even the load is between the units of the pipelines' bank whose busiest unit is busiest: that unit, and the mean of the bank.
+fn balance(units: &Tree) -> String {
+    let busy = |unit: &Tree| {
+        let cycles: Cycles = unit.read();
+        cycles.busy as f64 / cycles.total().max(1) as f64
+    };
+    let spread = |name: &'static str| {
+        let Some(Node::List(list)) = units.get(name) else { return None };
+        let shares: Vec<f64> = list.iter().map(busy).collect();
+        let most = shares.iter().copied().fold(0.0, f64::max);
+        (shares.len() > 1 && most > 0.0).then(|| (name, shares.len(), most, shares.iter().sum::<f64>() / shares.len() as f64))
+    };
+    let banks = ["traverse", "core", "color"].into_iter().filter_map(spread);
+    banks.max_by(|a, b| a.2.total_cmp(&b.2)).map_or(String::new(), |(name, units, most, mean)| {
+        format!(
+            "the busiest of {units} {name} units is busy in {:.0} % of its cycles, all in {:.0} % on average",
+            100.0 * most,
+            100.0 * mean
+        )
+    })
 }
 
 impl Machine {
     /// The machine that has drawn a frame.
     pub fn of(config: &Config, frame: &FrameReport) -> Machine {
         let mut banks = Vec::new();
+        let mut even = String::new();
         if let Some(Node::Tree(units)) = frame.tree.get("units") {
+            even = balance(units);
             let size = |node: &Node| if let Node::List(list) = node { list.len() } else { 1 };
             banks.extend(units.entries().map(|(name, node)| (name.to_owned(), size(node))));
         }
-        Machine { port_width: config.memory.port_width, banks }
+        Machine { port_width: config.memory.port_width, banks, balance: even }
     }
 }
 
@@ -300,6 +326,8 @@ pub fn evidence(relaxation: &Relaxation, seen: &Seen, machine: &Machine) -> Stri
         Resource::Room if unit == "dram" => seen.waits(),
         Resource::MemoryBandwidth if knob("memory.port_width") => seen.ports(machine),
         Resource::MemoryBandwidth => seen.dram(),
+        Resource::Balance => machine.balance.clone(),
+        Resource::Units if knob("pipelines") => machine.balance.clone(),
         // Geometry units are several banks; each of them clips.
         Resource::Units if unit.is_empty() => seen.states("clip"),
         Resource::Rate | Resource::Room | Resource::Units | Resource::Latency if !unit.is_empty() => seen.states(unit),

@@ -51,7 +51,8 @@ pub struct Gain {
 pub struct Why {
     /// The frames as the machine is.
     pub base: Timed,
-    /// Relaxations, those that gain most first.
+    /// Relaxations, those that gain most first; one that gives more of several resources comes behind one of a single resource that gains
+    /// half as much.
     pub gains: Vec<Gain>,
     /// Renderings that were made.
     pub renderings: u64,
@@ -163,9 +164,16 @@ pub fn why(trace: &Trace, config: &Config, frames: Range<u32>, progress: &(dyn F
     };
     let timed = results.map(|ran| ran.map(|(timed, _)| timed));
     let mut gains: Vec<Gain> = relaxed.into_iter().map(|(relaxation, _)| relaxation).zip(timed).map(told).collect();
-    let rank = |gain: &Gain| gain.timed.as_ref().map_or(Cycle::MAX, |timed| timed.cycles);
-    gains.sort_by_key(rank);
+    gains.sort_by_key(|gain| rank(base.cycles, gain));
     Ok(Why { base, gains, renderings })
+}
+
+/// The place of a change among all: by its cycles, with half of what it saves taken off where it is [broad](Relaxation::is_broad).
+/// Then a change of one resource that gains half as much comes first, since it says what was missing.
+fn rank(base: Cycle, gain: &Gain) -> Cycle {
+    let Ok(timed) = &gain.timed else { return Cycle::MAX };
+    let saved = base.saturating_sub(timed.cycles);
+    timed.cycles + if gain.relaxation.is_broad() { saved / 2 } else { 0 }
 }
 
 /// The bank of units of a section.

@@ -3,9 +3,10 @@
 //! Most are found from the declarations of the knobs: what a knob counts says whether it is a rate, room for what is in flight, a cache or
 //! a latency. A new unit's knobs take part without a word here.
 
-use crate::knob::{Knob, Setting};
+use crate::knob::{Knob, Setting, Value};
 use crate::machine::Config;
 use crate::machine::config::MemoryKind;
+use crate::unit::interleave::Pattern;
 
 /// A change that gives a frame more of one resource.
 #[derive(Clone, Debug, PartialEq)]
@@ -19,6 +20,9 @@ pub struct Relaxation {
     /// The knobs, with their new values.
     pub changes: Vec<(String, Setting)>,
 }
+
+/// Changes that give more of several resources at once: a core brings a texture unit and caches, a pipeline all of its units.
+const SEVERAL: &[&str] = &["core.per_pipeline", "pipelines", "geometry_units"];
 
 /// What there is more of.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -39,6 +43,8 @@ pub enum Resource {
     Latency,
     /// Work that is left out.
     Skip,
+    /// How evenly the screen is dealt to pipelines.
+    Balance,
 }
 
 impl Relaxation {
@@ -62,6 +68,11 @@ impl Relaxation {
     /// The change as the options of a replay.
     pub fn options(&self) -> String {
         self.settings().map(|setting| format!("--set {setting}")).collect::<Vec<_>>().join(" ")
+    }
+
+    /// Whether the change gives more of several resources at once, so that it does not name one.
+    pub fn is_broad(&self) -> bool {
+        self.changes.iter().any(|(path, _)| SEVERAL.contains(&path.as_str()))
     }
 
     /// The knob and its value, where the change is one of a single knob.
@@ -205,6 +216,28 @@ impl Finder<'_> {
             self.found.push(Relaxation { title, section, resource, changes });
         }
     }
+
+    /// Adds other ways to deal the screen to pipelines: smaller tiles, and every other pattern.
+    fn balance(&mut self) {
+        if self.base.card.pipelines == 1 {
+            return;
+        }
+        for (parts, size) in [(2, "half"), (8, "an eighth")] {
+            let title = format!("screen tiles {size} as wide");
+            self.add(title, "distribute", Resource::Balance, |finder, _, path, knob| {
+                let setting = Setting::Number(u64::from(finder.base.distribute.tile) / parts);
+                (path == "distribute.tile" && knob.allowed.admits(&setting)).then_some(setting)
+            });
+        }
+        let now = self.base.distribute.pattern.to_setting();
+        for name in Pattern::NAMES {
+            let setting = Setting::Name((*name).into());
+            let title = format!("screen tiles dealt in the pattern {name}");
+            self.add(title, "distribute", Resource::Balance, |_, _, path, _| {
+                (path == "distribute.pattern" && setting != now).then(|| setting.clone())
+            });
+        }
+    }
 }
 
 /// All relaxations of a configuration. `has` says whether the machine has units of a bank.
@@ -235,8 +268,12 @@ pub fn relaxations(base: &Config, has: &dyn Fn(&str) -> bool) -> Vec<Relaxation>
             });
         }
     }
-    for (path, title) in [("core.per_pipeline", "twice the cores"), ("geometry_units", "twice the geometry units")] {
-        let section = if path == "core.per_pipeline" { "core" } else { "" };
+    let units = [
+        ("core.per_pipeline", "core", "twice the cores"),
+        ("geometry_units", "", "twice the geometry units"),
+        ("pipelines", "", "twice the pipelines"),
+    ];
+    for (path, section, title) in units {
         finder.add(
             title.into(),
             section,
@@ -246,6 +283,7 @@ pub fn relaxations(base: &Config, has: &dyn Fn(&str) -> bool) -> Vec<Relaxation>
             },
         );
     }
+    finder.balance();
     finder.add("half the latency of all units".into(), "", Resource::Latency, |finder, own, path, knob| {
         if is_latency(own, knob) { finder.half(path, knob) } else { None }
     });
@@ -327,7 +365,11 @@ mod tests {
                 .starts_with("--set memory.port_latency=10 --set memory.l2.latency=15 --set memory.dram.t_rcd=9")
         );
         assert_eq!(options(&list, "draws culled by their bounds"), "--set command.cull=draws");
+        assert_eq!(options(&list, "screen tiles an eighth as wide"), "--set distribute.tile=8");
+        assert_eq!(options(&list, "screen tiles dealt in the pattern morton"), "--set distribute.pattern=morton");
+        assert_eq!(options(&list, "twice the pipelines"), "--set pipelines=8");
         // What the baseline has already is none.
+        assert_eq!(options(&list, "screen tiles dealt in the pattern skewed"), "");
         assert_eq!(options(&list, "early Z"), "");
         assert!(list.len() > 40, "{}", list.len());
         let broken: Vec<&str> = list.iter().filter(|own| own.of(&base).is_none()).map(|own| own.title.as_str()).collect();

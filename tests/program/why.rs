@@ -10,6 +10,9 @@ use fillrate::why::why;
 
 use crate::cli::{refused, run};
 
+/// Cores that hold nothing back.
+const FAST: [&str; 3] = ["core.per_pipeline=4", "core.float_lanes=512", "core.integer_lanes=512"];
+
 /// A trace, the resource that is made scarce, and the title of the change that gains most.
 const SCARCE: &[(&str, &[&str], &str)] = &[
     ("cube", &["core.float_lanes=8"], "core: twice as fast"),
@@ -27,6 +30,27 @@ const SCARCE: &[(&str, &[&str], &str)] = &[
     ("panel.zip", &["command.command_cycles=20000"], "command: twice as fast"),
     ("panel.zip", &["command.barrier_cycles=60000"], "command: barriers half as long"),
     ("panel.zip", &["color.fast_clear=false"], "fast clears"),
+    ("torus-knot.zip", &["setup.interval=16"], "setup: twice as fast"),
+    ("cube", &[FAST[0], FAST[1], FAST[2], "interpolate.words_per_cycle=1"], "interpolate: twice as fast"),
+    (
+        "layers-back-first.zip",
+        &[FAST[0], FAST[1], FAST[2], "color.quads_per_cycle=1", "color.blends_per_cycle=1"],
+        "color: twice as fast",
+    ),
+    ("cube", &["memory.port_queue=2"], "memory: twice as many requests in flight"),
+    (
+        "cube",
+        &[FAST[0], FAST[1], FAST[2], "texture.cache_lines=8", "texture.cache_ways=4"],
+        "texture: a cache that is never full",
+    ),
+    (
+        "cube",
+        &[FAST[0], FAST[1], FAST[2], "texture.cache_lines=8", "texture.cache_ways=4", "memory.l2.lines=16"],
+        "memory.l2: a cache that is never full",
+    ),
+    ("cube", &["distribute.tile=1024"], "screen tiles an eighth as wide"),
+    ("spokes-msaa", &["resolve.block_cycles=256"], "resolve: twice as fast"),
+    ("layers-front-first.zip", &["depth.early=false", "traverse.hierarchical_z=false", "core.float_lanes=8"], "early Z"),
 ];
 
 #[test]
@@ -41,12 +65,17 @@ fn a_scarce_resource_of_memory_is_found_and_the_gain_is_that_of_a_replay() {
 
 #[test]
 fn a_scarce_resource_of_commands_is_found_and_the_gain_is_that_of_a_replay() {
-    found(&SCARCE[8..]);
+    found(&SCARCE[8..11]);
+}
+
+#[test]
+fn a_scarce_resource_of_pixels_is_found_and_the_gain_is_that_of_a_replay() {
+    found(&SCARCE[11..]);
 }
 
 fn found(machines: &[(&str, &[&str], &str)]) {
-    // Each asks some thirty machines: the usual suite takes every second.
-    let step = if std::env::var_os("FILLRATE_SLOW").is_some() { 1 } else { 2 };
+    // Each asks some sixty machines: the usual suite takes every third.
+    let step = if std::env::var_os("FILLRATE_SLOW").is_some() { 1 } else { 3 };
     for (name, scarce, title) in machines.iter().step_by(step) {
         let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("traces").join(name);
         let trace = Trace::open(path).expect("the trace is there");
