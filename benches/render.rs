@@ -263,6 +263,7 @@ fn run(name: &str, workload: &Workload, frames: usize, skips: Skips, record: boo
             key: RenderKey::default(),
             record,
             signature: None,
+            state: 0,
             skips,
             boxes: None,
             ledger: &ledger,

@@ -3,6 +3,7 @@
 use std::sync::Arc;
 
 use gfx::format::Format;
+use gfx::state::{Rect, Viewport};
 use gfx::texel;
 use num::QuerySetId;
 use shader::{self, BuiltIn, Interface, Program};
@@ -64,7 +65,13 @@ pub(super) struct ActivePass {
     counted: Option<Funnel>,
     /// Memory for the next draw.
     spare: queued::Bound,
+    /// The state of the last draw, and its number in the pass.
+    drawn: Option<FixedState>,
+    states: u32,
 }
+
+/// The part of the state that a card keeps for draws in flight: pipeline, viewport, scissor rectangle, blend constant, stencil reference.
+type FixedState = (u32, Viewport, Rect, [f32; 4], u32);
 
 impl ActivePass {
     /// Begins a pass.
@@ -214,6 +221,8 @@ impl ActivePass {
             timestamps,
             counted: None,
             spare: queued::Bound::default(),
+            drawn: None,
+            states: 0,
         })
     }
 
@@ -422,6 +431,10 @@ impl ActivePass {
         let unasked = self.open_occlusion.is_none() && self.open_statistics.is_none();
         let signed = renderer.recording() && renderer.options.key.signatures && unasked;
         let signature = if signed { signature(&pipeline, &bound.resolved[1], state) } else { None };
+        let fixed = (id, state.viewport, state.scissor, state.blend_constant, state.stencil_reference);
+        if self.drawn.replace(fixed) != Some(fixed) {
+            self.states += 1;
+        }
         let draw = QueuedDraw {
             command: ledger.command(),
             charges,
@@ -440,6 +453,7 @@ impl ActivePass {
             counted: self.open_statistics.is_some(),
             record: renderer.recording(),
             signature,
+            state: self.states,
         };
         if !draw.can_wait() {
             self.come_home(renderer)?;

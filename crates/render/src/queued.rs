@@ -87,6 +87,8 @@ pub(super) struct QueuedDraw {
     pub counted: bool,
     pub record: bool,
     pub signature: Option<Signature>,
+    /// Number of its state in the pass.
+    pub state: u32,
 }
 
 impl QueuedDraw {
@@ -128,6 +130,7 @@ impl QueuedDraw {
             key: shared.key,
             record: self.record,
             signature: self.signature,
+            state: self.state,
             skips: shared.skips,
             boxes: (!self.counted).then_some(&*shared.boxes),
             ledger,

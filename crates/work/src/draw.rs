@@ -86,6 +86,9 @@ pub struct Draw {
     pub signature: Option<Signature>,
     /// What of it was left out by bounds.
     pub culling: Culling,
+    /// Number of its state. Of two draws of a pass that follow each other, the second has the same number if no command between them has
+    /// changed the pipeline, the viewport, the scissor rectangle, the blend constant or the stencil reference.
+    pub state: u32,
 }
 
 /// What tests of bounds against the view volume came to.

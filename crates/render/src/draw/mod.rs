@@ -154,6 +154,8 @@ pub struct DrawCall<'a> {
     pub record: bool,
     /// Signature of what the pixels depend on beside attachments and primitives.
     pub signature: Option<Signature>,
+    /// Number of its state in the pass.
+    pub state: u32,
     /// What may be left out.
     pub skips: Skips,
     /// What is known of buffers, for tests of bounds ahead of vertex shading; none: nothing is tested (something counts vertices or

@@ -216,6 +216,7 @@ pub fn draw(call: &DrawCall<'_>, frame: &PreparedDraw<'_>, has_depth: bool, cull
         depth_range: [viewport.min_depth.min(viewport.max_depth), viewport.min_depth.max(viewport.max_depth)],
         signature: call.signature,
         culling,
+        state: call.state,
     }
 }
 

@@ -49,6 +49,7 @@ pub fn draw() -> Draw {
         depth_range: [0.0, 1.0],
         signature: None,
         culling: Default::default(),
+        state: 0,
     }
 }
 

@@ -231,6 +231,7 @@ impl Scene {
             areas: how.areas,
             key: how.key,
             signature: None,
+            state: 0,
             record: how.record,
             skips: how.skips,
             boxes: Some(&boxes),
