@@ -1,8 +1,8 @@
 //! What caches of several sizes would miss, told without any machine: each forgets its oldest entry, and counts.
 
 use super::super::{BLOCK, Pass, Segment};
-use super::REUSE;
 use super::touch::FIRST;
+use super::{BATCH, REUSE};
 
 /// Sizes in blocks of first-in-first-out caches of colours and depths, those of all pipelines together, for which a profile knows
 /// misses.
@@ -116,6 +116,32 @@ pub(super) fn dealt_vertices(segment: &Segment, batch: u32) -> u64 {
     shaded
 }
 
+/// Vertices that are shaded in batches of at most [`BATCH`] vertices and indices, of whole primitives, each of which begins anew.
+pub(super) fn batched_vertices(segment: &Segment) -> u64 {
+    let [most, most_indices] = BATCH;
+    let mut last = vec![u32::MAX; segment.vertices.len()];
+    let (mut batch, mut held, mut indices, mut shaded) = (0, 0, 0, 0);
+    for primitive in &segment.primitives {
+        let [a, b, c] = primitive.vertices;
+        let different = 1 + usize::from(b != a) + usize::from(c != b && c != a);
+        let vertices = &primitive.vertices[..different];
+        let new = vertices.iter().filter(|&&vertex| last[vertex as usize] != batch).count();
+        if held + new > most || indices + different > most_indices {
+            batch += 1;
+            (held, indices) = (0, 0);
+        }
+        for &vertex in vertices {
+            let last = &mut last[vertex as usize];
+            let new = usize::from(*last != batch);
+            held += new;
+            shaded += new as u64;
+            *last = batch;
+        }
+        indices += different;
+    }
+    shaded
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -143,5 +169,31 @@ mod tests {
         let segment = Segment { stream: row(0).chain([u32::MAX]).chain(row(1)).collect(), vertices, ..Segment::default() };
         let [none, eight, .., most] = shaded_vertices(&segment);
         assert_eq!([none, eight, most], [64, 36, 27], "without a cache, each row alone, each once");
+    }
+
+    #[test]
+    fn vertices_are_shaded_again_in_each_batch() {
+        let batched = |indices: &[u32]| {
+            let primitive = |vertices: &[u32]| super::super::super::Primitive {
+                vertices: [vertices[0], vertices[1], vertices[2]],
+                stream_end: 0,
+                first_triangle: 0,
+                triangles: 0,
+                clipped: false,
+                cut_away: false,
+                outcome: super::super::super::Outcome::Drawn,
+            };
+            let vertex = super::super::super::Vertex { index: 0, instance: 0, cost: 0, first_request: 0 };
+            let vertices = vec![vertex; indices.iter().max().map_or(0, |&last| last as usize + 1)];
+            let primitives = indices.chunks_exact(3).map(primitive).collect();
+            batched_vertices(&Segment { vertices, primitives, ..Segment::default() })
+        };
+        // The same triangle 32 times, and once more; triangles that share nothing, of which ten fit.
+        let same: Vec<u32> = (0..99).map(|n| n % 3).collect();
+        assert_eq!([batched(&same[..96]), batched(&same)], [3, 6]);
+        assert_eq!(batched(&(0..66).collect::<Vec<_>>()), 66);
+        // A strip of 31 triangles: 30 in the first batch.
+        let strip: Vec<u32> = (0..31).flat_map(|n| [n, n + 1, n + 2]).collect();
+        assert_eq!([batched(&strip[..90]), batched(&strip)], [32, 35]);
     }
 }

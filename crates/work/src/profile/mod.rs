@@ -26,6 +26,10 @@ use super::{Dispatch, Event, Groups, Pass, Shade, Surface, Transfer};
 /// Sizes of first-in-first-out vertex caches for which a profile knows how many vertices are shaded.
 pub const REUSE: [usize; 6] = [0, 8, 16, 32, 64, 128];
 
+/// Vertices, and indices, of a batch within which vertices are reused, for which a profile knows how many vertices are shaded: those of
+/// NVIDIA's cards (Kerbl et al. 2018).
+pub const BATCH: [usize; 2] = [32, 96];
+
 /// A draw, or a part of it.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct DrawProfile {
@@ -43,6 +47,8 @@ pub struct DrawProfile {
     pub attributes: u64,
     /// Vertices shaded behind a cache of as many as [`REUSE`] says.
     pub shaded_vertices: [u64; REUSE.len()],
+    /// Vertices shaded in batches of at most [`BATCH`] vertices and indices.
+    pub batched_vertices: u64,
     /// Cost of the distinct vertices.
     pub vertex: ShaderProfile,
     /// Registers of a vertex, and of a fragment.

@@ -3,7 +3,7 @@
 use std::sync::Arc;
 
 use super::apart::{APART, Apart, DEALT, Test};
-use super::caches::{BLOCK_CACHES, Caches, dealt_vertices, shaded_vertices};
+use super::caches::{BLOCK_CACHES, Caches, batched_vertices, dealt_vertices, shaded_vertices};
 use super::lines::{Lines, Place};
 use super::shader::asking;
 use super::touch::{BUNDLE, FLAT, Touch, Toucher, Touches};
@@ -169,6 +169,7 @@ impl OpenPass {
         draw.indices += segment.stream.len() as u64;
         draw.index_bytes = segment.index_address.map_or(0, |_| u64::from(segment.index_bytes));
         draw.shaded_vertices.iter_mut().zip(shaded_vertices(segment)).for_each(|(sum, own)| *sum += own);
+        draw.batched_vertices += batched_vertices(segment);
         if !self.whole {
             draw.dealt_vertices += dealt_vertices(segment, DEALT);
         }
