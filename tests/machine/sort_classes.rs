@@ -141,10 +141,29 @@ fn a_full_list_memory_is_drawn_in_parts() {
             let report = run(&config(kib), &Scene { triangles: 150, ..scene.clone() }, Clock::SkipIdle);
             assert_eq!(wrong(&report), 0, "{kib} KiB: {scene:?}");
             renders.push(report.total.number("binning.partial_renders").unwrap());
+            assert_eq!(report.total.number("binning.memory_full"), renders.last().copied());
         }
     }
     assert!(renders[..5].iter().all(|&n| n == 0.0), "{renders:?}");
     assert!(renders[5..].iter().all(|&n| n > 0.0), "{renders:?}");
+}
+
+#[test]
+fn a_pass_is_binned_whole_however_many_draws_it_has() {
+    let scene = Scene { draws: 100, triangles: 4, size: 20.0, segments: 2, ..Scene::default() };
+    let binned = |segments: u32| {
+        let changes = ["sort=sort-middle-binned", "command.segments=4", &format!("bin.segments={segments}")];
+        let report = run(&config(&changes), &scene, Clock::SkipIdle);
+        assert_eq!(wrong(&report), 0, "{segments} segments");
+        ["partial_renders", "segments_full", "memory_full"].map(|name| report.total.number(&format!("binning.{name}")))
+    };
+    // Few segments are in flight in front of the bins, and all 200 are kept in lists.
+    assert_eq!(binned(1024), [Some(0.0); 3]);
+    assert_eq!(binned(202), [Some(0.0); 3]);
+    // With 50 of them, 49 fences are held back at a time, four times; the last four segments end with the pass.
+    assert_eq!(binned(50), [Some(4.0), Some(4.0), Some(0.0)]);
+    // Each segment is drawn for itself where only one is kept.
+    assert_eq!(binned(1), [Some(200.0), Some(200.0), Some(0.0)]);
 }
 
 #[test]

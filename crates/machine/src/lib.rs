@@ -113,7 +113,7 @@ impl Machine {
         let Built { parts: circuit, clients, network } = (class.build)(config).map_err(rule)?;
         let card = Card::new(
             config.card.pipelines as usize,
-            config.command.segments as usize,
+            config.segments() as usize,
             config.command.workgroup_runs as usize,
             Interleave::new(config.distribute.pattern, config.card.pipelines, config.distribute.tile),
             config.core.execution,
@@ -159,7 +159,7 @@ impl Machine {
 
     /// Pieces of work that a machine has at one time, pieces that it reads ahead included.
     pub fn pieces(config: &Config) -> u64 {
-        u64::from(config.command.segments) + u64::from(config.command.workgroup_runs) + AHEAD as u64
+        u64::from(config.segments()) + u64::from(config.command.workgroup_runs) + AHEAD as u64
     }
 
     /// The configuration.

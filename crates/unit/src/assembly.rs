@@ -41,7 +41,7 @@ knob::knobs! {
     pub struct AssemblyConfig {
         /// Primitives assembled a cycle.
         primitives_per_cycle: u32 ["primitives/cycle", Allowed::Range(1, 16),
-            "ATTILA bGPU.ini PRIMITIVEASSEMBLY TrianglesCycle = 2; cards from 2010 on assemble 1 to 4"],
+            "as many as indices are read for; ATTILA bGPU.ini PRIMITIVEASSEMBLY TrianglesCycle = 2"],
         /// Primitives that get one sequence number and go to one geometry unit before the next one's turn.
         batch: u32 ["primitives", Allowed::Range(1, 1024),
             "GPUs switch geometry engines every 16 to 64 primitives; small enough to balance, large enough to amortise marks"],
@@ -54,8 +54,43 @@ knob::knobs! {
     }
 }
 
-/// Batches that can be shaded but not yet assembled: bounds the ring of flags.
+/// The most batches of vertices in flight.
 pub const MAX_BATCHES: u32 = 1024;
+
+/// Which batches in flight are shaded. Batches are numbered without gaps and retired in order, so that the numbers in flight span at most
+/// [`MAX_BATCHES`] and no two of them have the same flag.
+#[derive(Clone)]
+struct Shaded {
+    /// The first batch in flight.
+    first: u32,
+    /// By number modulo their count.
+    flags: Vec<bool>,
+}
+
+impl Shaded {
+    fn new() -> Shaded {
+        Shaded { first: 0, flags: vec![false; MAX_BATCHES as usize] }
+    }
+
+    #[inline(always)]
+    fn flag(&mut self, number: u32) -> &mut bool {
+        assert!(number.wrapping_sub(self.first) < MAX_BATCHES, "batch {number} is not in flight: {} is the first", self.first);
+        &mut self.flags[(number % MAX_BATCHES) as usize]
+    }
+
+    /// Whether a batch can be assembled; one without vertices needs no shading.
+    #[inline(always)]
+    fn ready(&mut self, batch: &VertexBatch) -> bool {
+        batch.vertices == 0 || *self.flag(batch.number)
+    }
+
+    /// The first batch in flight is used up.
+    fn retire(&mut self, number: u32) {
+        assert_eq!(number, self.first, "batches are used up in order");
+        *self.flag(number) = false;
+        self.first = number.wrapping_add(1);
+    }
+}
 
 /// Ports of primitive assembly.
 #[derive(Clone)]
@@ -91,8 +126,7 @@ pub enum Mode {
 pub struct Assembly {
     config: AssemblyConfig,
     ports: AssemblyPorts,
-    /// Which batches are shaded, by number modulo [`MAX_BATCHES`].
-    done: Vec<bool>,
+    shaded: Shaded,
     /// The next primitive of the current segment.
     next: u32,
     /// Sequence number of the current batch of primitives, and how many are in it.
@@ -118,7 +152,7 @@ impl Assembly {
         Assembly {
             config,
             ports,
-            done: vec![false; MAX_BATCHES as usize],
+            shaded: Shaded::new(),
             next: 0,
             sequence: 0,
             in_batch: 0,
@@ -169,7 +203,7 @@ impl Assembly {
                 }
                 // 2. Its primitives, as far as their vertices are shaded.
                 Kind::DATA | Kind::PART => {
-                    if batch.vertices > 0 && !self.done[(batch.number % MAX_BATCHES) as usize] {
+                    if !self.shaded.ready(&batch) {
                         return did.or(Tick::Starved);
                     }
                     if self.next < self.end {
@@ -198,7 +232,7 @@ impl Assembly {
                         if !wires.try_push(&self.ports.retired, WarpToken { warp: batch.number }) {
                             return did.or(Tick::Blocked);
                         }
-                        self.done[(batch.number % MAX_BATCHES) as usize] = false;
+                        self.shaded.retire(batch.number);
                     }
                 }
                 // 3. Marks go on, with their numbers.
@@ -246,7 +280,7 @@ impl Assembly {
     fn tell(&mut self, wires: &mut Wires, card: &Card) -> Tick {
         if let Some(batch) = wires.front(&self.ports.batches)
             && batch.kind == Kind::DATA
-            && (batch.vertices == 0 || self.done[(batch.number % MAX_BATCHES) as usize])
+            && self.shaded.ready(&batch)
         {
             self.take_indices(card, &batch);
         }
@@ -270,7 +304,7 @@ impl Unit<Card> for Assembly {
     }
 
     fn resident(&self) -> u64 {
-        self.done.iter().filter(|&&done| done).count() as u64
+        self.shaded.flags.iter().filter(|&&shaded| shaded).count() as u64
     }
 }
 
@@ -281,7 +315,7 @@ impl Assembly {
         // 1. Note the batches that cores have shaded.
         for shaded in &self.ports.shaded {
             while let Some(batch) = wires.pop(shaded) {
-                self.done[(batch.warp % MAX_BATCHES) as usize] = true;
+                *self.shaded.flag(batch.warp) = true;
                 did = Tick::Moved;
             }
         }
@@ -294,7 +328,7 @@ impl Assembly {
         let mut budget = Budget::new(self.config.primitives_per_cycle);
         while let Some(batch) = wires.front(&self.ports.batches) {
             if batch.kind == Kind::DATA {
-                if batch.vertices > 0 && !self.done[(batch.number % MAX_BATCHES) as usize] {
+                if !self.shaded.ready(&batch) {
                     // Shaders are at work: another item will come.
                     return did.or(Tick::Starved);
                 }
@@ -352,7 +386,7 @@ impl Assembly {
                 if !wires.try_push(&self.ports.retired, WarpToken { warp: batch.number }) {
                     return did.or(Tick::Blocked);
                 }
-                self.done[(batch.number % MAX_BATCHES) as usize] = false;
+                self.shaded.retire(batch.number);
             }
             if batch.kind == Kind::SEGMENT {
                 self.next = 0;

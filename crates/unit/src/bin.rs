@@ -1,5 +1,6 @@
 //! Binning: sorts the triangles of a pass into lists, one for each tile of the screen, in memory; then hands out tile after tile. If the
-//! memory for lists is full, or all segments in flight are in lists, what is there is drawn first: a partial render.
+//! memory for lists is full, or as many segments are in lists as can be kept, what is there is drawn first: a partial render. A segment is
+//! reported when all of it is binned: then the geometry in front of the bins is free for others.
 
 use std::collections::VecDeque;
 
@@ -8,7 +9,7 @@ use super::distribute::Overlap;
 use super::network::Receiver;
 use super::rendering_elimination;
 use super::sorting::{Keep, Merge, OrderCounts, SortCounts};
-use super::token::{Kind, TileToken, TriangleToken};
+use super::token::{Ack, Kind, TileToken, TriangleToken};
 use knob::Allowed;
 use mem::{MemoryPort, REQUEST_BYTES, requests};
 use sim::{Budget, Counted, In, Out, StallProbe, Tick, Unit, Wires};
@@ -37,6 +38,8 @@ knob::knobs! {
         skip_same_tiles: bool ["", Allowed::Switch, "rendering elimination (Anglada et al. 2019); Arm Mali compares what was drawn instead"],
         /// Memory for triangles and lists.
         memory_kib: u32 ["KiB", Allowed::Range(1, 4194304), "parameter buffers of 2 to 64 MB in phones"],
+        /// Segments of draws whose triangles are in lists, or on their way there.
+        segments: u32 ["segments", Allowed::Range(1, 65535), "assumed: the states of draws lie in memory, as lists do"],
         /// Requests for lists and triangles in flight, in each pipeline.
         misses: u32 ["requests", Allowed::Range(4, 1024), "covers the latency of memory"],
         /// Triangles read ahead of their setup, in each pipeline.
@@ -64,6 +67,10 @@ stats::counters! {
         same_tiles: "tiles",
         /// Times that tiles had to be drawn before all of the pass was binned.
         partial_renders: "times",
+        /// Of these, times that the memory for triangles and lists was full.
+        memory_full: "times",
+        /// Of these, times that as many segments were in lists as can be kept.
+        segments_full: "times",
     }
 }
 
@@ -108,6 +115,8 @@ pub struct BinPorts {
     pub tiles: Vec<Out<TileToken>>,
     /// Reports of pipelines, each that it has read all lists.
     pub read: Vec<In<TileToken>>,
+    /// Segments that are binned, to the command processor.
+    pub binned: Out<Ack>,
     /// Memory, for lists.
     pub memory: MemoryPort,
 }
@@ -116,7 +125,7 @@ pub struct BinPorts {
 #[derive(Clone)]
 pub struct Bin {
     config: BinConfig,
-    /// Segments of which fences can be held back.
+    /// Segments that can be kept: one less of their fences is held back, so that one more can be binned meanwhile.
     segments: u32,
     ports: BinPorts,
     state: State,
@@ -143,7 +152,7 @@ pub struct Bin {
 const WRITES: usize = 64;
 
 impl Bin {
-    /// An empty one, for a machine with so many segments in flight.
+    /// An empty one, for a machine that keeps so many segments.
     pub fn new(config: BinConfig, keep: Keep, segments: u32, ports: BinPorts) -> Bin {
         Bin {
             config,
@@ -303,11 +312,19 @@ impl Bin {
                 }
                 kind => {
                     // A fence is held back until what came before it is drawn: at the end of the pass, or when no more can be.
+                    let partial = kind != Kind::PASS;
+                    if partial && !wires.try_push(&self.ports.binned, Ack { slot: token.slot, kind }) {
+                        return did.or(Tick::Blocked);
+                    }
                     self.merge.take(wires, &mut self.ports.input, from, token);
                     self.fences.push_back((token.slot, kind));
-                    let partial = kind != Kind::PASS;
-                    if !partial || self.fences.len() as u32 + 1 >= self.segments {
-                        self.draw(partial);
+                    if !partial {
+                        self.draw(false);
+                        return Tick::Moved;
+                    }
+                    if self.fences.len() as u32 + 1 >= self.segments {
+                        self.counts.segments_full += 1;
+                        self.draw(true);
                         return Tick::Moved;
                     }
                     did = Tick::Moved;
@@ -332,6 +349,7 @@ impl Bin {
                 let need = u64::from(self.config.triangle_bytes) + self.tiles.len() as u64 * CHUNK;
                 if self.triangles > 0 && self.used() + need > u64::from(self.config.memory_kib) << 10 {
                     self.tiles.clear();
+                    self.counts.memory_full += 1;
                     self.draw(true);
                     return Tick::Moved;
                 }

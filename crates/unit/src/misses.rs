@@ -40,8 +40,12 @@ impl Misses {
     }
 
     /// Numbers a miss; the tag comes back with the answer.
+    ///
+    /// # Panics
+    /// If there is no room for it, which is a bug: its tag would be that of another miss in flight.
     #[inline(always)]
     pub fn issue(&mut self) -> u32 {
+        assert!(self.room() > 0, "misses in flight have tags of their own");
         let tag = self.issued & (self.back.len() as u32 - 1);
         self.issued = self.issued.wrapping_add(1);
         tag

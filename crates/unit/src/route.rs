@@ -113,10 +113,10 @@ pub struct Route {
 }
 
 impl Route {
-    /// An empty one, for one pipeline, with places for so many lines of indices.
-    pub fn new(config: RouteConfig, overlap: Overlap, index_lines: u32, pipeline: u8, ports: RoutePorts) -> Route {
+    /// An empty one, for one pipeline. `runs` are the runs of primitives to be routed.
+    pub fn new(config: RouteConfig, overlap: Overlap, runs: IndexRuns, pipeline: u8, ports: RoutePorts) -> Route {
         Route {
-            runs: IndexRuns::new(index_lines),
+            runs,
             tags: Tags::new(config.cache_lines, config.cache_ways),
             misses: Misses::new(config.misses),
             walk: Walk::default(),
@@ -294,7 +294,7 @@ impl Route {
             let work = card.work[usize::from(run.slot)].as_ref().expect("a run's segment is in flight");
             if !self.begun {
                 self.begun = true;
-                self.walk = Walk::run(&work.segment, run.first, run.count);
+                self.walk = Walk::run(&work.segment, &run);
                 self.position = 0;
                 self.next = run.first;
                 self.needs = None;
@@ -390,7 +390,8 @@ impl Unit<Card> for Route {
         did = did.or(self.send(wires, card));
 
         // 3. Batches come in, and their indices.
-        did = did.or(self.runs.take_in(wires, card, &self.ports.input, Some(&self.ports.index)));
+        let RoutePorts { input, index, .. } = &self.ports;
+        did = did.or(self.runs.take_in(wires, card, |wires| wires.pop(input), Walk::run, Some(index)));
 
         // 4. Their vertices are looked up and transformed.
         did = did.or(self.read(wires, card));

@@ -162,7 +162,9 @@ pub fn sorting(total: &Tree, class: SortClass, pipelines: u32) -> String {
         let written = size(bin.triangle_bytes + bin.list_bytes);
         row("triangles and lists", written, format!("written; {} read back", size(bin.read_bytes)));
         row("tiles drawn", grouped(bin.tiles), format!("and {} empty tiles", grouped(bin.empty_tiles)));
-        row("partial renders", grouped(bin.partial_renders), "because the lists were full".to_owned());
+        let causes = [bin.memory_full, bin.segments_full].map(grouped);
+        let causes = format!("{} because memory was full, {} because of as many segments", causes[0], causes[1]);
+        row("partial renders", grouped(bin.partial_renders), causes);
     } else {
         let away = format!("{:.1} %; {}", share(sort.foreign_items, copies), size(sort.foreign_bytes));
         row("  to another pipeline", grouped(sort.foreign_items), away);

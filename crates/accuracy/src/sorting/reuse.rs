@@ -58,8 +58,14 @@ pub(super) fn shaded(triangles: &[[u32; 3]], reuse: u32) -> Result<f64> {
         }
         Event::Segment(Arc::new(segment))
     });
-    let changes =
-        ["pipelines=1", "geometry_units=1", "memory.kind=ideal", "scanout.enabled=false", &format!("fetch.reuse={reuse}")];
+    let changes = [
+        "pipelines=1",
+        "geometry_units=1",
+        "memory.kind=ideal",
+        "scanout.enabled=false",
+        "fetch.reuse_until=replaced",
+        &format!("fetch.reuse={reuse}"),
+    ];
     Ok(funnel(&run(&config("baseline", &changes)?, work)?.total)?.vertices_shaded as f64)
 }
 

@@ -11,6 +11,7 @@ use unit::deal::Deal;
 use unit::distribute::Distribute;
 use unit::fetch::{Fetch, FetchInput, FetchPorts, Reuse, VertexDeal};
 use unit::gather::Gather;
+use unit::index_runs::IndexRuns;
 use unit::network::{Receiver, Sender};
 use unit::route::{Retained, Route, RoutePorts};
 use unit::setup::Setup;
@@ -42,11 +43,13 @@ impl Builder<'_> {
         let distribution: &[_] = if config.command.drain { &id.distribute } else { &[] };
         let (turns, heeded) = self.join("turns", CONTROL, distribution.iter().map(|&distribute| (command, distribute)));
         self.open.turns = heeded;
+        let (binned, from_bin) = self.join("segments_binned", CONTROL, id.bin.iter().map(|&bin| (bin, command)));
+        self.open.binned = binned;
         let memory = self.port("command", 0, command);
         let probe = self.card_probe();
         self.made.command.push(Command::new(
             config.command.clone(),
-            config.card.pipelines,
+            (config.card.pipelines, config.segments()),
             (config.color.fast_clear, config.color.clears_per_cycle * config.card.pipelines),
             &config.scanout,
             CommandPorts {
@@ -60,6 +63,7 @@ impl Builder<'_> {
                 compose: to_compose,
                 composed: from_compose,
                 acks: from_acks,
+                binned: from_bin,
                 turns,
                 memory,
                 probe,
@@ -106,8 +110,9 @@ impl Builder<'_> {
         let (vertex_output, from_shading): Ends<WarpToken> =
             self.join("vertices_shaded", done, fronts_cores.iter().map(|&(front, core)| (core, id.assembly[front])));
         self.open.vertex = vertex_input.into_iter().zip(vertex_output).map(Some).collect();
+        let announced = Link::items(config.fetch.announced, 2, 1);
         let batches = Link::items(config.fetch.batches.max(2) + 2, 2, 1);
-        let (to_assembly, from_fetch) = self.chain("vertex_batches", batches, &id.fetch, &id.assembly);
+        let (to_assembly, from_fetch) = self.chain("vertex_batches", announced, &id.fetch, &id.assembly);
         let (retired, from_assembly) = self.chain("vertices_retired", batches, &id.assembly, &id.fetch);
         let (passed, heeded): (Vec<_>, Vec<_>) = if config.fetch.reuse_until == Reuse::Assembled {
             let (passed, heeded) = self.chain("vertices_passed", CONTROL, &id.assembly, &id.fetch);
@@ -123,7 +128,9 @@ impl Builder<'_> {
             Vec::new()
         };
         let mut fragments = Some(fragments);
-        let primitives = Link::items(config.assembly.queue, 1, config.assembly.latency);
+        // What is assembled in a cycle may be parts of several batches of vertices.
+        let runs = config.assembly.primitives_per_cycle.div_ceil(2);
+        let primitives = Link::items(config.assembly.queue, runs, config.assembly.latency);
         let (to_clip, clip_input) =
             self.join("primitives", primitives, id.clip.iter().enumerate().map(|(n, &clip)| (id.assembly[n % fronts], clip)));
 
@@ -176,7 +183,8 @@ impl Builder<'_> {
     pub fn clip_and_distribute(&mut self, inputs: Vec<In<Run>>) -> Vec<Receiver<TriangleToken>> {
         let (config, id) = (self.config, self.id.clone());
         let to = if id.bin.is_empty() { &id.setup } else { &id.bin };
-        let triangles = Link::items(config.clip.queue, 1, config.clip.latency);
+        // A run, and the mark behind the one before.
+        let triangles = Link::items(config.clip.queue, 2, config.clip.latency);
         let (outputs, clipped) = self.chain("triangles", triangles, &id.clip, &id.distribute);
         let clipped = self.clip(inputs, outputs, clipped);
         let (senders, receivers) = self.sort_network(&id.distribute, to);
@@ -194,7 +202,8 @@ impl Builder<'_> {
     /// Clipping and culling in pipelines whose geometry is their own, each with a way to its own rasteriser.
     pub fn clip_in_place(&mut self, inputs: Vec<In<Run>>) -> Vec<Receiver<TriangleToken>> {
         let (config, id) = (self.config, self.id.clone());
-        let triangles = Link::items(config.clip.queue, 1, config.clip.latency);
+        // A run, and the mark behind the one before.
+        let triangles = Link::items(config.clip.queue, 2, config.clip.latency);
         let (outputs, clipped) = self.chain("triangles", triangles, &id.clip, &id.distribute);
         let clipped = self.clip(inputs, outputs, clipped);
         let link = Link::items(config.setup.queue, config.distribute.triangles_per_cycle, 1);
@@ -214,8 +223,8 @@ impl Builder<'_> {
             let index = self.port("index", n, id.route[n]);
             let position = self.port("position", n, id.route[n]);
             let ports = RoutePorts { input, network, index, position };
-            let (overlap, lines) = (config.distribute.overlap, config.fetch.index_lines);
-            self.made.route.push(Route::new(config.route.clone(), overlap, lines, n as u8, ports));
+            let runs = IndexRuns::new(config.fetch.index_lines, config.fetch.runs);
+            self.made.route.push(Route::new(config.route.clone(), config.distribute.overlap, runs, n as u8, ports));
         }
         let link = Link::items(config.assembly.queue, 2, 1);
         let (outputs, gathered) = self.chain("gathered", link, &id.gather, &id.fetch);
@@ -252,8 +261,9 @@ impl Builder<'_> {
         let link = Link::items(config.setup.queue, config.setup.triangles_per_cycle, 1);
         let (outputs, inputs) = self.chain("binned", link, &id.tile_fetch, &id.setup);
         let memory = self.port("bin", 0, bin);
-        let ports = BinPorts { input, tiles: to_fetch, read: from_fetch, memory };
-        self.made.bin.push(Bin::new(config.bin.clone(), config.order.keep, config.command.segments, ports));
+        let binned = self.open.binned.pop().expect("one for each bin");
+        let ports = BinPorts { input, tiles: to_fetch, read: from_fetch, binned, memory };
+        self.made.bin.push(Bin::new(config.bin.clone(), config.order.keep, config.segments(), ports));
         for (n, ((input, read), output)) in fetch_input.into_iter().zip(read).zip(outputs).enumerate() {
             let memory = self.port("tile_fetch", n, id.tile_fetch[n]);
             let probe = self.probe(n, true, true);

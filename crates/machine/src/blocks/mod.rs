@@ -54,6 +54,8 @@ struct Open {
     begun: Vec<Out<Packing>>,
     /// Of each distribution unit, from the command processor, where draws wait for each other.
     turns: Vec<In<Turn>>,
+    /// Reports of binned segments.
+    binned: Vec<Out<Ack>>,
     /// To the command processor.
     color_acks: Vec<Out<Ack>>,
     depth_acks: Vec<Out<Ack>>,

@@ -298,6 +298,11 @@ impl Config {
         RenderKey { shade, early_z: self.depth.early, signatures, paths, vectors, needless, cull }
     }
 
+    /// Segments of draws that the machine holds: those in flight, or in a machine that bins those in lists too.
+    pub fn segments(&self) -> u32 {
+        if self.card.sort.class().one_place { self.bin.segments } else { self.command.segments }
+    }
+
     /// What is allowed but hardly meant: channels too short to carry their full width.
     pub fn warnings(&self) -> Vec<String> {
         rules::warnings(self)

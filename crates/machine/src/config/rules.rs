@@ -162,6 +162,9 @@ pub(super) fn no_effect(config: &Config, path: &str) -> Option<String> {
             without("has the geometry units of its pipelines")
         }
         "bin" if !class.one_place => without("has no bins"),
+        "fetch" if name == "batch_indices" && config.fetch.reuse_until != Reuse::Batch => {
+            Some(format!("fetch.reuse_until is {}", config.fetch.reuse_until.name()))
+        }
         "compose" if class.sorted != Sorted::Images => without("composes no frame buffers"),
         "route" if class.sorted != Sorted::Primitives => without("routes no primitives"),
         "order" if name.starts_with("early_") && config.order.early == EarlyTest::None => {

@@ -101,8 +101,8 @@ impl Bound<'_> {
         let entries: Vec<f64> = draws.iter().map(ratio).collect();
         let (entry, triangle) = (ENTRY[usize::from(config.compression)], f64::from(config.triangle_bytes));
         let (mut rounds, mut round, mut segments, mut first) = (Vec::new(), Round::default(), 0, 0);
-        // Fences of all segments in flight but one are held back.
-        let most = self.config.command.segments.saturating_sub(1).max(1);
+        // Fences of all segments that can be kept but one are held back.
+        let most = config.segments.saturating_sub(1).max(1);
         let room = f64::from(config.memory_kib) * 1024.0;
         for (number, window) in windows.iter().enumerate() {
             let own: f64 = cells[first..window.end as usize].iter().map(|cell| f64::from(cell.triangles)).sum();

@@ -10,6 +10,7 @@ use super::{BLOCKS, Bound, PhaseEstimate, Roofs, Touched, compressed};
 use machine::class::Sorted;
 use machine::config::MemoryKind;
 use mem::REQUEST_BYTES;
+use unit::fetch::Reuse;
 use unit::interleave::Interleave;
 use unit::phase::PhaseKind;
 use work::profile::{
@@ -87,6 +88,11 @@ impl Bound<'_> {
         let waits = index + self.behind_writes(meanwhile, lines, first.max(self.dram(meanwhile)));
         let index = if self.sorted == Sorted::Triangles && !binned { self.hit_latency } else { waits };
         let mut rates: Vec<Rates> = draws.iter().map(|draw| self.rates(&mut roofs, draw, &requests, index)).collect();
+        // Indices and attributes have ports of their own. The cache of attributes has at most what is not read from DRAM.
+        if self.sorted != Sorted::Primitives {
+            let fronts = if self.sorted.own_geometry() { self.pipelines } else { 1.0 };
+            roofs.add("vertex port", traffic.attributes.read / f64::from(config.memory.port_width) / fronts);
+        }
         let pins = self.attachments(&mut roofs, color, depth.as_ref(), blocks, block_misses, cells, &traffic);
         rates.iter_mut().for_each(|rates| (rates.color_block, rates.depth_block) = (pins[0], pins[1]));
         let quads: f64 = draws.iter().map(|draw| draw.fragment.requests() as f64).sum();
@@ -288,10 +294,10 @@ impl Bound<'_> {
         let vertices = interpolated(&REUSE, &draw.shaded_vertices, c.fetch.reuse as usize);
         let again = draw.dealt_vertices.saturating_sub(draw.shaded_vertices[REUSE.len() - 1]) as f64;
         let vertices = if own { vertices + again * f64::from(DEALT) / f64::from(c.assembly.batch) } else { vertices };
+        // Batches of vertices are as short as those of primitives.
+        let vertices = if c.fetch.reuse_until == Reuse::Batch { draw.batched_vertices as f64 } else { vertices };
         let attribute_lines = (draw.vertex_bytes as f64 / LINE as f64).max(draw.attributes.min(1) as f64);
         let lookups = vertices * attribute_lines / f64::from(c.fetch.lookups_per_cycle);
-        let distinct = draw.shaded_vertices[REUSE.len() - 1].min(draw.vertex.runs) as f64;
-        let fetched = distinct * draw.vertex_bytes as f64 + (draw.indices * draw.index_bytes) as f64;
         let shading = self.shading(
             &draw.vertex,
             1.0,
@@ -306,13 +312,12 @@ impl Bound<'_> {
         let invocations = batches * f64::from(c.core.warp_width);
         // Lanes that are empty ask nothing.
         let asking = invocations.min(vertices + (0.5 * draw.segments as f64) * f64::from(c.core.warp_width));
-        // Indices of a segment are asked for when those of the one before have been read.
-        let indices = if draw.index_bytes > 0 && !own { draw.segments as f64 * self.hit_latency } else { 0.0 };
-        // So many lines of them are held or on their way; each behind these comes after a trip to the second level, once one is read.
+        // So many lines of indices are held or on their way, of one segment after the other. Each comes after a trip to the second level, once
+        // one before it is read.
         let (bytes, lines) = (draw.index_bytes.max(1) as f64, f64::from(c.fetch.index_lines));
-        let behind = (draw.indices * draw.index_bytes) as f64 / LINE as f64 - draw.segments as f64 * lines;
+        let all = (draw.indices * draw.index_bytes) as f64 / LINE as f64;
         let trip = index + LINE as f64 / bytes / f64::from(c.fetch.indices_per_cycle);
-        let stream = behind.max(0.0) * trip / lines;
+        let stream = all * trip / lines;
         let clipping =
             per(draw.primitives, c.clip.primitives_per_cycle) + (draw.clipped * u64::from(c.clip.clip_cycles)) as f64;
         let fragment = self.shading(&draw.fragment, 4.0, draw.registers[1], requests);
@@ -321,9 +326,9 @@ impl Bound<'_> {
         let held = held / f64::from(c.command.segments);
         let geometry = [
             ("command", if own { 0.0 } else { held }),
-            ("fetch", per(draw.indices, c.fetch.indices_per_cycle).max(lookups).max(stream) + indices),
+            ("fetch", per(draw.indices, c.fetch.indices_per_cycle).max(lookups).max(stream)),
             ("vertex batches", batches * stay / f64::from(c.fetch.batches)),
-            ("fetch port", fetched / f64::from(c.memory.port_width)),
+            ("fetch port", (draw.indices * draw.index_bytes) as f64 / f64::from(c.memory.port_width)),
             ("assembly", per(draw.primitives, c.assembly.primitives_per_cycle)),
             ("clip", clipping / units),
             ("distribute", draw.triangles as f64 * apart(c.distribute.triangles_per_cycle, c.distribute.interval) / units),

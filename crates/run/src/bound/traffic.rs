@@ -18,8 +18,9 @@ pub(super) struct PassTraffic {
     pub fills: [Traffic; 2],
     /// Traffic of resolves, at the end.
     pub resolved: Traffic,
-    /// Traffic of indices.
+    /// Traffic of indices, and of attributes.
     pub indices: Traffic,
+    pub attributes: Traffic,
     /// On machines that bin: traffic while they bin, and traffic of lists while these are read.
     pub binned: Traffic,
     pub listed: Traffic,
@@ -145,8 +146,8 @@ impl Bound<'_> {
             Toucher::Depth => (blocks.depth, blocks.levels[1], c.depth.compression, c.color.fast_clear),
             _ => {
                 let traffic = self.plain(touch, touched.sampled.shift);
-                if touch.by == Toucher::Vertex && touch.class > 0 {
-                    sum.indices += traffic;
+                if touch.by == Toucher::Vertex {
+                    *(if touch.class > 0 { &mut sum.indices } else { &mut sum.attributes }) += traffic;
                 }
                 sum.all += traffic;
                 return;

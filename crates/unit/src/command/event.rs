@@ -38,7 +38,12 @@ impl Command {
         let mut cycles = Cycle::from(self.config.command_cycles);
         match card.events.front()? {
             Event::Segment(segment) => {
+                if self.segments == self.config.segments {
+                    return None;
+                }
                 let slot = self.free.pop()?;
+                self.segments += 1;
+                self.states.install(slot);
                 let (segment, draw) = (segment.clone(), self.draw.clone()?);
                 card.install(slot, segment, draw, self.draws);
                 self.reports[usize::from(slot)] = self.pipelines;
@@ -52,6 +57,10 @@ impl Command {
             Event::Applied(_) => return None,
             Event::Draw(draw) => {
                 let draw = draw.clone();
+                let changes = self.states.differs(draw.state);
+                if changes && !self.states.has_room() {
+                    return None;
+                }
                 self.draw = Some(draw.clone());
                 self.draws = self.draws.wrapping_add(1);
                 card.phases.draw(&draw, self.draws);
@@ -62,6 +71,11 @@ impl Command {
                 self.counts.primitives_culled += culling.primitives;
                 self.counts.vertices_culled += culling.vertices;
                 cycles = self.begin_tests(culling.tests);
+                if changes {
+                    self.states.change(draw.state);
+                    self.counts.state_changes += 1;
+                    cycles += Cycle::from(self.config.state_cycles);
+                }
             }
             Event::BeginPass(pass) => {
                 let pass = pass.clone();

@@ -5,6 +5,7 @@ mod event;
 mod pass;
 mod present;
 mod proceed;
+mod states;
 
 use std::collections::VecDeque;
 use std::sync::Arc;
@@ -19,6 +20,7 @@ use mem::MemoryPort;
 use num::Cycle;
 use present::Present;
 use sim::{Counted, In, Out, StallProbe, Tick, Unit, Wires};
+use states::States;
 use stats::Heading;
 use work::{Dispatch, Draw, EndFrame, Event, Surface, SurfaceKey};
 
@@ -39,8 +41,13 @@ knob::knobs! {
     pub struct CommandConfig {
         /// Cycles that a command takes: a draw's segment, a dispatch, a pass.
         command_cycles: u32 ["cycles/command", Allowed::Range(1, 65536), "a few register writes; ATTILA writes one register a cycle"],
-        /// Segments of draws in flight.
+        /// Segments of draws in flight. In sort-middle-binned, those that are not binned yet.
         segments: u32 ["segments", Allowed::Range(1, 4096), "ATTILA bGPU.ini PipelinedBatchRendering = TRUE, two batches; more hides small draws"],
+        /// Different states of draws in flight: pipelines with their viewport, scissor rectangle, blend constant and stencil reference. A
+        /// draw with another state waits until one of them is free.
+        states: u32 ["states", Allowed::Range(1, 4096), "AMD GCN: seven contexts in flight (GPUOpen 2018, on context rolls)"],
+        /// Cycles that a change of state between two draws takes, in addition to the command. A draw with the same state takes none.
+        state_cycles: u32 ["cycles/change", Allowed::Range(0, 65536), "assumed: 16 registers, one a cycle as ATTILA writes them"],
         /// Whether a draw is rasterised only when the one before it has left all pipelines. Its geometry does not wait. Where distribution sorts
         /// triangles only.
         drain: bool ["", Allowed::Switch, "draws follow each other in cards; ATTILA's rasteriser takes a batch when it has ended the last one (FragmentFIFO)"],
@@ -69,6 +76,8 @@ stats::counters! {
         passes: "passes",
         /// Passes without draws that were not sent to pipelines.
         empty_passes: "passes",
+        /// Changes of state between two draws of a pass, and the state of its first draw.
+        state_changes: "changes",
         /// Draws, and instances of draws, whose bounds were tested against the view volume.
         bounds_tested: "tests",
         /// Draws left out because their bounds lie outside.
@@ -109,6 +118,8 @@ pub struct CommandPorts {
     pub composed: Vec<In<Ack>>,
     /// Fences seen by each colour unit, and passes ended by each depth unit.
     pub acks: Vec<In<Ack>>,
+    /// Segments that are binned, where a unit bins them.
+    pub binned: Vec<In<Ack>>,
     /// To each distribution unit, which draw may be rasterised, where one waits for the one before it.
     pub turns: Vec<Out<Turn>>,
     /// Memory, for copies and clears.
@@ -165,6 +176,9 @@ pub struct Command {
     /// Free slots, and the reports still to come for those in use.
     free: Vec<u16>,
     reports: Vec<u32>,
+    /// Segments in flight, and the states of their draws.
+    segments: u32,
+    states: States,
     /// Slots in flight in the order of their draws, with these, where draws wait for each other; and the draw whose turn was told last.
     flying: VecDeque<(u16, u32)>,
     turn: Option<u32>,
@@ -193,15 +207,15 @@ impl Command {
         self.depth_known
     }
 
-    /// One at the beginning of the stream. `clearing` is whether clears are by flag, and how many blocks a cycle all pipelines clear.
+    /// One at the beginning of the stream, of a machine with so many pipelines, which holds so many segments. `clearing` is whether clears are by flag, and how many blocks a cycle all pipelines clear.
     pub fn new(
         config: CommandConfig,
-        pipelines: u32,
+        (pipelines, segments): (u32, u32),
         clearing: (bool, u32),
         scanout: &ScanoutConfig,
         ports: CommandPorts,
     ) -> Command {
-        let segments = config.segments.min(u32::from(u16::MAX)) as u16;
+        let segments = segments as u16;
         let runs = config.workgroup_runs as u16;
         Command {
             fast_clear: clearing.0,
@@ -220,6 +234,8 @@ impl Command {
             dispatch: None,
             free: (0..segments).rev().collect(),
             reports: vec![0; usize::from(segments)],
+            segments: 0,
+            states: States::new(config.states, usize::from(segments)),
             flying: VecDeque::new(),
             turn: None,
             free_runs: (0..runs).rev().collect(),

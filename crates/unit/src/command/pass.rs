@@ -140,6 +140,7 @@ impl Command {
             }
         }
         self.load_presented(pass);
+        self.states.begin_pass();
         self.counts.passes += 1;
         card.pass = Some(state);
         card.interleave.begin_pass(pass.width, pass.height);

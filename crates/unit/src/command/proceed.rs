@@ -29,9 +29,21 @@ impl Command {
                     if let Some(work) = card.work[slot].take() {
                         card.phases.retire(work.draw_number, funnel, wires.now());
                     }
+                    if self.ports.binned.is_empty() {
+                        self.segments -= 1;
+                        self.states.retire(ack.slot);
+                    }
                     self.free.push(ack.slot);
                     self.flying.retain(|&(slot, _)| slot != ack.slot);
                 }
+            }
+        }
+        // Where segments are binned, their lists are still to be drawn.
+        for port in &self.ports.binned {
+            while let Some(ack) = wires.pop(port) {
+                self.segments -= 1;
+                self.states.retire(ack.slot);
+                moved = true;
             }
         }
         while let Some(ack) = wires.pop(&self.ports.computed) {

@@ -3,6 +3,7 @@
 
 use super::super::card::Card;
 use super::Fetch;
+use super::input::NO_VERTEX;
 use sim::{Tick, Wires};
 
 impl Fetch {
@@ -93,7 +94,7 @@ impl Fetch {
                 why = Tick::Blocked;
                 break;
             }
-            let mut name = (u32::MAX, u32::MAX);
+            let mut name = NO_VERTEX;
             if next == u32::MAX {
                 restarts += 1;
             } else {

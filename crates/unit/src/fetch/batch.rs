@@ -4,6 +4,7 @@ use super::super::card::{Card, Work};
 use super::super::token::{Kind, VertexBatch, WarpToken};
 use super::super::warp::{Item, Program};
 use super::{Fetch, Gathered};
+use crate::assembly::MAX_BATCHES;
 use gfx::state::StepMode;
 use num::Cycle;
 use sim::{Tick, Wires};
@@ -79,30 +80,25 @@ impl Fetch {
 
     /// Closes the open batch. So many entries of the stream can be assembled once it is shaded.
     pub(super) fn close_at(&mut self, slot: u16, stream_end: u32) {
-        let batch = Gathered {
-            slot,
-            number: self.number,
-            stream_end,
-            count: self.open,
-            needs: self.open_needs,
-            announced: false,
-            kind: Kind::DATA,
-        };
+        let Fetch { number, open: count, open_needs: needs, .. } = *self;
+        let batch = Gathered { slot, number, stream_end, count, needs, kind: Kind::DATA };
         self.gathered.push_back(batch);
-        if self.ports.input.in_runs() {
+        // A batch without vertices needs no number: assembly does not wait for it.
+        if count > 0 {
             self.closed.push_back(batch);
+            self.number = number.wrapping_add(1);
+            self.in_flight += 1;
+            assert!(self.in_flight <= MAX_BATCHES, "assembly has a flag for each batch in flight");
         }
-        self.number = self.number.wrapping_add(1);
-        self.in_flight += u32::from(self.open > 0);
         self.open = 0;
         self.open_needs = None;
+        self.reading.clear();
     }
 
-    /// Announces batches to assembly, and starts them on cores when their attributes are there.
+    /// Starts batches on cores when their attributes are there, and announces what has been read to assembly, each in order.
     #[inline(always)]
     pub(super) fn start(&mut self, wires: &mut Wires, card: &mut Card) -> Tick {
         let mut did = Tick::Starved;
-        // Assembly may wait for a batch of runs before its announcement has a place on the way there.
         while let Some(&batch) = self.closed.front() {
             if let Err(stall) = self.shade(wires, card, batch) {
                 did = did.or(stall);
@@ -111,22 +107,10 @@ impl Fetch {
             self.closed.pop_front();
             did = Tick::Moved;
         }
-        while let Some(batch) = self.gathered.front_mut() {
-            if !batch.announced {
-                let Gathered { slot, kind, number, stream_end, count, .. } = *batch;
-                let token = VertexBatch { slot, kind, number, stream_end, vertices: count };
-                if !wires.try_push(&self.ports.batches, token) {
-                    return did.or(Tick::Blocked);
-                }
-                batch.announced = true;
-                did = Tick::Moved;
-            }
-            let batch = *batch;
-            if !self.ports.input.in_runs()
-                && batch.count > 0
-                && let Err(stall) = self.shade(wires, card, batch)
-            {
-                return did.or(stall);
+        while let Some(&Gathered { slot, kind, number, stream_end, count, .. }) = self.gathered.front() {
+            let token = VertexBatch { slot, kind, number, stream_end, vertices: count };
+            if !wires.try_push(&self.ports.batches, token) {
+                return did.or(Tick::Blocked);
             }
             self.gathered.pop_front();
             did = Tick::Moved;

@@ -1,12 +1,14 @@
 //! What comes to fetch, in each of its four modes: segments, runs of primitives, and those that were routed or brought.
 
-use super::super::card::{Card, Work};
+use super::super::card::Card;
 use super::super::index_runs::Walk;
-use super::super::token::{Kind, Piece, Run, VertexBatch};
-use super::{Fetch, FetchInput, Gathered, Reuse};
+use super::super::token::{Kind, Run};
+use super::{ENTRIES, Fetch, Gathered, Reuse};
 use num::Cycle;
 use sim::{Tick, Wires};
-use work::LINE;
+
+/// The name of no vertex: of a restart, or of a vertex of another draw.
+pub(super) const NO_VERTEX: (u32, u32) = (u32::MAX, u32::MAX);
 
 impl Fetch {
     /// Makes ready for a segment. What was shaded lately in the same draw is still there; a new draw starts afresh.
@@ -19,7 +21,12 @@ impl Fetch {
         self.shaded_at.resize(vertices.len(), self.shaded.wrapping_sub(1 << 31));
         if self.draw != Some(work.draw_number) {
             self.draw = Some(work.draw_number);
-            self.recent.clear();
+            if self.config.reuse_until == Reuse::Assembled {
+                // Indices of the draw before are still on their way to assembly. They have their places, and name no vertex of this one.
+                self.recent.iter_mut().for_each(|vertex| *vertex = NO_VERTEX);
+            } else {
+                self.recent.clear();
+            }
         } else if !self.recent.is_empty() {
             let mut known: Vec<_> = self.recent.iter().enumerate().map(|(at, &vertex)| (vertex, at)).collect();
             known.sort_unstable();
@@ -50,18 +57,19 @@ impl Fetch {
         }
         self.walk = if self.ports.input.in_runs() {
             self.announce(Kind::RUN, run.slot, run.sequence, run.first, run.count);
-            Walk::run(&work.segment, run.first, run.count)
+            self.reading.begin(run.first, run.count);
+            Walk::run(&work.segment, &run)
         } else {
-            Walk::segment(&work.segment)
+            self.reading.begin(0, work.segment.primitives.len() as u32);
+            Walk::segment(&work.segment, &run)
         };
         self.position = 0;
-        self.index_next = 0;
         self.begun = true;
     }
 
     /// Puts a mark for assembly behind the batches.
     pub(super) fn announce(&mut self, kind: Kind, slot: u16, number: u32, stream_end: u32, count: u32) {
-        self.gathered.push_back(Gathered { slot, number, stream_end, count, needs: None, announced: false, kind });
+        self.gathered.push_back(Gathered { slot, number, stream_end, count, needs: None, kind });
     }
 
     /// Entries of the segment's stream that have been read, as far as primitives of the current run are concerned.
@@ -70,64 +78,20 @@ impl Fetch {
         if self.begun && self.position >= self.walk.head_count { self.walk.entry(self.position) } else { 0 }
     }
 
-    /// Requests lines of indices ahead of their use; true if any was.
-    #[inline(always)]
-    pub(super) fn request_indices(&mut self, wires: &mut Wires, work: &Work) -> bool {
-        let Some(start) = work.segment.index_address else { return false };
-        let bytes = u64::from(self.walk.length) * u64::from(work.segment.index_bytes);
-        if bytes == 0 {
-            return false;
+    /// All of a segment or a run is read. What is left of a segment is a batch; what is left of a run waits for that of the next.
+    pub(super) fn end_walk(&mut self, run: Run) {
+        if self.ports.input.in_runs() {
+            let waits = u32::from(self.open > 0);
+            self.announce(Kind::PART, run.slot, self.number, self.stream_end(), waits);
+        } else {
+            self.close(run.slot);
         }
-        let (first, last) = (start / LINE, (start + bytes - 1) / LINE);
-        // The line of the next index is the first that still takes a place of the index buffer.
-        let used = (start % LINE + u64::from(self.position) * u64::from(work.segment.index_bytes)) / LINE;
-        let end = used + u64::from(self.config.index_lines);
-        let mut moved = false;
-        while first + self.index_next <= last && self.index_next < end && self.ports.index.can_send(wires) {
-            let tag = self.index_misses.issue();
-            self.ports.index.read(wires, (first + self.index_next) * LINE, LINE as u32, tag);
-            self.index_next += 1;
-            moved = true;
-        }
-        moved
+        self.begun = false;
     }
 
-    /// The first vertex of the current walk whose index has not come.
-    #[inline(always)]
-    pub(super) fn indices_here(&self, work: &Work) -> u32 {
-        let length = self.walk.length;
-        let Some(start) = work.segment.index_address else { return length };
-        // The misses of this segment are the last `index_next` issued; those before the frontier are back.
-        let away = self.index_misses.in_flight().min(self.index_next as u32);
-        let lines = self.index_next - u64::from(away);
-        let bytes = (lines * LINE).saturating_sub(start % LINE);
-        // A draw with indices of no bytes reads none.
-        (bytes / u64::from(work.segment.index_bytes.max(1))).min(u64::from(length)) as u32
-    }
-
-    /// What is at the head of the input, or of the runs that have been taken in ahead.
-    #[inline(always)]
-    pub(super) fn front(&mut self, wires: &mut Wires) -> Option<Run> {
-        match &self.ports.input {
-            FetchInput::Segments(input) => {
-                let Piece { slot, kind } = wires.front(input)?;
-                Some(Run { slot, kind, sequence: 0, first: 0, count: 0 })
-            }
-            _ => self.runs.front(),
-        }
-    }
-
-    /// Takes the run at the head.
-    pub(super) fn take(&mut self, wires: &mut Wires) {
-        match &self.ports.input {
-            FetchInput::Segments(input) => wires.take(input),
-            _ => self.runs.take(),
-        }
-    }
-
-    /// With nothing at the input: in time the open batch is started as it is.
+    /// With nothing that can be taken in hand: in time the open batch is started as it is, since assembly may wait for it.
     pub(super) fn wait(&mut self, wires: &mut Wires) -> Tick {
-        if self.open == 0 || !self.ports.input.in_runs() {
+        if self.open == 0 {
             return Tick::Starved;
         }
         if self.start_at > wires.now() {
@@ -145,37 +109,23 @@ impl Fetch {
         let mut indices = self.config.indices_per_cycle;
         let mut lookups = self.config.lookups_per_cycle;
         loop {
-            let Some(piece) = self.front(wires) else { return did.or(self.wait(wires)) };
+            let Some(piece) = self.runs.front() else { return did.or(self.wait(wires)) };
+            if !self.begun && self.gathered.len() > ENTRIES {
+                return did.or(self.wait(wires).or(Tick::Blocked));
+            }
             if piece.kind.is_fence() {
-                // In runs the batch may still be open.
+                // The batch of a run may still be open.
                 if self.open > 0 {
                     self.close(self.open_slot);
-                    return Tick::Moved;
                 }
-                // A fence follows the batches before it.
-                if !self.gathered.is_empty() || !self.closed.is_empty() {
-                    return did;
-                }
-                let Run { slot, kind, sequence, .. } = piece;
-                let token = VertexBatch { slot, kind, number: sequence, stream_end: 0, vertices: 0 };
-                if !wires.try_push(&self.ports.batches, token) {
-                    return did.or(Tick::Blocked);
-                }
-                self.take(wires);
+                self.announce(piece.kind, piece.slot, piece.sequence, 0, 0);
+                self.runs.take();
                 did = Tick::Moved;
                 continue;
             }
-            if !self.begun && self.gathered.len() > 2 * self.config.batches as usize {
-                // What assembly waits for may be the open batch.
-                if self.open > 0 {
-                    self.close(self.open_slot);
-                    return Tick::Moved;
-                }
-                return did.or(Tick::Blocked);
-            }
             if piece.kind == Kind::END {
                 self.announce(Kind::END, piece.slot, piece.sequence, 0, 0);
-                self.take(wires);
+                self.runs.take();
                 did = Tick::Moved;
                 continue;
             }
@@ -188,22 +138,18 @@ impl Fetch {
                 did = Tick::Moved;
             }
             let work = card.work[usize::from(piece.slot)].as_ref().expect("a piece is in flight");
-            if !self.ports.input.in_runs() && self.request_indices(wires, work) {
-                did = Tick::Moved;
-            }
             let length = self.walk.length;
-            let here = if self.ports.input.in_runs() {
-                self.runs.here(work, &self.walk, self.position)
-            } else {
-                self.indices_here(work)
-            };
-            if self.config.reuse_until == Reuse::Assembled {
+            let here = self.runs.here(work, &self.walk, self.position);
+            if self.config.reuse_until != Reuse::Replaced {
                 let Fetch { position, .. } = *self;
-                did = did.or(self.read_ahead(wires, card, piece.slot, here, &mut indices, &mut lookups));
+                did = did.or(match self.config.reuse_until {
+                    Reuse::Assembled => self.read_ahead(wires, card, piece.slot, here, &mut indices, &mut lookups),
+                    _ => self.read_batches(wires, card, piece, here, &mut indices, &mut lookups),
+                });
                 if self.begun {
                     return if self.position > position { Tick::Moved } else { did };
                 }
-                self.take(wires);
+                self.runs.take();
                 did = Tick::Moved;
                 continue;
             }
@@ -273,15 +219,9 @@ impl Fetch {
                 self.start_at = wires.now() + Cycle::from(self.config.patience);
                 (self.attribute, self.attribute_line, self.vertex_open) = (0, 0, !self.brought);
             }
-            // 5. All is read. What is left of a segment is a batch too; what is left of a run waits for that of the next.
-            if !self.ports.input.in_runs() {
-                self.close(piece.slot);
-            } else {
-                let waits = u32::from(self.open > 0);
-                self.announce(Kind::PART, piece.slot, self.number, self.stream_end(), waits);
-            }
-            self.begun = false;
-            self.take(wires);
+            // 5. All is read.
+            self.end_walk(piece);
+            self.runs.take();
             did = Tick::Moved;
         }
     }

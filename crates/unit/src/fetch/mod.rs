@@ -3,6 +3,7 @@
 
 mod ahead;
 mod batch;
+mod batched;
 mod deal;
 mod input;
 
@@ -15,6 +16,7 @@ use super::network::Stall;
 use super::tags::{CacheCounts, Tags};
 use super::token::{Kind, Packing, Piece, Run, VertexBatch, WarpToken};
 use crate::assembly::MAX_BATCHES;
+use batched::Reading;
 use deal::Deal;
 use knob::Allowed;
 use mem::{CACHES, MemoryPort};
@@ -40,6 +42,8 @@ knob::choices! {
         Replaced "replaced",
         /// Until the last of its indices that have been read goes to assembly. At most `fetch.reuse` indices are on their way there.
         Assembled "assembled",
+        /// Within its batch, until `fetch.reuse` others have been shaded. A batch holds whole primitives.
+        Batch "batch",
     }
 }
 
@@ -47,18 +51,23 @@ knob::knobs! {
     /// Index and attribute fetch.
     pub struct FetchConfig {
         /// Indices read a cycle.
-        indices_per_cycle: u32 ["indices/cycle", Allowed::Range(1, 32), "ATTILA bGPU.ini STREAMER IndicesCycle = 2; three make a triangle"],
+        indices_per_cycle: u32 ["indices/cycle", Allowed::Range(1, 32), "three make a triangle: eight triangles, which cards of 2014 cull, twice what they draw (zeux.io 2023, Fine-grained backface culling)"],
+        /// Segments of draws (or runs of primitives, where geometry belongs to pipelines) and their marks, taken in ahead of their turn. The
+        /// indices of all of them are requested.
+        runs: u32 ["entries", Allowed::Range(1, 4096), "assumed: covers the latency of memory with draws of one triangle, each of which has a mark"],
         /// Lines of indices held or on their way: the index buffer.
-        index_lines: u32 ["lines", Allowed::Range(1, 1024), "ATTILA bGPU.ini IndexBufferSize = 2048 bytes"],
-        /// Vertices that are remembered as shaded, first in first out.
-        reuse: u32 ["vertices", Allowed::Range(0, 4096), "16 to 32 in cards with a post-transform FIFO (Hoppe 1999, Forsyth 2006)"],
+        index_lines: u32 ["lines", Allowed::Range(1, 1024), "assumed: covers the latency of memory at the rate of indices; ATTILA bGPU.ini IndexBufferSize = 2048 bytes"],
+        /// Vertices that are remembered as shaded, first in first out; of a batch at most its own, where they are reused within it.
+        reuse: u32 ["vertices", Allowed::Range(0, 4096), "batches of 32 vertices (Kerbl et al. 2018); 16 to 32 in cards with a post-transform FIFO (Hoppe 1999, Forsyth 2006)"],
         /// How long a vertex that is shaded once can be used again. `assembled` is for whole draws, not for runs of primitives.
-        reuse_until: Reuse ["", Allowed::Choice(Reuse::NAMES), "a FIFO in cards; ATTILA frees a line of its output memory with the last index on its way"],
+        reuse_until: Reuse ["", Allowed::Choice(Reuse::NAMES), "batches in cards of 2012 to 2018 (Kerbl et al. 2018), a FIFO in older ones; ATTILA frees a line of its output memory with the last index on its way"],
+        /// Indices of the primitives of a batch of vertices, at most, where vertices are reused within their batch.
+        batch_indices: u32 ["indices", Allowed::Range(3, 4096), "96 on NVIDIA cards, 384 on AMD's (Kerbl et al. 2018, Revisiting the Vertex Cache)"],
         /// Vertices that wait for their attributes to be looked up while further indices are read, where vertices are reused until they are
         /// assembled.
         ahead: u32 ["vertices", Allowed::Range(1, 1024), "ATTILA bGPU.ini SLInputRequestQueueSize = 128"],
         /// Lines of vertex attributes looked up a cycle.
-        lookups_per_cycle: u32 ["lines/cycle", Allowed::Range(1, 32), "ATTILA bGPU.ini SLAttributesCycle = 8 attributes"],
+        lookups_per_cycle: u32 ["lines/cycle", Allowed::Range(1, 32), "assumed: two for each triangle read; ATTILA bGPU.ini SLAttributesCycle = 8 attributes"],
         /// Whether only those attributes are fetched that the vertex stage reads; if not, all that the vertex buffers of a draw have.
         skip_attributes: bool ["", Allowed::Switch, "drivers tell the fetch what the compiled shader reads; off shows what that is worth"],
         /// Bytes of a line of the attribute cache, which is fetched whole.
@@ -70,7 +79,9 @@ knob::knobs! {
         /// Requests for lines of attributes in flight.
         misses: u32 ["requests", Allowed::Range(1, 1024), "ATTILA bGPU.ini SLInputRequestQueueSize = 128"],
         /// Batches of vertices in flight, from the first index to the last primitive assembled.
-        batches: u32 ["batches", Allowed::Range(1, MAX_BATCHES as u64), "ATTILA bGPU.ini OutputMemorySize = 512 vertices: 16 batches of 32"],
+        batches: u32 ["batches", Allowed::Range(1, MAX_BATCHES as u64), "assumed: covers the latency of memory at the rate of indices; ATTILA bGPU.ini OutputMemorySize = 512 vertices: 16 batches of 32"],
+        /// Batches, runs and marks that have been read and that assembly has not taken.
+        announced: u32 ["entries", Allowed::Range(4, 8192), "assumed: three entries for each run of primitives in a few batches"],
         /// Cycles without a further vertex after which a batch is started though it is not full. Only where geometry belongs to
         /// pipelines, which get their primitives in runs: elsewhere the end of a draw is known.
         patience: u32 ["cycles", Allowed::Range(1, 4096), "as that of fragments: short against an access to memory"],
@@ -131,6 +142,14 @@ pub struct FetchPorts {
     pub probe: StallProbe,
 }
 
+/// A whole segment, or a fence, as a run.
+fn whole(Piece { slot, kind }: Piece) -> Run {
+    Run { slot, kind, sequence: 0, first: 0, count: 0 }
+}
+
+/// Entries on their way to assembly in a cycle, beyond which no further run is taken in hand.
+const ENTRIES: usize = 2;
+
 /// A batch whose attributes are on their way.
 #[derive(Clone, Copy, Debug)]
 struct Gathered {
@@ -140,8 +159,6 @@ struct Gathered {
     /// First vertex of the batch in `vertices`, and how many.
     count: u32,
     needs: Option<u32>,
-    /// Announced to assembly already.
-    announced: bool,
     /// Data, or a mark, which is only announced.
     kind: Kind,
 }
@@ -154,9 +171,6 @@ pub struct Fetch {
     ports: FetchPorts,
     tags: Tags<u32>,
     misses: Misses,
-    index_misses: Misses,
-    /// Next line of indices to be requested, and how many of the segment were; relative to its first.
-    index_next: u64,
     /// The current vertices, and the next of them.
     walk: Walk,
     position: u32,
@@ -186,8 +200,10 @@ pub struct Fetch {
     closed_end: u32,
     draw: Option<u32>,
     begun: bool,
-    /// Runs taken in ahead.
+    /// Segments or runs taken in ahead.
     runs: IndexRuns,
+    /// Where vertices are reused within their batch, the primitive that is read.
+    reading: Reading,
     /// Whether the vertices of the input are counted here.
     counts: bool,
     /// Whether attributes have come with the primitives.
@@ -196,10 +212,12 @@ pub struct Fetch {
     vertices: VecDeque<u32>,
     open: u32,
     open_needs: Option<u32>,
+    /// The number of the open batch. Those of all batches in flight are the numbers before it, without gaps.
     number: u32,
     in_flight: u32,
+    /// What is to be announced to assembly, in order.
     gathered: VecDeque<Gathered>,
-    /// Where runs are fetched, the batches that are closed and not yet on a core.
+    /// The batches that are closed and not yet on a core.
     closed: VecDeque<Gathered>,
     deal: Deal,
     epoch: u32,
@@ -214,8 +232,6 @@ impl Fetch {
         Fetch {
             tags: Tags::new(config.cache_lines, config.cache_ways),
             misses: Misses::new(config.misses),
-            index_misses: Misses::new(config.index_lines),
-            index_next: 0,
             walk: Walk::default(),
             position: 0,
             segment: None,
@@ -234,7 +250,8 @@ impl Fetch {
             closed_end: 0,
             draw: None,
             begun: false,
-            runs: IndexRuns::new(config.index_lines),
+            runs: IndexRuns::new(config.index_lines, config.runs),
+            reading: Reading::default(),
             counts: matches!(ports.input, FetchInput::Segments(_) | FetchInput::Runs(_)),
             brought: matches!(ports.input, FetchInput::Brought(_)),
             vertices: VecDeque::new(),
@@ -269,12 +286,6 @@ impl Fetch {
             self.misses.answer(tag);
             did = Tick::Moved;
         }
-        if !self.ports.input.in_runs() {
-            while let Some(tag) = self.ports.index.answer(wires) {
-                self.index_misses.answer(tag);
-                did = Tick::Moved;
-            }
-        }
         while wires.pop(&self.ports.retired).is_some() {
             self.in_flight -= 1;
             did = Tick::Moved;
@@ -299,13 +310,22 @@ impl Fetch {
         did = did.or(self.start(wires, card));
 
         // 3. Indices come in.
-        match &self.ports.input {
-            FetchInput::Segments(_) => {}
-            FetchInput::Runs(input) => did = did.or(self.runs.take_in(wires, card, input, Some(&self.ports.index))),
-            FetchInput::Routed(input) | FetchInput::Brought(input) => {
-                did = did.or(self.runs.take_in(wires, card, input, None));
-            }
+        if self.begun
+            && let Some(run) = self.runs.front()
+        {
+            self.runs.use_up(card.work(run.slot), &self.walk, self.position);
         }
+        let (runs, index) = (&mut self.runs, &self.ports.index);
+        did = did.or(match &self.ports.input {
+            FetchInput::Segments(input) => {
+                let next = |wires: &mut Wires| wires.pop(input).map(whole);
+                runs.take_in(wires, card, next, Walk::segment, Some(index))
+            }
+            FetchInput::Runs(input) => runs.take_in(wires, card, |wires| wires.pop(input), Walk::run, Some(index)),
+            FetchInput::Routed(input) | FetchInput::Brought(input) => {
+                runs.take_in(wires, card, |wires| wires.pop(input), Walk::run, None)
+            }
+        });
         did = did.or(self.read(wires, card));
         if self.runs.freed() { Tick::Moved } else { did }
     }

@@ -88,6 +88,8 @@ fn config() -> CommandConfig {
     CommandConfig {
         command_cycles: 8,
         segments: 8,
+        states: 8,
+        state_cycles: 0,
         workgroup_runs: 2,
         copy_misses: 16,
         barrier_cycles: 50,
@@ -151,6 +153,7 @@ fn circuit(config: &CommandConfig, of: Features, events: &[Event]) -> (CommandCi
         compose: Vec::new(),
         composed: Vec::new(),
         acks,
+        binned: Vec::new(),
         turns: told,
         memory: port(&mut plan, &mut wiring, ids[0]),
         probe: StallProbe::default(),
@@ -160,7 +163,7 @@ fn circuit(config: &CommandConfig, of: Features, events: &[Event]) -> (CommandCi
     card.closed = true;
     // The pipelines together clear 4 blocks a cycle by flag.
     let shows = ScanoutConfig { enabled: of.scanout, ..ScanoutConfig::default() };
-    let command = Command::new(config.clone(), of.pipelines as u32, (of.fast_clear, 4), &shows, ports);
+    let command = Command::new(config.clone(), (of.pipelines as u32, config.segments), (of.fast_clear, 4), &shows, ports);
     let held = VecDeque::new();
     let pipeline = Pipeline { got: Vec::new(), after: REPLY, held, reported: 0, input: at_fetch, color, depth };
     let mut echoes = echoes.into_iter();
@@ -287,6 +290,39 @@ fn draws_are_rasterised_in_turn() {
     assert_eq!(got.turns, [(12, 1), (20 + REPLY + 1 + 1, 2)]);
     let plain = commanded(&config(), PLAIN, &events);
     assert_eq!(Commanded { turns: Vec::new(), ..got }, plain);
+}
+
+#[test]
+fn a_change_of_state_takes_cycles_and_waits_for_a_free_state() {
+    // A draw with a state, and its segment.
+    let drawn = |states: &[u32]| {
+        let one =
+            |&state: &u32| [Event::Draw(Arc::new(Draw { state, ..draw() })), Event::Segment(Arc::new(Segment::default()))];
+        [vec![begin(Load::Load, false)], states.iter().flat_map(one).collect(), vec![Event::EndPass, end()]].concat()
+    };
+    let data = |config: &CommandConfig, states: &[u32]| -> Vec<Cycle> {
+        let got = commanded(config, PLAIN, &drawn(states));
+        got.pieces.iter().filter(|(_, kind)| *kind == Kind::DATA).map(|&(at, _)| at).collect()
+    };
+    // The first draw sets its state. A draw is read in one cycle, and its segment takes 8; those that change nothing take no more.
+    assert_eq!(data(&config(), &[3, 3, 3, 4]), [12, 21, 30, 39]);
+    let slow = CommandConfig { state_cycles: 20, ..config() };
+    assert_eq!(data(&slow, &[3, 3, 3, 3]), [31, 40, 49, 58]);
+    assert_eq!(data(&slow, &[3, 3, 4, 3]), [31, 40, 49 + 19, 58 + 2 * 19]);
+    // With one state the draw with another is read when the last segment with the first one is reported: its fence comes to the pipeline in
+    // cycle 21, and is seen to be reported in 21 + 30 + 1.
+    let one = CommandConfig { states: 1, ..config() };
+    assert_eq!(data(&one, &[3, 3, 4, 4]), [12, 21, 21 + REPLY + 1 + 1 + 2, 21 + REPLY + 1 + 1 + 2 + 9]);
+    // With two states the third draw waits for the first.
+    let two = CommandConfig { states: 2, ..config() };
+    assert_eq!(data(&two, &[3, 4, 5]), [12, 21, 12 + REPLY + 1 + 1 + 2]);
+    // The next pass sets its state anew.
+    let twice = [drawn(&[3])[..4].to_vec(), drawn(&[3])].concat();
+    let changes = |config: &CommandConfig, events: &[Event]| {
+        settle(|| loaded(config, PLAIN, events), |c, _| c.command.frame_over(), |c, _| c.command.counts().state_changes)
+    };
+    assert_eq!(changes(&config(), &twice), 2);
+    assert_eq!(changes(&config(), &drawn(&[3, 3, 4, 3])), 3);
 }
 
 #[test]

@@ -4,7 +4,7 @@ use std::collections::VecDeque;
 use std::sync::Arc;
 
 use super::kit::{FREE, Sink, Source, memory, port, round_trip, settle};
-use super::scenery::{card, draw};
+use super::scenery::{card, draw, primitive};
 use crate::Card;
 use crate::fetch::{Fetch, FetchConfig, FetchInput, FetchPorts, Reuse, VertexDeal};
 use crate::tags::CacheCounts;
@@ -37,8 +37,11 @@ fn config() -> FetchConfig {
         deal_warps: 64,
         patience: 16,
         indices_per_cycle: 2,
+        runs: 16,
         index_lines: 16,
         reuse: 16,
+        batch_indices: 96,
+        announced: 256,
         reuse_until: Reuse::Replaced,
         ahead: 8,
         lookups_per_cycle: 1,
@@ -97,13 +100,25 @@ fn fetched_as_passed(
 /// The same, with links to the cores, and where each pipeline tells at some cycles of its fragments: core and state.
 fn fetched_beside(
     config: &FetchConfig,
+    cores: (usize, Link),
+    attributes: &[AttributeFetch],
+    segments: &[Segment],
+    answers: (&[Cycle], &[(Cycle, u32)]),
+    fragments: &[&[(Cycle, u16, u16)]],
+) -> Fetched {
+    fetched_by(WIDTH, config, cores, attributes, segments, answers, fragments)
+}
+
+/// The same, in batches of `width` vertices.
+fn fetched_by(
+    width: u32,
+    config: &FetchConfig,
     (cores, link): (usize, Link),
     attributes: &[AttributeFetch],
     segments: &[Segment],
     (retired, passed): (&[Cycle], &[(Cycle, u32)]),
     fragments: &[&[(Cycle, u16, u16)]],
 ) -> Fetched {
-    let mark = (0, Piece { slot: 0, kind: Kind::SEGMENT });
     settle(
         || {
             let mut wiring = Wiring::new();
@@ -141,9 +156,8 @@ fn fetched_beside(
             let mut pieces = Vec::new();
             for (slot, segment) in segments.iter().enumerate() {
                 card.install(slot as u16, Arc::new(segment.clone()), draw.clone(), 0);
-                pieces.push((0, Piece { slot: slot as u16, kind: Kind::DATA }));
+                pieces.extend([Kind::DATA, Kind::SEGMENT].map(|kind| (0, Piece { slot: slot as u16, kind })));
             }
-            pieces.push(mark);
             let done = retired.iter().enumerate().map(|(n, &at)| (at, WarpToken { warp: n as u32 })).collect();
             let told = vec![Source::new(done, retire), Source::new(tokens(passed), tell)];
             let packing =
@@ -153,7 +167,7 @@ fn fetched_beside(
             let circuit = FetchCircuit::new(
                 wiring,
                 One(Source::new(pieces, output)),
-                One(Fetch::new(config.clone(), WIDTH, ports)),
+                One(Fetch::new(config.clone(), width, ports)),
                 core,
                 One(Sink::new(announced)),
                 told,
@@ -162,13 +176,18 @@ fn fetched_beside(
             );
             (circuit, card)
         },
-        |c, _| c.batches.got.last().is_some_and(|(_, batch)| batch.kind == Kind::SEGMENT),
+        |c, _| {
+            let ends = |(_, batch): &&(Cycle, VertexBatch)| batch.kind == Kind::SEGMENT;
+            let warps: usize = c.core.iter().map(|core| core.got.len()).sum();
+            let batches = c.batches.got.iter().filter(|(_, batch)| batch.vertices > 0).count();
+            c.batches.got.iter().filter(ends).count() == segments.len() && warps == batches
+        },
         |c, card| {
             assert_eq!(c.fetch.items(), card.funnel.total().vertices_in);
-            let batches = c.batches.log(|batch| (batch.number, batch.stream_end, batch.vertices));
+            let batches = c.batches.got.iter().filter(|(_, batch)| batch.kind == Kind::DATA);
             Fetched {
                 warps: c.core.iter().map(Sink::times).collect(),
-                batches: batches[..batches.len() - 1].to_vec(),
+                batches: batches.map(|&(at, batch)| (at, (batch.number, batch.stream_end, batch.vertices))).collect(),
                 cache: c.fetch.cache(),
                 shaded: card.funnel.total().vertices_shaded,
                 requests: c.ideal.as_ref().unwrap().counts().iter().map(|count| count.requests).sum(),
@@ -289,8 +308,8 @@ fn attributes_come_from_memory_through_a_cache() {
     let fast = FetchConfig { indices_per_cycle: 4, ..config() };
     let got = fetched(&fast, 1, &[ATTRIBUTE], &[fresh(8)], &[]);
     assert_eq!((got.warps, got.requests, got.cache.misses), (vec![vec![2 + MISS + 1, 4 + MISS + 1]], 4, 4));
-    // The first is announced to assembly as soon as it is full, the second when the first has gone.
-    assert_eq!(got.batches[..2], [(4, (0, 4, 4)), (2 + MISS + 1, (1, 8, 4))]);
+    // Each is announced to assembly as soon as it is full.
+    assert_eq!(got.batches[..2], [(4, (0, 4, 4)), (6, (1, 8, 4))]);
     // Two lookups a cycle: all four lines are asked for in cycles 1 and 2, and the port brings one a cycle.
     let two = FetchConfig { lookups_per_cycle: 2, ..fast.clone() };
     assert_eq!(fetched(&two, 1, &[ATTRIBUTE], &[fresh(8)], &[]).warps, [[1 + MISS + 1 + 1, 1 + MISS + 3 + 1]]);
@@ -430,4 +449,140 @@ fn batches_of_vertices_follow_quads_that_wait() {
     let after = |later: &[(Cycle, u16, u16)]| cores(2, &[later, &[(3, 2, held_up), (4, 2, waiting)]]);
     assert_eq!(after(&[]), [vec![4], vec![], vec![6, 8, 10, 12], vec![]]);
     assert_eq!(after(&[(6, 0, Packing::STARTED | Packing::FIRST)]), [vec![4, 8], vec![10], vec![6, 12], vec![]]);
+}
+
+#[test]
+fn draws_do_not_wait_for_the_memory_of_those_before() {
+    // Three segments with a line of indices and a line of attributes each. All lines of indices are asked for in cycle 1 and come one a
+    // cycle; four vertices are read in two cycles, and their lines of attributes asked for as the first of them is read.
+    let attribute = AttributeFetch { stride: 16, bytes: 16, ..ATTRIBUTE };
+    let segments: Vec<_> = (0..3)
+        .map(|n| Segment {
+            index_address: Some((1 << 20) + n * LINE),
+            index_bytes: 4,
+            ..reading((0..4).collect(), 4 * n as u32)
+        })
+        .collect();
+    let got = fetched(&config(), 1, &[attribute], &segments, &[]);
+    let first = 1 + MISS;
+    assert_eq!(got.warps, [(0..3).map(|n| first + 2 * n + MISS + 1).collect::<Vec<_>>()]);
+    // Batches are announced as they are read, numbered without gaps. What ends a segment has no vertices and needs no number.
+    let announced: Vec<_> = got.batches.iter().map(|&(_, batch)| batch).collect();
+    assert_eq!(announced, [(0, 4, 4), (1, 4, 0), (1, 4, 4), (2, 4, 0), (2, 4, 4), (3, 4, 0)]);
+    // One at a time, the indices of each are asked for when those of the one before are read, in two cycles, and its mark is taken; its
+    // attributes need not be here.
+    let one = FetchConfig { runs: 1, ..config() };
+    let got = fetched(&one, 1, &[attribute], &segments, &[]);
+    assert_eq!(got.requests, 6);
+    let apart: Vec<_> = got.warps[0].windows(2).map(|pair| pair[1] - pair[0]).collect();
+    assert_eq!(apart, [MISS + 3; 2]);
+}
+
+#[test]
+fn a_line_of_indices_is_read_once_for_draws_that_share_it() {
+    // Five draws of three indices, 4 bytes each: 60 bytes of one line. The fourth slot's draw begins in the next line.
+    let draw =
+        |n: u64| Segment { index_address: Some((1 << 20) + 12 * n), index_bytes: 4, ..reading(vec![0, 1, 2], 3 * n as u32) };
+    let got = fetched(&config(), 1, &[], &[draw(0), draw(1), draw(2), draw(3)], &[]);
+    assert_eq!((got.requests, got.shaded), (1, 12));
+    // The last of them has two indices in the first line and one in the second.
+    let got = fetched(&config(), 1, &[], &[draw(3), draw(4), draw(5), draw(6)], &[]);
+    assert_eq!((got.requests, got.shaded), (2, 12));
+    // A buffer of one line goes on to the next line all the same.
+    let short = FetchConfig { index_lines: 1, ..config() };
+    let got = fetched(&short, 1, &[], &[draw(3), draw(4), draw(5), draw(6)], &[]);
+    assert_eq!((got.requests, got.shaded), (2, 12));
+}
+
+/// A segment whose primitives are triangles of a list.
+fn triangles(indices: &[u32]) -> Segment {
+    let ends = indices.chunks_exact(3).zip((1..).map(|n| 3 * n));
+    let primitives = ends
+        .map(|(of, end)| Primitive { vertices: of.try_into().expect("three"), ..primitive(end, 0, 1, false, Outcome::Drawn) });
+    Segment { primitives: primitives.collect(), ..reading(indices.to_vec(), 0) }
+}
+
+/// A strip of so many triangles.
+fn strip(count: u32) -> Segment {
+    let primitives =
+        (0..count).map(|n| Primitive { vertices: [n, n + 1, n + 2], ..primitive(n + 3, 0, 1, false, Outcome::Drawn) });
+    Segment { primitives: primitives.collect(), ..fresh(count + 2) }
+}
+
+/// Invocations by the definition: a batch holds `width` vertices of whole triangles with at most `indices` indices, and remembers the last
+/// `places` of its vertices.
+fn in_batches(triangles: &[[u32; 3]], width: usize, indices: usize, places: usize) -> u64 {
+    let (mut batch, mut read, mut shaded) = (Vec::new(), 0, 0);
+    for triangle in triangles {
+        let missing = |batch: &Vec<u32>| {
+            let known = &batch[batch.len().saturating_sub(places)..];
+            let mut new: Vec<u32> = triangle.iter().copied().filter(|vertex| !known.contains(vertex)).collect();
+            new.sort_unstable();
+            new.dedup();
+            new.len()
+        };
+        if batch.len() + missing(&batch) > width || read + 3 > indices {
+            batch.clear();
+            read = 0;
+        }
+        for vertex in triangle {
+            if !batch[batch.len().saturating_sub(places)..].contains(vertex) {
+                batch.push(*vertex);
+                shaded += 1;
+            }
+        }
+        read += 3;
+    }
+    shaded
+}
+
+/// Vertices shaded by batches of so many vertices and indices, of which the last `reuse` vertices are remembered.
+fn shaded_in_batches(segment: &Segment, (width, batch_indices, reuse): (u32, u32, u32), rate: u32) -> u64 {
+    let config =
+        FetchConfig { reuse_until: Reuse::Batch, reuse, batch_indices, indices_per_cycle: rate, batches: 1024, ..config() };
+    let segments = std::slice::from_ref(segment);
+    fetched_by(width, &config, (1, FREE), &[], segments, (&[], &[]), &[]).shaded
+}
+
+#[test]
+fn nothing_is_reused_across_batches() {
+    const NVIDIA: (u32, u32, u32) = (32, 96, 32);
+    const AMD: (u32, u32, u32) = (64, 384, 14);
+    // One triangle again and again: three invocations for each batch of 96 indices (Kerbl et al. 2018), or of 384.
+    for (card, indices) in [(NVIDIA, 96), (AMD, 384)] {
+        for count in [3, 48, 93, 96, 99, 192, 195, 384, 387] {
+            let same: Vec<u32> = (0..count).map(|n| n % 3).collect();
+            let batches = u64::from(count.div_ceil(indices));
+            for rate in [1, 4, 32] {
+                assert_eq!(shaded_in_batches(&triangles(&same), card, rate), 3 * batches, "{count} indices, {rate} a cycle");
+            }
+        }
+    }
+    // Triangles that share nothing: ten fill 30 of 32 places, and the eleventh begins a batch.
+    let apart: Vec<u32> = (0..330).collect();
+    assert_eq!(shaded_in_batches(&triangles(&apart), NVIDIA, 4), 330);
+    // A strip: a batch of 32 vertices holds 30 triangles, and the next one begins with a whole triangle.
+    assert_eq!(shaded_in_batches(&strip(30), NVIDIA, 4), 32);
+    assert_eq!(shaded_in_batches(&strip(31), NVIDIA, 4), 32 + 3);
+    assert_eq!(shaded_in_batches(&strip(90), NVIDIA, 4), 3 * 32);
+}
+
+#[test]
+fn reuse_in_batches_on_a_grid_is_that_of_the_definition() {
+    let (width, height) = (20, 9);
+    let mut list = Vec::new();
+    for y in 0..height {
+        for x in 0..width {
+            let (a, b) = (y * (width + 1) + x, (y + 1) * (width + 1) + x);
+            list.extend([[a, b, a + 1], [a + 1, b, b + 1]]);
+        }
+    }
+    let segment = triangles(list.as_flattened());
+    for (vertices, indices, places) in [(32, 96, 32), (64, 384, 14), (32, 4096, 32), (16, 30, 7), (8, 12, 8), (4, 3, 0)] {
+        assert_eq!(
+            shaded_in_batches(&segment, (vertices, indices, places), 5),
+            in_batches(&list, vertices as usize, indices as usize, places as usize),
+            "{vertices} vertices, {indices} indices, {places} places"
+        );
+    }
 }
