@@ -9,6 +9,7 @@ mod estimates;
 mod front_rates;
 mod history;
 mod image;
+mod knobs;
 mod laws;
 mod rendering_elimination;
 mod runs;
