@@ -68,7 +68,6 @@ pub(super) const BENCHMARKS: &[Benchmark] = &[
         class: Class::Exact,
         source: seen("Kerbl et al. 2018 (GTX 1080 Ti): batches of at most 96 indices share nothing"),
         fault: &["fetch.reuse=1"],
-        because: Some(Because { what: "vertices are reused by a FIFO, not by batches of 96 indices", off: -0.750 }),
         measure: reused,
         ..GEOMETRY
     },
@@ -96,7 +95,6 @@ pub(super) const BENCHMARKS: &[Benchmark] = &[
             "no drain between draws of one state: commands (command.command_cycles, assumed 8) or triangles (8 a cycle)",
         ),
         fault: &["command.command_cycles=64", "memory.port_latency=300"],
-        because: Some(Because { what: "sort-middle fetches the indices of a draw when the one before has left", off: 47.818 }),
         measure: draws,
         ..GEOMETRY
     },
