@@ -166,7 +166,7 @@ impl Seen {
                 if asked.is_empty() { self.drawn() } else { format!("{asked}, by {}", self.drawn()) }
             }
             "core" => {
-                let CoreCounts { float, integer, special, control, .. } = CORES.sum(&self.tree);
+                let CoreCounts { float, integer, special, control, multiply, .. } = CORES.sum(&self.tree);
                 let what = [
                     (funnel.fragments_shaded, "fragments"),
                     (funnel.helper_fragments, "helper invocations"),
@@ -174,7 +174,7 @@ impl Seen {
                 ];
                 let what: Vec<String> =
                     what.iter().filter(|(n, _)| *n > 0).map(|(n, name)| format!("{} {name}", grouped(*n))).collect();
-                let issued = float + integer + special + control;
+                let issued = float + integer + special + control + multiply;
                 let of = if what.is_empty() { String::new() } else { format!(" for {}", what.join(", ")) };
                 if issued > 0 { format!("{} warp instructions{of}", grouped(issued)) } else { String::new() }
             }

@@ -82,20 +82,20 @@ pub fn dispatch(groups: u32) -> Vec<Event> {
 pub fn dispatch_of(groups: u32, invocations: u32, shared_bytes: u32, barrier: bool) -> Vec<Event> {
     let shape = ShaderShape { registers: 16, inputs: 0, outputs: 0 };
     let dispatch = Dispatch { number: 0, label: String::new(), shape, groups: groups.into(), invocations, shared_bytes };
-    let step = |instructions, then| Step { instructions, then };
+    let step = |instructions, then| Step::dependent(instructions, then);
     let mut steps = vec![
-        step([2, 4, 0, 1], RequestKind::Load),
-        step([3, 1, 1, 1], RequestKind::Barrier),
-        step([5, 1, 0, 0], RequestKind::Store),
-        step([0, 1, 0, 0], RequestKind::Atomic),
-        step([0, 0, 0, 1], RequestKind::End),
+        step([2, 4, 0, 1, 0], RequestKind::Load),
+        step([3, 1, 1, 1, 0], RequestKind::Barrier),
+        step([5, 1, 0, 0, 0], RequestKind::Store),
+        step([0, 1, 0, 0, 0], RequestKind::Atomic),
+        step([0, 0, 0, 1, 0], RequestKind::End),
     ];
     if !barrier {
         steps.remove(1);
     }
     let mut work = Groups { groups, costs: CostTable::from(vec![Cost::from(steps)]), ..Groups::default() };
     for packet in 0..groups * invocations.div_ceil(4) {
-        work.packets.push(Packet { cost: 0, first_request: work.requests.len() as u32 });
+        work.packets.push(Packet { cost: 0, first_request: work.requests.len() as u32, first_shared: 0 });
         for place in 0..3 {
             work.requests.push(Request { first_line: work.lines.len() as u32, lines: 1, operations: 4 });
             work.lines.push((1 << 21) + place * 4096 + packet / 4);
@@ -323,7 +323,8 @@ fn conserved_anywhere(config: &Config, tree: &Tree, fragments: bool) {
     assert_eq!(items("texture_requests"), items("texture_answers"));
     assert_eq!(items("vertex_texture_requests"), items("vertex_texture_answers"));
     for (core, counts) in f.list("units.core").iter().zip(f.list("shading.core")) {
-        let sum: u64 = ["float", "integer", "special", "control"].iter().map(|class| Figures(counts).at(class)).sum();
+        let classes = ["float", "integer", "special", "control", "multiply"];
+        let sum: u64 = classes.iter().map(|class| Figures(counts).at(class)).sum();
         assert_eq!(Figures(core).at("items"), sum);
     }
 

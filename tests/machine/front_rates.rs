@@ -19,7 +19,7 @@ fn grid(rows: u32, index_bytes: u32) -> Segment {
     let mut segment = Segment {
         index_address: Some(1 << 24),
         index_bytes,
-        costs: CostTable::from(vec![Cost::from(vec![Step { instructions: [4, 0, 0, 0], then: RequestKind::End }])]),
+        costs: CostTable::from(vec![Cost::from(vec![Step::dependent([4, 0, 0, 0, 0], RequestKind::End)])]),
         ..Segment::default()
     };
     let vertex = |index| Vertex { index, instance: 0, cost: 0, first_request: 0 };

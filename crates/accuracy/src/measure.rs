@@ -79,5 +79,5 @@ pub const TEXTURE_LOOKUPS: Measure = measure("lines of textures looked up", |tot
 /// Instructions that warps have issued.
 pub const INSTRUCTIONS: Measure = measure("instructions", |total| {
     let core: CoreCounts = CORES.sum(total);
-    core.float + core.integer + core.special + core.control
+    core.float + core.integer + core.special + core.control + core.multiply
 });

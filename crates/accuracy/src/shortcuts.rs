@@ -93,6 +93,11 @@ pub const UNMEASURED: &[(&str, &str)] = &[
          say which instruction it needs",
     ),
     (
+        "order within a step",
+        "costs have the length of the longest chain of instructions, not which instruction needs which: all waits of a step are \
+         shortened by the same factor, as if a compiler had put independent instructions between those that wait",
+    ),
+    (
         "compressed sizes",
         "nothing is left out: blocks are put through the codec with the bytes that the machine's own ROPs have",
     ),

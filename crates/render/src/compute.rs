@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use host::one_line;
 use num::LANES;
-use shader::{self, Executor, Extra, Module, Program, Recorder, Stage as Kind};
+use shader::{self, Executor, Extra, Module, Program, QuadCost, Recorder, Stage as Kind};
 use trace::command::{Command, PassTimestamps, Stage};
 use work::{Dispatch, Event, Groups, Packet, ShaderShape};
 
@@ -183,9 +183,12 @@ impl ActiveCompute {
                 bound.run_groups(at..end, count, Some((&mut recorder, &mut costs))).map_err(|fault| fault.to_string())?;
                 growth.add(recorder.take_bytes());
                 growth.verify()?;
-                let packets = costs.iter().map(|quad| Packet { cost: quad.cost, first_request: quad.first_request }).collect();
+                let packet =
+                    |&QuadCost { cost, first_request, first_shared }: &QuadCost| Packet { cost, first_request, first_shared };
+                let packets = costs.iter().map(packet).collect();
                 let (costs, requests, lines) = recorder.take();
-                let piece = Groups { groups: (end - at) as u32, packets, requests, lines, costs };
+                let (shared, words) = recorder.take_shared();
+                let piece = Groups { groups: (end - at) as u32, packets, requests, lines, shared, words, costs };
                 renderer.emit(Event::Groups(Arc::new(piece)))?;
                 at = end;
             }

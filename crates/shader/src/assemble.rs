@@ -5,12 +5,16 @@
 //! the loop's end. A mutable register lives from its first to its last use.
 
 use super::code::Code;
+use super::interface::BindingKind;
 use super::ir::{Builder, Def, Inst, NONE, V, texture_src as at};
+use super::live;
 use super::lower::Lowered;
 use super::optimize::is_control;
 use super::options::Fault;
 use super::program::{Body, MemoryOp, NO_REG, Op, Placed, Program, Reg, Space, Width};
+use super::scalar::{self, Counted};
 use super::vector;
+use work::Class;
 
 /// Most registers of a program: operations number them with 16 bits.
 const MAX_REGISTERS: usize = 60_000;
@@ -232,6 +236,17 @@ pub(super) fn assemble(module: &str, l: Lowered, fault: Option<Fault>) -> Result
     let kept = allocate(b, &computed, &loaded, &results, true, prologue_constants.len(), &mut prologue_homes, fault);
     let mut prologue = emit(b, &computed, &[], &prologue_homes);
     let placed_loads = placed.len();
+    let storage = |binding: u16| matches!(l.interface.bindings[usize::from(binding)].kind, BindingKind::Storage { .. });
+    let places = placed
+        .iter()
+        .map(|inst| (binding_of(b.memory[inst.imm as usize].space), u64::from(b.memory[inst.imm as usize].offset)));
+    let shared_loads: Vec<(u16, u64)> = places.filter(|&(binding, _)| storage(binding)).collect();
+    let mut shared_counted = prologue.counts.last().copied().unwrap_or_default();
+    let loads = prologue.memory.len() as u32;
+    for counts in [&mut shared_counted.instructions, &mut shared_counted.chain] {
+        let loads = loads.min(counts[Class::Integer as usize]);
+        counts[Class::Integer as usize] -= loads;
+    }
     let runs = |homes: &Homes| runs(placed.iter().flat_map(|inst| placed_words(&memory_operation(b, inst, homes))).collect());
     let (placed, placed_uniforms) = (runs(&prologue_homes), runs(&homes));
     prologue.steps.iter_mut().for_each(|steps| *steps += placed_loads as u64 * Code::Load.steps());
@@ -244,7 +259,7 @@ pub(super) fn assemble(module: &str, l: Lowered, fault: Option<Fault>) -> Result
     }
     let bits = |list: &[V]| list.iter().filter_map(|&v| b.known(v)).collect::<Vec<u32>>();
     let mut interface = l.interface;
-    interface.registers = (used + b.range_registers as usize) as u32;
+    interface.registers = (live::most(b, &b.insts, &outputs).unwrap_or(used) + b.range_registers as usize) as u32;
     Ok(Program {
         module: module.to_owned(),
         uniforms: uniforms.len(),
@@ -258,6 +273,8 @@ pub(super) fn assemble(module: &str, l: Lowered, fault: Option<Fault>) -> Result
         interface,
         placed,
         placed_loads,
+        shared_loads,
+        shared_counted,
         prologue,
         body,
     })
@@ -282,14 +299,13 @@ fn emit(b: &Builder, insts: &[Inst], outputs: &[Vec<V>], homes: &Homes) -> Body 
     }
     body.ops.push(Op { code: Code::End, r: [NO_REG; 9], imm: 0 });
     link(&mut body.ops);
-    body.vectors = vector::counts(b, insts, outputs);
-    let (mut sum, mut steps) = ([0u32; 4], 0);
-    body.counts.push(sum);
+    body.vectors = vector::counts(b, insts, outputs).into_iter().map(Counted::dependent).collect();
+    let outputs = outputs.concat();
+    body.counts = scalar::counts(b, insts, &outputs);
+    body.in_flight = scalar::in_flight(b, insts, &outputs);
+    let mut steps = 0;
     body.steps.push(steps);
     for op in &body.ops {
-        let (class, n) = op.code.weight();
-        sum[class as usize] = sum[class as usize].saturating_add(n);
-        body.counts.push(sum);
         steps += op.code.steps();
         body.steps.push(steps);
     }

@@ -5,6 +5,8 @@ use std::ops::Range;
 use super::code::Code;
 use super::interface::Interface;
 use super::module::Place;
+use super::scalar::Counted;
+use work::InFlight;
 
 /// Index of a register of a batch.
 pub(super) type Reg = u16;
@@ -225,9 +227,11 @@ pub(super) struct Body {
     /// Places of loops, by number.
     pub loops: Vec<Option<Place>>,
     /// Running instruction counts: entry `i` counts operations before `i`.
-    pub counts: Vec<[u32; 4]>,
+    pub counts: Vec<Counted>,
     /// The same of instructions that work on four components.
-    pub vectors: Vec<[u32; 4]>,
+    pub vectors: Vec<Counted>,
+    /// Where a block begins with operation `i`, how many requests may be unanswered there.
+    pub in_flight: Vec<InFlight>,
     /// Running sum of steps ([`Code::steps`]): entry `i` counts operations before `i`.
     pub steps: Vec<u64>,
     /// Turns that a loop may make between its entry and its end.
@@ -246,6 +250,10 @@ pub struct Program {
     /// What the prologue reads from such places, and how many loads these and those of uniforms were.
     pub(super) placed: Vec<Placed>,
     pub(super) placed_loads: usize,
+    /// Where the loads from storage buffers at known places are: a warp makes each of them.
+    pub(super) shared_loads: Vec<(u16, u64)>,
+    /// Instructions of the prologue without its loads: a warp executes each of them.
+    pub(super) shared_counted: Counted,
     /// Computes the other uniforms, on one lane, once a draw.
     pub(super) prologue: Body,
     /// These, each with its register in the prologue.

@@ -61,9 +61,9 @@ fn cost(code: Code) -> Cost {
         Code::FNeg | Code::FAbs | Code::FSaturate => Cost::Free,
         Code::Dot2 | Code::Dot3 | Code::Dot4 => Cost::Whole,
         // The square of the length, its root's reciprocal, the product.
-        Code::Normalize2 | Code::Normalize3 => Cost::Alone([2, 0, RECIPROCAL, 0]),
+        Code::Normalize2 | Code::Normalize3 => Cost::Alone([2, 0, RECIPROCAL, 0, 0]),
         // A logarithm, a product, an exponential.
-        Code::Pow => Cost::Alone([1, 0, 2, 0]),
+        Code::Pow => Cost::Alone([1, 0, 2, 0, 0]),
         Code::FDiv => Cost::Quotient,
         Code::FSqrt | Code::FInvSqrt => Cost::Single(class, RECIPROCAL),
         Code::Sin | Code::Cos => Cost::Single(class, SINE),
@@ -321,11 +321,11 @@ pub(super) fn counts(b: &Builder, insts: &[Inst], outputs: &[Vec<V>]) -> Vec<Cou
             (Some(&Part::Whole(x)), _) => {
                 let exponent = packer.ready[inst.src[1] as usize];
                 packer.single(&MOVE, Class::Float, 1, exponent);
-                packer.begin(inst, inst.code, needs.max(packer.ready[x as usize]), [1, 0, 0, 0], (true, false))
+                packer.begin(inst, inst.code, needs.max(packer.ready[x as usize]), [1, 0, 0, 0, 0], (true, false))
             }
             (Some(Part::Rest), _) | (None, Cost::Free) => needs,
             (None, Cost::Alone(cost)) => packer.begin(inst, inst.code, needs, cost, (false, false)),
-            (None, Cost::Whole) => packer.begin(inst, inst.code, needs, [1, 0, 0, 0], (true, false)),
+            (None, Cost::Whole) => packer.begin(inst, inst.code, needs, [1, 0, 0, 0, 0], (true, false)),
             (None, Cost::Single(class, count)) => packer.single(inst, class, count, needs),
             (None, Cost::Shared(class)) => packer.join(inst, inst.code, class, needs),
             (None, Cost::Quotient) => {
@@ -353,7 +353,7 @@ pub(super) fn counts(b: &Builder, insts: &[Inst], outputs: &[Vec<V>]) -> Vec<Cou
     for output in outputs {
         let moved = output.iter().filter(|&&v| v != NONE && !made[v as usize]).count();
         if moved > 0 {
-            packer.begin(&MOVE, Code::Copy, 0, [1, 0, 0, 0], (true, moved == 1));
+            packer.begin(&MOVE, Code::Copy, 0, [1, 0, 0, 0, 0], (true, moved == 1));
         }
     }
     packer.end_block();
@@ -408,21 +408,21 @@ mod tests {
                 insts.push(inst(Code::MulAdd, at + k, &[k, 4 + 4 * k + row, at + k - 1]));
             }
         }
-        assert_eq!(last(&insts), [4, 0, 0, 0]);
+        assert_eq!(last(&insts), [4, 0, 0, 0, 0]);
         // A fifth operation of the code is another instruction, of a single component: it is issued with the next one that does not need it.
         let five: Vec<_> = (0..5).map(|k| inst(Code::FAdd, 20 + k, &[k, k])).collect();
-        assert_eq!(last(&five), [1, 0, 0, 0]);
+        assert_eq!(last(&five), [1, 0, 0, 0, 0]);
         let nine: Vec<_> = (0..9).map(|k| inst(Code::FAdd, 20 + k, &[k, k])).collect();
-        assert_eq!(last(&nine), [2, 0, 0, 0]);
+        assert_eq!(last(&nine), [2, 0, 0, 0, 0]);
     }
 
     #[test]
     fn what_needs_another_comes_behind_it() {
         let chain = [inst(Code::FAdd, 20, &[0, 1]), inst(Code::FAdd, 21, &[20, 1]), inst(Code::FAdd, 22, &[21, 1])];
-        assert_eq!(last(&chain), [3, 0, 0, 0]);
+        assert_eq!(last(&chain), [3, 0, 0, 0, 0]);
         // Two single components side by side.
         let two = [inst(Code::FAdd, 20, &[0, 1]), inst(Code::FMul, 21, &[2, 3])];
-        assert_eq!(last(&two), [1, 0, 0, 0]);
+        assert_eq!(last(&two), [1, 0, 0, 0, 0]);
         // Two of two components are not.
         let pairs = [
             inst(Code::FAdd, 20, &[0, 1]),
@@ -430,7 +430,7 @@ mod tests {
             inst(Code::FMul, 22, &[2, 3]),
             inst(Code::FMul, 23, &[3, 3]),
         ];
-        assert_eq!(last(&pairs), [2, 0, 0, 0]);
+        assert_eq!(last(&pairs), [2, 0, 0, 0, 0]);
     }
 
     #[test]
@@ -453,14 +453,14 @@ mod tests {
         b.prologue = (0..3).map(|k| Inst { imm: k, ..inst(Code::Load, 70 + k as V, &[]) }).collect();
         let scaled = |by: V, plus: V| inst(Code::MulAdd, 20, &[0, by, plus]);
         let both: Vec<_> = (0..3).map(|k| inst(Code::MulAdd, 20 + k, &[k, 64 + k, 67 + k])).collect();
-        assert_eq!(with_outputs(&b, &both, &[]), [2, 0, 0, 0]);
+        assert_eq!(with_outputs(&b, &both, &[]), [2, 0, 0, 0, 0]);
         // It is moved once.
         let mut again = both.clone();
         again.extend((0..3).map(|k| inst(Code::MulAdd, 30 + k, &[20 + k, 64 + k, 67 + k])));
-        assert_eq!(with_outputs(&b, &again, &[]), [3, 0, 0, 0]);
-        assert_eq!(with_outputs(&b, &[scaled(70, 71)], &[]), [1, 0, 0, 0]);
-        assert_eq!(with_outputs(&b, &[scaled(70, 72)], &[]), [2, 0, 0, 0]);
-        assert_eq!(with_outputs(&b, &[scaled(64, 64)], &[]), [1, 0, 0, 0]);
+        assert_eq!(with_outputs(&b, &again, &[]), [3, 0, 0, 0, 0]);
+        assert_eq!(with_outputs(&b, &[scaled(70, 71)], &[]), [1, 0, 0, 0, 0]);
+        assert_eq!(with_outputs(&b, &[scaled(70, 72)], &[]), [2, 0, 0, 0, 0]);
+        assert_eq!(with_outputs(&b, &[scaled(64, 64)], &[]), [1, 0, 0, 0, 0]);
     }
 
     #[test]
@@ -469,27 +469,27 @@ mod tests {
         (64..80).for_each(|v| assert_eq!(b.define(Def::Uniform), v));
         let of = |code, at: V, of: V| (0..3).map(move |k| inst(code, at + k, &[of + k, of + k]));
         let body: Vec<_> = of(Code::FMul, 20, 0).chain(of(Code::FMul, 23, 20)).collect();
-        assert_eq!(with_outputs(&b, &body, &[]), [2, 0, 0, 0]);
+        assert_eq!(with_outputs(&b, &body, &[]), [2, 0, 0, 0, 0]);
         b.prologue = of(Code::FMul, 67, 64).collect();
-        assert_eq!(with_outputs(&b, &body, &[]), [2, 0, 0, 0]);
+        assert_eq!(with_outputs(&b, &body, &[]), [2, 0, 0, 0, 0]);
         b.prologue.extend(of(Code::FAdd, 70, 67));
-        assert_eq!(with_outputs(&b, &body, &[]), [3, 0, 0, 0]);
+        assert_eq!(with_outputs(&b, &body, &[]), [3, 0, 0, 0, 0]);
     }
 
     #[test]
     fn dots_quotients_and_signs() {
-        assert_eq!(last(&[inst(Code::Dot3, 20, &[0, 1, 2, 3, 4, 5])]), [1, 0, 0, 0]);
+        assert_eq!(last(&[inst(Code::Dot3, 20, &[0, 1, 2, 3, 4, 5])]), [1, 0, 0, 0, 0]);
         // Three quotients by one value: a reciprocal, and one product that needs it.
         let quotients: Vec<_> = (0..3).map(|k| inst(Code::FDiv, 20 + k, &[k, 5])).collect();
-        assert_eq!(last(&quotients), [1, 0, RECIPROCAL, 0]);
+        assert_eq!(last(&quotients), [1, 0, RECIPROCAL, 0, 0]);
         // By two values: reciprocals side by side.
         let two = [inst(Code::FDiv, 20, &[0, 5]), inst(Code::FDiv, 21, &[1, 6])];
-        assert_eq!(last(&two), [1, 0, 2 * RECIPROCAL, 0]);
+        assert_eq!(last(&two), [1, 0, 2 * RECIPROCAL, 0, 0]);
         let free = [inst(Code::FNeg, 20, &[0]), inst(Code::FAdd, 21, &[20, 1]), inst(Code::FSaturate, 22, &[21])];
-        assert_eq!(last(&free), [1, 0, 0, 0]);
+        assert_eq!(last(&free), [1, 0, 0, 0, 0]);
         // A logarithm beside a vector takes its own time alone.
         let beside = [inst(Code::Log2, 20, &[0]), inst(Code::FAdd, 21, &[1, 1]), inst(Code::FAdd, 22, &[2, 2])];
-        assert_eq!(last(&beside), [0, 0, 1, 0]);
+        assert_eq!(last(&beside), [0, 0, 1, 0, 0]);
     }
 
     #[test]
@@ -499,7 +499,7 @@ mod tests {
         // Entry by entry: what is skipped counts nothing.
         assert_eq!(
             counts(&builder(), &insts, &[]),
-            [[0, 0, 0, 0], [1, 0, 0, 0], [1, 0, 0, 1], [2, 0, 0, 1], [2, 0, 0, 1], [2, 0, 0, 1]]
+            [[0, 0, 0, 0, 0], [1, 0, 0, 0, 0], [1, 0, 0, 1, 0], [2, 0, 0, 1, 0], [2, 0, 0, 1, 0], [2, 0, 0, 1, 0]]
         );
     }
 
@@ -507,19 +507,19 @@ mod tests {
     fn what_comes_out_as_it_came_in_is_moved() {
         let b = builder();
         // A whole register, two of them, and one component beside three results.
-        assert_eq!(with_outputs(&b, &[], &[vec![0, 1, 2, 3]]), [1, 0, 0, 0]);
-        assert_eq!(with_outputs(&b, &[], &[vec![0, 1, 2, 3], vec![4, 5, 6, 7]]), [2, 0, 0, 0]);
+        assert_eq!(with_outputs(&b, &[], &[vec![0, 1, 2, 3, 0]]), [1, 0, 0, 0, 0]);
+        assert_eq!(with_outputs(&b, &[], &[vec![0, 1, 2, 3, 0], vec![4, 5, 6, 7, 0]]), [2, 0, 0, 0, 0]);
         let sums: Vec<_> = (0..3).map(|k| inst(Code::FAdd, 20 + k, &[k, k])).collect();
-        assert_eq!(with_outputs(&b, &sums, &[vec![20, 21, 22]]), [1, 0, 0, 0]);
+        assert_eq!(with_outputs(&b, &sums, &[vec![20, 21, 22]]), [1, 0, 0, 0, 0]);
         // The move of a single component is issued with the sums.
-        assert_eq!(with_outputs(&b, &sums, &[vec![20, 21, 22, 3]]), [1, 0, 0, 0]);
-        assert_eq!(with_outputs(&b, &sums, &[vec![20, 21, 2, 3]]), [2, 0, 0, 0]);
+        assert_eq!(with_outputs(&b, &sums, &[vec![20, 21, 22, 3]]), [1, 0, 0, 0, 0]);
+        assert_eq!(with_outputs(&b, &sums, &[vec![20, 21, 2, 3]]), [2, 0, 0, 0, 0]);
         // A clamp of an input is done by the move, that of a result with the result.
         let clamped = [inst(Code::FSaturate, 20, &[0]), inst(Code::FAdd, 21, &[1, 2]), inst(Code::FSaturate, 22, &[21])];
-        assert_eq!(with_outputs(&b, &clamped, &[vec![22]]), [1, 0, 0, 0]);
+        assert_eq!(with_outputs(&b, &clamped, &[vec![22]]), [1, 0, 0, 0, 0]);
         // The sum has a single component, so that the move of two is issued with it.
-        assert_eq!(with_outputs(&b, &clamped, &[vec![20, 0]]), [1, 0, 0, 0]);
-        assert_eq!(with_outputs(&b, &clamped[..1], &[vec![20, 0]]), [1, 0, 0, 0]);
+        assert_eq!(with_outputs(&b, &clamped, &[vec![20, 0]]), [1, 0, 0, 0, 0]);
+        assert_eq!(with_outputs(&b, &clamped[..1], &[vec![20, 0]]), [1, 0, 0, 0, 0]);
     }
 
     #[test]
@@ -543,18 +543,18 @@ mod tests {
             insts
         };
         // Two dot products, the second one beside the move of the exponent, and the coefficients.
-        assert_eq!(last_of(&b, &lit(false)), [3, 0, 0, 0]);
-        assert_eq!(last_of(&b, &lit(true)), [4, 0, 0, 0]);
+        assert_eq!(last_of(&b, &lit(false)), [3, 0, 0, 0, 0]);
+        assert_eq!(last_of(&b, &lit(true)), [4, 0, 0, 0, 0]);
         // Where the exponent may be 0, the power is chosen once more.
         let mut zero_exponent = lit(false);
         let at_zero = b.define(Def::Uniform);
         zero_exponent.insert(6, inst(Code::Select, 28, &[at_zero, one, 24]));
         zero_exponent[7].src[1] = 28;
-        assert_eq!(last_of(&b, &zero_exponent), [3, 0, 0, 0]);
+        assert_eq!(last_of(&b, &zero_exponent), [3, 0, 0, 0, 0]);
         // A comparison with anything else is an instruction of its own, and so is a maximum that something else needs.
         let mut spot = lit(false);
         spot[5] = inst(Code::FLe, 25, &[10, 20]);
-        assert_eq!(last_of(&b, &spot), [4, 0, 0, 0]);
+        assert_eq!(last_of(&b, &spot), [4, 0, 0, 0, 0]);
         // A power that is used elsewhere too is a logarithm, a product and an exponential.
         let mut used = lit(false);
         used.push(inst(Code::FAdd, 29, &[24, 24]));

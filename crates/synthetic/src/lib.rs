@@ -236,9 +236,9 @@ pub fn events(scene: &Scene) -> Vec<Event> {
 fn cost(scene: &Scene, extra: u32) -> Cost {
     let mut steps = Vec::new();
     for _ in 0..scene.textures {
-        steps.push(Step { instructions: [scene.instructions, 2, 1, 0], then: RequestKind::Texture });
+        steps.push(Step::dependent([scene.instructions, 2, 1, 0, 0], RequestKind::Texture));
     }
-    steps.push(Step { instructions: [scene.instructions + extra, 0, 1, 1], then: RequestKind::End });
+    steps.push(Step::dependent([scene.instructions + extra, 0, 1, 1, 0], RequestKind::End));
     Cost::from(steps)
 }
 

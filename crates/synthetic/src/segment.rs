@@ -45,7 +45,7 @@ impl Painter<'_> {
         let mut segment = Segment {
             index_address: Some((1 << 23) + u64::from(first) * 12),
             index_bytes: 4,
-            costs: CostTable::from(vec![Cost::from(vec![Step { instructions: [30, 4, 1, 0], then: RequestKind::End }])]),
+            costs: CostTable::from(vec![Cost::from(vec![Step::dependent([30, 4, 1, 0, 0], RequestKind::End)])]),
             ..Segment::default()
         };
         for t in 0..count {

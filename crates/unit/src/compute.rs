@@ -145,7 +145,12 @@ impl Unit<Card> for Compute {
             let first = self.group * packets + self.warp * (self.width / 4);
             let count = (self.width / 4).min(packets - self.warp * (self.width / 4));
             for packet in &work.groups.packets[first as usize..][..count as usize] {
-                warp.items.push(Item { source: 0, request: packet.first_request, cost: packet.cost });
+                warp.items.push(Item {
+                    source: 0,
+                    request: packet.first_request,
+                    shared: packet.first_shared,
+                    cost: packet.cost,
+                });
             }
             warp.merge(|_| &work.groups.costs);
             wires.push(output, WarpToken { warp: index });

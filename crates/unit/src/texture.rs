@@ -24,6 +24,10 @@ knob::knobs! {
         quads_per_cycle: u32 ["quads/cycle", Allowed::Range(1, 16), "4 bilinear texels a cycle and quad pipe; 8 texels a cycle an SM of 2014"],
         /// Pieces of 64 bytes looked up in the cache a cycle.
         lookups_per_cycle: u32 ["pieces/cycle", Allowed::Range(1, 32), "four banks, one a texel of a bilinear footprint"],
+        /// Bytes of an aligned piece of memory of which a load, store or atomic of a warp has one looked up at a time, whatever its invocations need of it.
+        access_bytes: u32 ["bytes", Allowed::PowerOfTwo(64, 256), "128: a warp's accesses to a line of 128 bytes are one transaction since 2010 (NVIDIA, CUDA C Programming Guide, \"Global Memory\")"],
+        /// Such pieces a cycle.
+        accesses_per_cycle: u32 ["pieces/cycle", Allowed::Range(1, 64), "one: 128 bytes a cycle are the bound of an SM's first-level cache (Jia et al. 2019, table 3.2)"],
         /// Bilinear filter operations a cycle: 1 a fragment for bilinear, 2 for trilinear, more for anisotropic.
         filters_per_cycle: u32 ["operations/cycle", Allowed::Range(1, 128), "8 bilinear texels a cycle: the texel rate of 2014's SM"],
         /// Whether a sample between two levels asks for the second only where that has a weight.
@@ -68,6 +72,13 @@ struct Place {
     missed: u32,
 }
 
+/// What has been looked up for the load or store of the warp at the head of the input.
+#[derive(Clone, Debug, Default)]
+struct Coalesced {
+    lines: Vec<u32>,
+    pieces: Vec<u32>,
+}
+
 /// Where texture units count.
 pub const TEXTURES: Heading = Heading::new("shading.texture[i]", "Texture units.");
 
@@ -78,8 +89,10 @@ stats::counters! {
         quads: "quads",
         /// Bilinear filter operations.
         operations: "operations",
-        /// Requests of buffer loads, stores and atomics.
+        /// Requests of buffer loads, stores and atomics, by fours of invocations.
         accesses: "requests",
+        /// Pieces of memory ([`TextureConfig::access_bytes`]) that these had looked up, each once a warp.
+        pieces: "pieces",
     }
 }
 
@@ -108,6 +121,9 @@ pub struct Texture {
     misses: Misses,
     fifo: VecDeque<Entry>,
     place: Place,
+    coalesced: Coalesced,
+    /// Of a line's number by that of a piece.
+    piece_shift: u32,
     /// When the filters are free, in cycles times their rate.
     free_at: u64,
     /// The pass or dispatch that the cache's contents belong to.
@@ -135,6 +151,8 @@ impl Texture {
             misses: Misses::new(config.misses),
             fifo: VecDeque::with_capacity(config.fifo as usize),
             place: Place::default(),
+            coalesced: Coalesced::default(),
+            piece_shift: config.access_bytes.trailing_zeros().saturating_sub(LINE.trailing_zeros()),
             free_at: 0,
             epoch: 0,
             items: 0,
@@ -191,6 +209,19 @@ impl Texture {
         (request, &lines[(request.first_line + line) as usize..(request.first_line + u32::from(request.lines)) as usize])
     }
 
+    /// Bytes that a warp's parts from one on store in a line, at most all of them.
+    fn stored(card: &Card, warp: &Warp, from: usize, line: u32) -> u32 {
+        let mut bytes = 0;
+        for (part, item) in warp.items.iter().enumerate().skip(from) {
+            let kind = warp.then(warp.asking(), part, || &card.costs(warp.program, warp.slot, item)[item.cost]);
+            if kind == RequestKind::Store {
+                let (request, lines) = Self::request(card, warp, item, 0);
+                bytes += if lines.contains(&line) { stored_bytes(request) } else { 0 };
+            }
+        }
+        bytes.min(LINE as u32)
+    }
+
     /// Notes the misses of a quad's request.
     #[cold]
     fn note_misses(&self, card: &mut Card, slot: u16, item: &Item) {
@@ -238,6 +269,7 @@ impl Texture {
         let mut did = Tick::Starved;
         let mut quads = self.config.quads_per_cycle;
         let mut lookups = self.config.lookups_per_cycle;
+        let mut pieces = self.config.accesses_per_cycle;
         while let Some(token) = wires.front(&self.input) {
             // What an earlier pass or dispatch has written is not in the cache any more.
             if self.epoch != card.epoch {
@@ -249,7 +281,7 @@ impl Texture {
                 let warp = &card.warps[self.user.cluster][token.warp];
                 let item = warp.items[self.place.item];
                 let last = self.place.item + 1 == items;
-                let kind = warp.then(self.place.item, || &card.costs(warp.program, warp.slot, &item)[item.cost]);
+                let kind = warp.then(warp.asking(), self.place.item, || &card.costs(warp.program, warp.slot, &item)[item.cost]);
                 if !kind.has_request() {
                     if !last {
                         self.place.item += 1;
@@ -260,19 +292,36 @@ impl Texture {
                         return did.or(Tick::Blocked);
                     }
                     let place = warp.place;
-                    self.enter(wires.now(), None, 0, Some(place));
+                    self.enter(wires.now(), self.place.needs, 0, Some(place));
                     did = Tick::Moved;
                     continue;
                 }
                 if self.fifo.len() as u32 == self.config.fifo {
                     return did.or(Tick::Blocked);
                 }
-                if quads == 0 {
+                let texture = kind == RequestKind::Texture;
+                if texture && quads == 0 {
                     return Tick::Moved;
                 }
                 let (request, lines) = Self::request(card, warp, &item, self.place.line);
                 for &line in lines {
-                    if lookups == 0 {
+                    if !texture {
+                        // What another invocation of the warp has asked for comes with it. Atomics are done one by one.
+                        if kind != RequestKind::Atomic && self.coalesced.lines.contains(&line) {
+                            self.place.line += 1;
+                            did = Tick::Moved;
+                            continue;
+                        }
+                        let piece = line >> self.piece_shift;
+                        if !self.coalesced.pieces.contains(&piece) {
+                            if pieces == 0 {
+                                return Tick::Moved;
+                            }
+                            pieces -= 1;
+                            self.counts.pieces += 1;
+                            self.coalesced.pieces.push(piece);
+                        }
+                    } else if lookups == 0 {
                         return Tick::Moved;
                     }
                     match kind {
@@ -304,7 +353,8 @@ impl Texture {
                             if !self.memory.can_send(wires) {
                                 return did.or(Tick::Blocked);
                             }
-                            self.memory.write(wires, u64::from(line) * LINE, stored_bytes(request));
+                            let bytes = Self::stored(card, warp, self.place.item, line);
+                            self.memory.write(wires, u64::from(line) * LINE, bytes);
                         }
                         _ => {
                             if self.misses.room() == 0 {
@@ -318,11 +368,15 @@ impl Texture {
                             self.place.needs = Some(self.misses.issued());
                         }
                     }
-                    lookups -= 1;
+                    if texture {
+                        lookups -= 1;
+                    } else {
+                        self.coalesced.lines.push(line);
+                    }
                     self.place.line += 1;
                     did = Tick::Moved;
                 }
-                quads -= 1;
+                quads -= u32::from(texture);
                 let operations = match kind {
                     RequestKind::Texture => {
                         self.counts.quads += 1;
@@ -342,10 +396,18 @@ impl Texture {
                 }
                 // The part goes on to its next request, for the step after this one.
                 card.warps[self.user.cluster][token.warp].items[self.place.item].request += 1;
-                self.enter(wires.now(), needs, operations, last.then_some(place));
+                if texture || last {
+                    self.enter(wires.now(), needs, operations, last.then_some(place));
+                } else {
+                    // Loads and stores of a warp have one entry together.
+                    self.place = Place { item: self.place.item + 1, line: 0, needs, missed: 0 };
+                }
                 did = Tick::Moved;
             }
             self.place = Place::default();
+            card.warps[self.user.cluster][token.warp].asked.pop_front();
+            self.coalesced.lines.clear();
+            self.coalesced.pieces.clear();
             wires.take(&self.input);
             did = Tick::Moved;
         }

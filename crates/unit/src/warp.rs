@@ -1,7 +1,9 @@
 //! Warps: invocations that run in lockstep. A warp is too large for a token, so it lies here and tokens carry its number.
 
+use std::collections::VecDeque;
+
 use super::token::GroupToken;
-use work::{Class, Cost, CostId, CostTable, Point, RequestKind, Step};
+use work::{Class, Cost, CostId, CostTable, InFlight, Point, RequestKind, Step};
 
 /// Most invocations of a warp.
 pub const MAX_WIDTH: u32 = 64;
@@ -42,6 +44,8 @@ pub struct Item {
     pub source: u32,
     /// Its next memory request.
     pub request: u32,
+    /// Its next access to workgroup memory.
+    pub shared: u32,
     /// Its cost.
     pub cost: CostId,
 }
@@ -68,6 +72,10 @@ pub struct Warp {
     run_ends: Vec<u32>,
     /// The step it is in.
     pub step: u32,
+    /// The steps whose requests the texture unit has still to look at, in order: a warp may be in a later one.
+    pub asked: VecDeque<u32>,
+    /// Whether some step of some part is an access to workgroup memory.
+    pub shares: bool,
     /// Whether all parts take the same path.
     pub uniform: bool,
     /// Groups of quads, of a fragment warp, in order.
@@ -91,18 +99,21 @@ impl Warp {
     /// for loops of different length and for early exits; a branch whose two sides both run is counted as the longer side
     /// (deliberate deviation: its costs name no reconvergence points). The others follow the parts' paths, if they are recorded.
     pub fn merge<'a>(&mut self, table: impl Fn(&Item) -> &'a CostTable) {
-        self.step = 0;
+        (self.step, self.shares) = (0, false);
+        self.asked.clear();
         self.steps.clear();
         self.takes.clear();
         self.runs.clear();
         self.run_ends.clear();
         self.uniform = true;
         if self.execution != Execution::Longest && self.follow(&table) {
+            self.shares = self.steps.iter().any(|step| step.then == RequestKind::Shared);
             return;
         }
         let Some(first) = self.items.first() else { return };
         let cost: &Cost = &table(first)[first.cost];
         self.steps.extend_from_slice(&cost.steps);
+        self.shares = self.program == Program::Compute && self.steps.iter().any(|step| step.then == RequestKind::Shared);
         let mut last = (first.source, first.cost);
         for at in 1..self.items.len() {
             let item = self.items[at];
@@ -120,12 +131,18 @@ impl Warp {
                     Some(mine) => {
                         for class in 0..Class::COUNT {
                             mine.instructions[class] = mine.instructions[class].max(step.instructions[class]);
+                            mine.chain[class] = mine.chain[class].max(step.chain[class]);
                         }
+                        mine.in_flight = mine.in_flight.and(step.in_flight);
                         if mine.then == RequestKind::End {
                             mine.then = step.then;
                         }
+                        self.shares |= step.then == RequestKind::Shared;
                     }
-                    None => self.steps.push(*step),
+                    None => {
+                        self.shares |= step.then == RequestKind::Shared;
+                        self.steps.push(*step);
+                    }
                 }
             }
         }
@@ -147,7 +164,8 @@ impl Warp {
             paths.push((table, path));
         }
         self.uniform = false;
-        let mut instructions = [0; Class::COUNT];
+        let (mut instructions, mut chain) = ([0; Class::COUNT], [0; Class::COUNT]);
+        let mut in_flight = InFlight::ANY;
         let at = |(table, path): &(&CostTable, &[Point])| path.first().map(|point| table.spans[point.span as usize].at);
         while let Some(least) = paths.iter().filter_map(at).min() {
             let (mut takes, mut then, mut begun) = (0, RequestKind::End, false);
@@ -157,12 +175,15 @@ impl Warp {
                     continue;
                 }
                 if !begun {
-                    for &(class, count) in &table.spans[path[0].span as usize].runs {
+                    let span = &table.spans[path[0].span as usize];
+                    chain.iter_mut().zip(span.chain).for_each(|(sum, count)| *sum += count);
+                    for &(class, count) in &span.runs {
                         instructions[class as usize] += count;
                         self.run(class, count);
                     }
                     begun = true;
                 }
+                in_flight = in_flight.and(path[0].in_flight);
                 if path[0].then != RequestKind::End {
                     then = path[0].then;
                     takes |= 1_u64 << part;
@@ -170,10 +191,12 @@ impl Warp {
                 entry.1 = &path[1..];
             }
             if then != RequestKind::End {
-                self.end_step(std::mem::take(&mut instructions), then, takes);
+                let (instructions, chain) = (std::mem::take(&mut instructions), std::mem::take(&mut chain));
+                let in_flight = std::mem::replace(&mut in_flight, InFlight::ANY);
+                self.end_step(Step { instructions, chain, in_flight, then }, takes);
             }
         }
-        self.end_step(instructions, RequestKind::End, 0);
+        self.end_step(Step { instructions, chain, in_flight, then: RequestKind::End }, 0);
         true
     }
 
@@ -189,8 +212,8 @@ impl Warp {
         }
     }
 
-    fn end_step(&mut self, instructions: [u32; Class::COUNT], then: RequestKind, takes: u64) {
-        self.steps.push(Step { instructions, then });
+    fn end_step(&mut self, step: Step, takes: u64) {
+        self.steps.push(step);
         self.takes.push(takes);
         self.run_ends.push(self.runs.len() as u32);
     }
@@ -203,10 +226,16 @@ impl Warp {
         &self.runs[begin as usize..end as usize]
     }
 
-    /// What the current step ends with for a part, whose own cost that is.
+    /// The step whose request the texture unit looks at.
     #[inline(always)]
-    pub fn then<'a>(&self, part: usize, cost: impl FnOnce() -> &'a Cost) -> RequestKind {
-        let step = self.step as usize;
+    pub fn asking(&self) -> u32 {
+        self.asked.front().copied().unwrap_or(self.step)
+    }
+
+    /// What a step ends with for a part, whose own cost that is.
+    #[inline(always)]
+    pub fn then<'a>(&self, step: u32, part: usize, cost: impl FnOnce() -> &'a Cost) -> RequestKind {
+        let step = step as usize;
         if self.uniform {
             return self.steps[step].then;
         }

@@ -8,20 +8,22 @@ use serde::{Deserialize, Serialize};
 pub enum Class {
     /// Single-precision add, multiply, compare, select, conversion, move.
     Float,
-    /// Integer and bit operations.
+    /// Integer and bit operations, without multiplications.
     Integer,
-    /// Transcendentals, division, square roots: the special function unit.
+    /// Reciprocals, roots, logarithms, exponentials, sines, conversions: the special function unit.
     Special,
     /// Branches, mask changes, barriers.
     Control,
+    /// Multiplications of 32-bit integers, with the addition of a third operand.
+    Multiply,
 }
 
 impl Class {
     /// Number of classes.
-    pub const COUNT: usize = 4;
+    pub const COUNT: usize = 5;
 
     /// All classes, in index order.
-    pub const ALL: [Class; Class::COUNT] = [Class::Float, Class::Integer, Class::Special, Class::Control];
+    pub const ALL: [Class; Class::COUNT] = [Class::Float, Class::Integer, Class::Special, Class::Control, Class::Multiply];
 }
 
 /// What a step ends with.
@@ -37,14 +39,16 @@ pub enum RequestKind {
     Store,
     /// An atomic: done at the second-level cache, the result comes back.
     Atomic,
+    /// An access to workgroup memory, which the core has itself. Its request is among those of [`Groups::shared`](crate::Groups::shared).
+    Shared,
     /// A workgroup barrier: all invocations of the group must arrive.
     Barrier,
 }
 
 impl RequestKind {
-    /// Whether the step has an entry among the requests (ends and barriers have none).
+    /// Whether the step has an entry among the requests (ends, barriers and accesses to workgroup memory have none).
     pub const fn has_request(self) -> bool {
-        !matches!(self, RequestKind::End | RequestKind::Barrier)
+        !matches!(self, RequestKind::End | RequestKind::Barrier | RequestKind::Shared)
     }
 }
 
@@ -53,8 +57,44 @@ impl RequestKind {
 pub struct Step {
     /// Instructions by [`Class`], for one invocation.
     pub instructions: [u32; Class::COUNT],
+    /// The instructions of the longest chain among them: each one needs the result of the one before it. Those of the blocks of a step are
+    /// added up, because a branch waits for what it depends on.
+    pub chain: [u32; Class::COUNT],
+    /// How many of the requests before it may be unanswered when it begins, because no instruction of it needs their results.
+    pub in_flight: InFlight,
     /// What follows.
     pub then: RequestKind,
+}
+
+impl Step {
+    /// Instructions that all wait for the one before them, and for all requests before them; then a request.
+    pub const fn dependent(instructions: [u32; Class::COUNT], then: RequestKind) -> Step {
+        Step { instructions, chain: instructions, in_flight: InFlight::NONE, then }
+    }
+}
+
+/// Numbers of requests that may be unanswered. Answers come in the order of requests, to memory and to workgroup memory each.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub struct InFlight {
+    /// Requests to memory and textures.
+    pub memory: u8,
+    /// Accesses to workgroup memory.
+    pub shared: u8,
+}
+
+impl InFlight {
+    /// All are answered.
+    pub const NONE: InFlight = InFlight { memory: 0, shared: 0 };
+
+    /// Any number may be unanswered.
+    pub const ANY: InFlight = InFlight { memory: u8::MAX, shared: u8::MAX };
+
+    /// The fewer of both.
+    #[inline(always)]
+    #[must_use]
+    pub fn and(self, other: InFlight) -> InFlight {
+        InFlight { memory: self.memory.min(other.memory), shared: self.shared.min(other.shared) }
+    }
 }
 
 /// Index of a cost in its table.
@@ -67,6 +107,8 @@ pub struct Span {
     pub at: u32,
     /// Its instructions in order: so many of a class one after another.
     pub runs: Vec<(Class, u32)>,
+    /// The instructions of the longest chain among them ([`Step::chain`]).
+    pub chain: [u32; Class::COUNT],
 }
 
 /// A span that was executed, and what followed.
@@ -74,6 +116,8 @@ pub struct Span {
 pub struct Point {
     /// The span, in the table of costs.
     pub span: u32,
+    /// How many requests may be unanswered when it begins ([`Step::in_flight`]).
+    pub in_flight: InFlight,
     /// The request made after it; [`RequestKind::End`] for none.
     pub then: RequestKind,
 }

@@ -6,6 +6,7 @@ impl Groups {
     /// Bytes that they take.
     pub fn bytes(&self) -> u64 {
         let memory = size_of_val(&*self.requests) + size_of_val(&*self.lines);
+        let memory = memory + size_of_val(&*self.shared) + size_of_val(&*self.words);
         (size_of_val(&*self.packets) + memory) as u64 + self.costs.bytes()
     }
 }
@@ -34,6 +35,8 @@ pub struct Packet {
     pub cost: CostId,
     /// First of their requests.
     pub first_request: u32,
+    /// First of their accesses to workgroup memory.
+    pub first_shared: u32,
 }
 
 /// Consecutive workgroups of a dispatch.
@@ -47,6 +50,11 @@ pub struct Groups {
     pub requests: Vec<Request>,
     /// Lines of the requests.
     pub lines: Vec<u32>,
+    /// Their accesses to workgroup memory. The lines of such a request are entries of `words`, its operations the words that each invocation
+    /// moves, 0 for an atomic.
+    pub shared: Vec<Request>,
+    /// The first words of these accesses, each once a packet; those of an atomic are one for each invocation.
+    pub words: Vec<u32>,
     /// Costs of the packets.
     pub costs: CostTable,
 }

@@ -19,7 +19,7 @@ mod segment;
 
 use std::sync::Arc;
 
-pub use cost::{Class, Cost, CostId, CostTable, Point, RequestKind, Span, Step};
+pub use cost::{Class, Cost, CostId, CostTable, InFlight, Point, RequestKind, Span, Step};
 pub use draw::{AttributeFetch, Culling, Draw, ShaderShape, Target};
 pub use funnel::{FUNNEL, Funnel};
 pub use groups::{Dispatch, Groups, Packet};

@@ -150,7 +150,7 @@ pub fn roofs(frame: &Value, config: &Config) -> Option<Roofline> {
     let width = f64::from(config.core.warp_width);
     let point = |name: String, of: &Value, cores: &str| {
         let count = |class: &str| number(of, &format!("{cores}.{class}")).unwrap_or(0.0);
-        let instructions = ["float", "integer", "special", "control"].map(count).iter().sum::<f64>() * width;
+        let instructions = ["float", "integer", "special", "control", "multiply"].map(count).iter().sum::<f64>() * width;
         let moved = |way: &str| number(of, &format!("memory.dram.{way}_bytes")).unwrap_or(0.0);
         let (bytes, cycles) = (moved("read") + moved("write"), number(of, "cycles").unwrap_or(0.0));
         (instructions > 0.0 && bytes > 0.0 && cycles > 0.0).then(|| (name, instructions / bytes, instructions / cycles))

@@ -129,9 +129,9 @@ impl Run {
     }
 }
 
-/// Instructions of warps by class: float, integer, special, control.
-fn classes(core: &CoreCounts) -> [f64; 4] {
-    [core.float, core.integer, core.special, core.control].map(|instructions| instructions as f64)
+/// Instructions of warps by class: float, integer, special, control, multiplications.
+fn classes(core: &CoreCounts) -> [f64; 5] {
+    [core.float, core.integer, core.special, core.control, core.multiply].map(|instructions| instructions as f64)
 }
 
 /// Bytes read and written by each client of memory.
@@ -148,12 +148,12 @@ fn bounds(config: &Config, scene: &Scene, tree: &Tree) -> Result<Vec<(&'static s
     let items = |units| most(tree, UNITS.named(units), counter!(UnitCounts, items));
     let by = |work: f64, rate: u32| work / f64::from(rate);
     let core = &config.core;
-    let lanes = [core.float_lanes, core.integer_lanes, core.special_lanes, core.control_lanes];
+    let lanes = core.lanes();
     let mut shading: f64 = 0.0;
     for counts in each(tree, CORES)? {
         let issued = classes(&counts);
         shading = shading.max(by(issued.iter().sum(), core.issue));
-        shading = (0..4).map(|class| by(issued[class] * f64::from(core.warp_width), lanes[class])).fold(shading, f64::max);
+        shading = (0..5).map(|class| by(issued[class] * f64::from(core.warp_width), lanes[class])).fold(shading, f64::max);
     }
     // Every fragment of these scenes has eight words.
     let turns = f64::from(8_u32.div_ceil(config.interpolate.words_per_cycle));

@@ -2,7 +2,7 @@
 
 use super::Bound;
 use work::Class;
-use work::profile::ShaderProfile;
+use work::profile::{PIECE, ShaderProfile};
 
 /// What a run of a shader takes of a core and its texture unit, in cycles, and how long a warp is under way.
 #[derive(Clone, Copy, Debug, Default)]
@@ -34,9 +34,8 @@ fn behind(rate: f64, latency: f64) -> f64 {
 impl Bound<'_> {
     /// Warps that a core has under way, at most.
     pub(super) fn resident(&self, registers: u32) -> f64 {
-        let core = &self.config.core;
-        let room = f64::from(core.registers) / f64::from(core.warp_width * registers.max(1));
-        f64::from(core.warps).min(room).max(1.0)
+        // Of core.warps and core.registers, by core.register_granule and core.register_files.
+        f64::from(self.config.core.resident_warps(registers.max(1)))
     }
 
     /// What shader runs (quads, vertices, packets of four invocations) take.
@@ -45,8 +44,11 @@ impl Bound<'_> {
             return Shading::default();
         }
         let (core, texture) = (&self.config.core, &self.config.texture);
-        let lanes = [core.float_lanes, core.integer_lanes, core.special_lanes, core.control_lanes].map(f64::from);
-        let latencies = [core.float_latency, core.integer_latency, core.special_latency, core.control_latency].map(f64::from);
+        let lanes =
+            [core.float_lanes, core.integer_lanes, core.special_lanes, core.control_lanes, core.multiply_lanes].map(f64::from);
+        let latencies =
+            [core.float_latency, core.integer_latency, core.special_latency, core.control_latency, core.multiply_latency]
+                .map(f64::from);
         let width = f64::from(core.warp_width);
         let runs = width / invocations;
         let each = |sum: u64| sum as f64 / cost.runs as f64;
@@ -59,7 +61,13 @@ impl Bound<'_> {
             // One after another, each at least a cycle.
             instructions.iter().zip(taken).map(|(n, taken)| taken.max(*n)).sum()
         };
-        let chain: f64 = instructions.iter().zip(latencies).map(|(n, latency)| n * latency).sum();
+        let waits = |counts: [f64; Class::COUNT]| counts.iter().zip(latencies).map(|(n, latency)| n * latency).sum::<f64>();
+        let chain = if core.scoreboard {
+            let together = if core.dual_issue { 2.0 } else { 1.0 };
+            waits(cost.chain.map(each)).max(instructions.iter().sum::<f64>() / together)
+        } else {
+            waits(instructions)
+        };
         let resident = self.resident(registers);
 
         // The texture unit, a warp.
@@ -67,21 +75,31 @@ impl Bound<'_> {
         // Quads are addressed in order, so a miss that the port does not take yet holds up all behind it. The misses of one quad go one by one,
         // and quads without any (Poisson) share cycles with each other only.
         let own = requests.line * each(cost.texture_lines + cost.access_lines) / asked.max(1e-9);
-        let quads = asked * (own * requests.port + libm::exp(-own) / f64::from(texture.quads_per_cycle));
-        let lines = each(cost.texture_lines + cost.access_lines) / f64::from(texture.lookups_per_cycle);
+        let sampled = each(cost.textures);
+        let quads = asked * own * requests.port + sampled * libm::exp(-own) / f64::from(texture.quads_per_cycle);
+        let lines = each(cost.texture_lines) / f64::from(texture.lookups_per_cycle);
+        // Of texture.access_bytes other than 128, with that many times as many or as few.
+        let piece = PIECE as f64 / f64::from(texture.access_bytes);
+        let accesses = each(cost.access_pieces) * piece / f64::from(texture.accesses_per_cycle);
         let filters = each(cost.operations) / f64::from(texture.filters_per_cycle);
-        let unit = quads.max(lines).max(filters) * runs;
+        let unit = (quads.max(lines).max(filters) + accesses) * runs;
+        // Workgroup memory: its banks are those of the profile, whatever core.shared_banks is.
+        let banks = 32.0 / f64::from(core.shared_banks);
+        let class = class.max(each(cost.shared_cycles) * runs * banks);
+        let chain = chain + each(cost.shared) * f64::from(core.shared_latency);
         if asked == 0.0 {
             return Shading { core: class.max(chain / resident) / runs, texture: 0.0, latency: chain };
         }
 
         // What is behind a miss waits with it; how often that is depends on how fast warps come, which depends on how long they wait.
         let plain = f64::from(texture.latency) + unit / asked;
+        // A warp waits where it needs a result (core.in_flight), not at each request.
+        let stops = if core.scoreboard && core.in_flight > 1 { each(cost.stops) } else { asked };
         let Requests { missed, latency, .. } = *requests;
         let (mut apart, mut stay, mut fifo) = (class.max(unit), 0.0, 0.0);
         for _ in 0..3 {
             let wait = missed * latency + (1.0 - missed) * behind(asked * missed / apart, latency);
-            stay = chain + asked * (plain + wait);
+            stay = chain + stops * (plain + wait);
             // Quads between address and filter.
             fifo = asked * runs * (f64::from(texture.latency) + wait) / f64::from(texture.fifo);
             apart = 0.5 * (apart + class.max(unit).max(fifo).max(stay / resident));

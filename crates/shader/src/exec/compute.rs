@@ -159,7 +159,7 @@ impl Bound<'_> {
         masks_of: &[Option<Mask>],
         recorder: &mut Recorder,
     ) -> Result<(), ShaderFault> {
-        let Bound { executor, program, resources, allowance, .. } = &mut *self;
+        let Bound { executor, program, resources, uniforms, allowance, .. } = &mut *self;
         let Executor { file, masks, waiting, shared, scratch, spent } = &mut **executor;
         let mut machines: Vec<_> = masks_of
             .iter()
@@ -169,8 +169,10 @@ impl Bound<'_> {
             })
             .collect();
         if RECORD {
-            scratch.begin(recorder.extra);
-            waiting.iter_mut().for_each(|w| w.scratch.begin(recorder.extra));
+            let scratches = std::iter::once(&mut *scratch).chain(waiting.iter_mut().map(|w| &mut w.scratch));
+            for (scratch, mask) in scratches.zip(masks_of) {
+                scratch.begin(recorder.extra, &uniforms.work, mask.unwrap_or(0));
+            }
         }
         let mut ended = vec![false; machines.len()];
         *spent += program.body.all_steps() * machines.len() as u64;

@@ -9,7 +9,7 @@ use crate::code::eval;
 use crate::program::{AtomicOp, MemoryOp, NO_REG, Op, Placed, Space, Width};
 use crate::resources::{Resource, Resources};
 use num::{LANES, Lanes, Mask};
-use work::RequestKind;
+use work::{LINE, RequestKind};
 
 use super::kernels::{File, fill, get, lane, set};
 use super::record::Scratch;
@@ -108,6 +108,11 @@ pub(crate) fn peek(resources: &Resources<'_>, op: &MemoryOp, element: u32, at: u
     Some(std::array::from_fn(|c| component(&w, op.width, at + size * c as u64)))
 }
 
+/// The line of the card's memory that a byte of a buffer lies in.
+pub(super) fn line_of(resources: &Resources<'_>, binding: u16, offset: u64) -> u32 {
+    ((buffer(resources, binding, 0).address + offset) / LINE) as u32
+}
+
 /// Loads from buffers at places that are known: `copy` receives the words of a run and the first register of theirs, `set` what one register
 /// gets.
 #[inline(always)]
@@ -194,7 +199,9 @@ pub(super) fn load<const RECORD: bool>(m: &Machine<'_>, file: File<'_>, mask: Ma
                 fill(file, op.data[c], bits, m.chunks);
             }
         }
-        if RECORD && op.space != Space::Shared {
+        if RECORD && op.space == Space::Shared {
+            recorder.shared(mask, op.count, false, |_| at);
+        } else if RECORD {
             recorder.request(RequestKind::Load, mask, op.count, |_| Some(w.address + at), size * u64::from(op.count));
         }
         return;
@@ -216,7 +223,9 @@ pub(super) fn load<const RECORD: bool>(m: &Machine<'_>, file: File<'_>, mask: Ma
         each(mask, |i| read_lane(&w, op, u64::from(at.0[i]) + u64::from(op.offset), size, i, &mut out));
     }
     // This is read before the results are written, because a result may have the element's register.
-    if RECORD && op.space != Space::Shared {
+    if RECORD && op.space == Space::Shared {
+        recorder.shared(mask, op.count, false, |i| u64::from(at.0[i]) + u64::from(op.offset));
+    } else if RECORD {
         let offset = u64::from(op.offset);
         let address = |i: usize| {
             let w = if many { window(m, op.space, lane(file, op.element, i)) } else { w };
@@ -276,7 +285,9 @@ pub(super) fn store<const RECORD: bool>(m: &Machine<'_>, file: File<'_>, mask: M
             }
         }
     });
-    if RECORD && op.space != Space::Shared {
+    if RECORD && op.space == Space::Shared {
+        recorder.shared(mask, op.count, false, |i| u64::from(at.0[i]) + u64::from(op.offset));
+    } else if RECORD {
         let offset = u64::from(op.offset);
         let address = |i: usize| Some(window_of(i).address + u64::from(at.0[i]) + offset);
         recorder.request(RequestKind::Store, mask, op.count, address, size * n as u64);
@@ -332,7 +343,9 @@ pub(super) fn atomic<const RECORD: bool>(m: &Machine<'_>, file: File<'_>, mask: 
         }
     });
     // As in a load, this is read before the results are written.
-    if RECORD && op.space != Space::Shared {
+    if RECORD && op.space == Space::Shared {
+        recorder.shared(mask, 1, true, |i| u64::from(at.0[i]) + u64::from(op.offset));
+    } else if RECORD {
         let offset = u64::from(op.offset);
         let address = |i: usize| Some(window_of(i).address + u64::from(at.0[i]) + offset);
         recorder.request(RequestKind::Atomic, mask, 1, address, 4);

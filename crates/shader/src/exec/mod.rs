@@ -66,6 +66,8 @@ pub struct Outcome {
 #[derive(Clone, Debug, Default)]
 pub struct Uniforms {
     values: Vec<u32>,
+    /// What it takes a warp to compute and load them. Components of uniform buffers at known places take nothing: they are operands.
+    work: record::SharedWork,
 }
 
 impl Uniforms {
@@ -132,9 +134,16 @@ impl Program {
             },
             |values, number, bits| values[number] = bits,
         );
+        uniforms.work.counted = self.shared_counted;
+        uniforms.work.lines.clear();
+        uniforms
+            .work
+            .lines
+            .extend(self.shared_loads.iter().map(|&(binding, offset)| memory::line_of(resources, binding, offset)));
         if self.computed_uniforms.is_empty() {
             return;
         }
+        let lines = &mut uniforms.work.lines;
         ROOM.with_borrow_mut(|Executor { file, masks, shared, scratch, .. }| {
             // As in runs, no value is read before it is written.
             file.resize(file.len().max(self.prologue.registers), Lanes::ZERO);
@@ -154,7 +163,14 @@ impl Program {
                 |file, register, bits| file[register].0[..CHUNK].fill(bits),
             );
             let mut machine = Machine::new(&self.prologue, resources, shared, 1, 1).narrow();
-            let stop = run::dispatch::<false>(&mut machine, file, masks, scratch);
+            let stop = if self.prologue.memory.is_empty() {
+                run::dispatch::<false>(&mut machine, file, masks, scratch)
+            } else {
+                scratch.begin(Extra::default(), &record::SharedWork::default(), 1);
+                let stop = run::dispatch::<true>(&mut machine, file, masks, scratch);
+                lines.extend(scratch.lines_together());
+                stop
+            };
             debug_assert!(matches!(stop, Stop::End));
             for &(number, register) in &self.computed_uniforms {
                 values[usize::from(number)] = file[usize::from(register)].0[0];
@@ -263,6 +279,7 @@ impl Allowance<'_> {
             (true, _) => Ok(false),
             (false, true) => {
                 recorder.take();
+                recorder.take_shared();
                 Ok(true)
             }
             (false, false) => Err(meter.overrun()),
@@ -339,7 +356,7 @@ impl Bound<'_> {
     /// # Errors
     /// If a loop does not end.
     pub fn run_recorded(&mut self, active: Mask, helpers: Mask, recorder: &mut Recorder) -> Result<Outcome, ShaderFault> {
-        self.executor.scratch.begin(recorder.extra);
+        self.executor.scratch.begin(recorder.extra, &self.uniforms.work, active | helpers);
         let outcome = self.run_impl::<true>(active, helpers, Some(recorder))?;
         recorder.finish(&mut self.executor.scratch);
         self.tell_recorded(recorder)?;

@@ -4,9 +4,10 @@ use std::collections::HashMap;
 
 use super::RECORDED_PAUSE;
 use crate::program::Body;
+use crate::scalar::Counted;
 use gfx::texture::Footprint;
 use num::{Lanes, Mask, QUADS};
-use work::{Class, Cost, CostId, CostTable, LINE, Point, RenderKey, Request, RequestKind, Span, Step};
+use work::{Class, Cost, CostId, CostTable, InFlight, LINE, Point, RenderKey, Request, RequestKind, Span, Step};
 
 /// What one quad of the last recorded run cost.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -15,6 +16,8 @@ pub struct QuadCost {
     pub cost: CostId,
     /// First of its requests in [`Recorder::requests`]; their number is that of the cost's steps with a request.
     pub first_request: u32,
+    /// First of its accesses to workgroup memory in [`Recorder::shared`].
+    pub first_shared: u32,
 }
 
 /// What a recorder keeps only where it is requested.
@@ -45,6 +48,10 @@ pub struct Recorder {
     pub requests: Vec<Request>,
     /// Lines of the requests, in order of runs.
     pub lines: Vec<u32>,
+    /// Accesses to workgroup memory, in order of runs, quads and steps, whose lines are entries of `words`.
+    pub shared: Vec<Request>,
+    /// Words of workgroup memory.
+    pub words: Vec<u32>,
     /// The quads of the last run.
     pub quads: [QuadCost; QUADS],
     /// What is recorded beside what counts always.
@@ -77,22 +84,55 @@ pub(super) struct Scratch {
     together: Mask,
     /// Whether quads have parted.
     parted: bool,
-    running: [[u32; Class::COUNT]; QUADS],
+    running: [Running; QUADS],
     steps: [Vec<Step>; QUADS],
     /// Requests of the quads that go together, step by step.
     rows: Vec<[Request; QUADS]>,
     /// Requests of quads that have parted.
     staged: [Vec<Request>; QUADS],
+    /// Accesses of quads to workgroup memory, which part quads, and their words.
+    shared: [Vec<Request>; QUADS],
+    words: Vec<u32>,
     /// Whether paths are recorded, the path of each quad by the place where its spans begin, and the spans.
     keeps_paths: bool,
     /// Whether instructions work on four components.
     vectors: bool,
     paths: [Vec<Point>; QUADS],
     spans: Vec<Span>,
+    /// How many spans stand before those of the program.
+    ahead: u32,
     /// The lines of all requests, and the texture instruction being recorded.
     pub(super) footprint: Footprint,
     /// What the last texture access gave; none before the first.
     pub(super) texels: Option<Box<[Lanes; 4]>>,
+}
+
+/// What all invocations of a draw or dispatch share, as each warp does it: the lines that it loads, one a load, then instructions.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub(super) struct SharedWork {
+    pub lines: Vec<u32>,
+    pub counted: Counted,
+}
+
+/// What a quad has executed since its last request.
+#[derive(Clone, Copy, Debug)]
+struct Running {
+    counted: Counted,
+    in_flight: InFlight,
+}
+
+impl Default for Running {
+    fn default() -> Running {
+        Running { counted: Counted::default(), in_flight: InFlight::ANY }
+    }
+}
+
+impl Running {
+    #[inline(always)]
+    fn add(&mut self, counted: &Counted, in_flight: InFlight) {
+        self.counted.add(counted);
+        self.in_flight = self.in_flight.and(in_flight);
+    }
 }
 
 /// No request.
@@ -123,7 +163,8 @@ impl Recorder {
 
     /// Bytes of the requests and lines that were collected.
     pub fn bytes(&self) -> u64 {
-        (size_of_val(&*self.requests) + size_of_val(&*self.lines)) as u64
+        let shared = size_of_val(&*self.shared) + size_of_val(&*self.words);
+        (size_of_val(&*self.requests) + size_of_val(&*self.lines) + shared) as u64
     }
 
     /// Bytes that count against a limit. They depend on what was run, not on when this is called.
@@ -137,6 +178,11 @@ impl Recorder {
         bytes.saturating_sub(std::mem::replace(&mut self.told, bytes))
     }
 
+    /// Takes out accesses to workgroup memory, and their words.
+    pub fn take_shared(&mut self) -> (Vec<Request>, Vec<u32>) {
+        (std::mem::take(&mut self.shared), std::mem::take(&mut self.words))
+    }
+
     /// Takes out what was collected and leaves an empty recorder with its memory for the next piece of work.
     pub fn take(&mut self) -> (CostTable, Vec<Request>, Vec<u32>) {
         self.known.clear();
@@ -148,8 +194,9 @@ impl Recorder {
 }
 
 impl Scratch {
-    /// Forgets the last run.
-    pub(super) fn begin(&mut self, extra: Extra) {
+    /// Forgets the last run. A run of the lanes of the mask begins with what all invocations share, which each warp computes and loads like
+    /// everything else. (Instructions on four components count it elsewhere.)
+    pub(super) fn begin(&mut self, extra: Extra, shared: &SharedWork, mask: Mask) {
         self.last = 0;
         self.keeps_paths = extra.paths;
         self.vectors = extra.vectors;
@@ -159,8 +206,53 @@ impl Scratch {
             self.running = Default::default();
         }
         self.forget();
-        self.running[0] = [0; Class::COUNT];
-        (self.together, self.parted) = (0, extra.paths);
+        self.running[0] = Running::default();
+        (self.together, self.parted, self.ahead) = (0, extra.paths, 0);
+        if !extra.vectors && mask != 0 && *shared != SharedWork::default() {
+            self.begin_shared(shared, mask);
+        }
+    }
+
+    /// Records what all invocations of the mask share.
+    fn begin_shared(&mut self, shared: &SharedWork, mask: Mask) {
+        let mut load = Counted::default();
+        load.instructions[Class::Integer as usize] = 1;
+        for &line in &shared.lines {
+            let first_line = self.footprint.lines.len() as u32;
+            self.footprint.lines.push(line);
+            self.count(&load, InFlight::ANY, mask);
+            self.path_begins(&load, InFlight::ANY, mask);
+            self.requests(RequestKind::Load, mask, |_, _| Request { first_line, lines: 1, operations: 1 });
+        }
+        let loaded = InFlight { memory: if shared.lines.is_empty() { u8::MAX } else { 0 }, ..InFlight::ANY };
+        self.count(&shared.counted, loaded, mask);
+        self.path_begins(&shared.counted, loaded, mask);
+    }
+
+    /// Adds instructions to the quads of the mask.
+    #[inline(always)]
+    fn count(&mut self, spent: &Counted, in_flight: InFlight, mask: Mask) {
+        if self.goes_together(mask) {
+            self.running[0].add(spent, in_flight);
+            return;
+        }
+        for q in quads(mask) {
+            self.running[q].add(spent, in_flight);
+        }
+    }
+
+    /// Where paths are recorded, one begins with instructions that stand before the program.
+    fn path_begins(&mut self, counted: &Counted, in_flight: InFlight, mask: Mask) {
+        if !self.keeps_paths {
+            return;
+        }
+        let runs = Class::ALL.into_iter().map(|class| (class, counted.instructions[class as usize]));
+        let span = self.spans.len() as u32;
+        self.spans.push(Span { at: span, runs: runs.filter(|&(_, count)| count > 0).collect(), chain: counted.chain });
+        self.ahead = span + 1;
+        for q in quads(mask) {
+            self.paths[q].push(Point { span, in_flight, then: RequestKind::End });
+        }
     }
 
     /// Whether the quads of the mask, which is not empty, are those that stay together. If not, all have parted.
@@ -202,40 +294,31 @@ impl Scratch {
     pub(super) fn block(&mut self, body: &Body, pc: usize, mask: Mask) {
         let counts = if self.vectors { &body.vectors } else { &body.counts };
         let (from, to) = (counts[self.last], counts[pc]);
+        let in_flight = body.in_flight[self.last];
         if self.keeps_paths {
-            self.point(counts, pc, mask);
+            self.point(counts, pc, mask, in_flight);
         }
         self.last = pc;
         if mask == 0 {
             return;
         }
-        let spent: [u32; Class::COUNT] = std::array::from_fn(|k| to[k] - from[k]);
-        if self.goes_together(mask) {
-            for k in 0..Class::COUNT {
-                self.running[0][k] += spent[k];
-            }
-            return;
-        }
-        for q in quads(mask) {
-            for k in 0..Class::COUNT {
-                self.running[q][k] += spent[k];
-            }
-        }
+        let spent = to.since(&from);
+        self.count(&spent, in_flight, mask);
     }
 
     /// The quads of the mask execute the span from the last place up to `pc`.
     #[cold]
-    fn point(&mut self, counts: &[[u32; Class::COUNT]], pc: usize, mask: Mask) {
+    fn point(&mut self, counts: &[Counted], pc: usize, mask: Mask, in_flight: InFlight) {
         if mask == 0 {
             return;
         }
-        let at = self.last as u32;
+        let at = self.ahead + self.last as u32;
         let known = self.spans.iter().position(|span| span.at == at);
         let span = known.unwrap_or_else(|| {
             let mut runs: Vec<(Class, u32)> = Vec::new();
             for operation in counts[self.last..=pc].windows(2) {
                 for class in Class::ALL {
-                    let count = operation[1][class as usize] - operation[0][class as usize];
+                    let count = operation[1].since(&operation[0]).instructions[class as usize];
                     match runs.last_mut() {
                         Some((last, sum)) if *last == class => *sum += count,
                         _ if count > 0 => runs.push((class, count)),
@@ -243,11 +326,11 @@ impl Scratch {
                     }
                 }
             }
-            self.spans.push(Span { at, runs });
+            self.spans.push(Span { at, runs, chain: counts[pc].since(&counts[self.last]).chain });
             self.spans.len() - 1
         });
         for q in quads(mask) {
-            self.paths[q].push(Point { span: span as u32, then: RequestKind::End });
+            self.paths[q].push(Point { span: span as u32, in_flight, then: RequestKind::End });
         }
     }
 
@@ -268,7 +351,8 @@ impl Scratch {
 
     /// Bytes of requests and lines, which the recorder keeps.
     fn kept(&self) -> u64 {
-        let staged: usize = self.staged.iter().map(|staged| size_of_val(&**staged)).sum();
+        let staged: usize = self.staged.iter().chain(&self.shared).map(|staged| size_of_val(&**staged)).sum();
+        let staged = staged + size_of_val(&*self.words);
         let rows = self.shares() * self.rows.len() * size_of::<Request>();
         (staged + rows + size_of_val(&*self.footprint.lines)) as u64
     }
@@ -289,6 +373,8 @@ impl Scratch {
         if self.parted {
             self.steps.iter_mut().for_each(Vec::clear);
             self.staged.iter_mut().for_each(Vec::clear);
+            self.shared.iter_mut().for_each(Vec::clear);
+            self.words.clear();
             self.paths.iter_mut().for_each(Vec::clear);
         }
         self.steps[0].clear();
@@ -302,10 +388,16 @@ impl Scratch {
         self.last = pc;
     }
 
+    /// The lines of all requests of a run whose quads have stayed together, in order.
+    pub(super) fn lines_together(&self) -> impl Iterator<Item = u32> + '_ {
+        let lines = |request: &Request| &self.footprint.lines[request.first_line as usize..][..usize::from(request.lines)];
+        self.rows.iter().flat_map(move |row| lines(&row[0]).iter().copied())
+    }
+
     /// Ends the current step of the quads of the mask.
     fn step(&mut self, q: usize, then: RequestKind) {
-        let instructions = std::mem::take(&mut self.running[q]);
-        self.steps[q].push(Step { instructions, then });
+        let Running { counted: Counted { instructions, chain }, in_flight } = std::mem::take(&mut self.running[q]);
+        self.steps[q].push(Step { instructions, chain, in_flight, then });
         if let Some(point) = self.paths[q].last_mut() {
             point.then = then;
         }
@@ -369,6 +461,26 @@ impl Scratch {
         });
     }
 
+    /// An access to workgroup memory by the lanes of the mask: `address` gives the first byte of each, and each moves a number of words. The
+    /// words that atomics change are those of all lanes, because each is changed once for each lane.
+    pub(super) fn shared(&mut self, mask: Mask, words: u8, atomic: bool, address: impl Fn(usize) -> u64) {
+        if !self.parted {
+            self.part();
+        }
+        for q in quads(mask) {
+            let first = self.words.len();
+            for i in (4 * q..4 * q + 4).filter(|i| mask >> i & 1 != 0) {
+                let word = (address(i) / 4) as u32;
+                if atomic || !self.words[first..].contains(&word) {
+                    self.words.push(word);
+                }
+            }
+            let (lines, operations) = ((self.words.len() - first) as u8, if atomic { 0 } else { words });
+            self.shared[q].push(Request { first_line: first as u32, lines, operations });
+            self.step(q, RequestKind::Shared);
+        }
+    }
+
     /// A texture request of the quads of the mask, which was recorded in the footprint.
     #[inline(always)]
     pub(super) fn footprint_request(&mut self, mask: Mask) {
@@ -422,11 +534,16 @@ impl Recorder {
         if !run.parted {
             return self.finish_together(run, first_line);
         }
+        let first_word = self.words.len() as u32;
+        self.words.extend_from_slice(&run.words);
         for q in 0..QUADS {
             run.step(q, RequestKind::End);
             let first_request = self.requests.len() as u32;
             let staged = run.staged[q].iter();
             self.requests.extend(staged.map(|r| Request { first_line: first_line + r.first_line, ..*r }));
+            let first_shared = self.shared.len() as u32;
+            let shared = run.shared[q].iter();
+            self.shared.extend(shared.map(|r| Request { first_line: first_word + r.first_line, ..*r }));
             let mut cost = Cost::default();
             if !run.paths[q].is_empty() {
                 self.name_spans(&run.spans, &mut run.paths[q]);
@@ -443,7 +560,7 @@ impl Recorder {
                     id
                 }
             };
-            self.quads[q] = QuadCost { cost, first_request };
+            self.quads[q] = QuadCost { cost, first_request, first_shared };
         }
     }
 
@@ -461,7 +578,7 @@ impl Recorder {
         let (first, each) = (self.requests.len(), run.rows.len());
         if together == firsts(!0) {
             for (q, quad) in self.quads.iter_mut().enumerate() {
-                *quad = QuadCost { cost: costs[1], first_request: (first + q * each) as u32 };
+                *quad = QuadCost { cost: costs[1], first_request: (first + q * each) as u32, first_shared: 0 };
             }
             if each == 1 {
                 let moved = |request: Request| Request { first_line: first_line + request.first_line, ..request };
@@ -472,7 +589,7 @@ impl Recorder {
         let mut next = first as u32;
         for (q, quad) in self.quads.iter_mut().enumerate() {
             let runs = together >> (4 * q) & 1;
-            *quad = QuadCost { cost: costs[runs as usize], first_request: next };
+            *quad = QuadCost { cost: costs[runs as usize], first_request: next, first_shared: 0 };
             next += runs as u32 * each as u32;
         }
         // Row by row, each request is put to those of its quad.
@@ -493,7 +610,7 @@ impl Recorder {
         // The list of the others is empty and stays empty.
         let steps = &mut run.steps[usize::from(!runs)];
         if !runs {
-            steps.push(Step { instructions: [0; Class::COUNT], then: RequestKind::End });
+            steps.push(Step::dependent([0; Class::COUNT], RequestKind::End));
         }
         let mut cost = Cost { steps: std::mem::take(steps), ..Cost::default() };
         let id = self.intern(&cost);

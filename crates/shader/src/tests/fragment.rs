@@ -267,13 +267,13 @@ fn paths_are_what_steps_are_made_of() {
         let cost = &with.costs[with.quads[q].cost];
         assert_eq!(cost.steps, without.costs[without.quads[q].cost].steps);
         assert!(without.costs[without.quads[q].cost].path.is_empty());
-        let mut steps = vec![[0; 4]];
+        let mut steps = vec![[0; 5]];
         for point in &cost.path {
             for &(class, count) in &with.costs.spans[point.span as usize].runs {
                 steps.last_mut().expect("a step")[class as usize] += count;
             }
             if point.then != RequestKind::End {
-                steps.push([0; 4]);
+                steps.push([0; 5]);
             }
         }
         assert_eq!(steps, cost.steps.iter().map(|step| step.instructions).collect::<Vec<_>>(), "quad {q}");

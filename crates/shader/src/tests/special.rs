@@ -187,8 +187,51 @@ fn barriers_end_steps() {
     }
     assert_eq!(packets.len(), 18);
     let kinds: Vec<_> = recorder.costs[packets[17].cost].steps.iter().map(|s| s.then).collect();
-    use RequestKind::{Barrier, End, Store};
-    assert_eq!(kinds, [Barrier, Barrier, Barrier, Store, End]);
+    use RequestKind::{Barrier, End, Shared, Store};
+    assert_eq!(kinds, [Shared, Barrier, Barrier, Shared, Barrier, Shared, Store, End]);
+    // The words that its two invocations have.
+    let accesses = &recorder.shared[packets[17].first_shared as usize..];
+    let words: Vec<_> = accesses.iter().map(|r| &recorder.words[r.first_line as usize..][..usize::from(r.lines)]).collect();
+    assert_eq!(words, [&[68, 69][..], &[69], &[1, 0]]);
+}
+
+#[test]
+fn a_warp_loads_and_computes_what_all_invocations_share() {
+    let source = "
+        @group(0) @binding(0) var<storage, read> a: array<f32, 64>;
+        @group(0) @binding(1) var<uniform> u: vec4f;
+        @group(0) @binding(2) var<storage, read_write> o: array<f32>;
+        @compute @workgroup_size(64) fn main(@builtin(global_invocation_id) id: vec3u) {
+            var s = u.x;
+            for (var i = 0u; i < 4u; i++) { s += a[16u * i]; }
+            o[id.x] = s * f32(id.x);
+        }";
+    let p = program(source);
+    let [a, u, o] = [256, 16, 256].map(Words::new);
+    let buffer = |words, address, size| Resource::Buffer(BufferRange { words, offset: 0, size, address });
+    let bindings = vec![vec![buffer(&a, 4096, 256)], vec![buffer(&u, 8192, 16)], vec![buffer(&o, 12288, 256)]];
+    let resources = Resources { bindings: &bindings, ..Resources::default() };
+    let uniforms = p.uniforms(&resources);
+    let mut executor = Executor::new();
+    let mut bound = executor.bind(&p, &resources, &uniforms);
+    let mut record = |extra: Extra| {
+        let (mut recorder, mut packets) = (Recorder::with(extra), Vec::new());
+        bound.run_groups(0..1, [1, 1, 1], Some((&mut recorder, &mut packets))).expect("it ends");
+        (recorder.costs[packets[3].cost].clone(), recorder, packets)
+    };
+    for paths in [false, true] {
+        let (cost, recorder, packets) = record(Extra { paths, ..Extra::default() });
+        use RequestKind::{End, Load, Store};
+        assert_eq!(cost.steps.iter().map(|step| step.then).collect::<Vec<_>>(), [Load, Load, Load, Load, Store, End]);
+        // The loads wait for nothing; the four sums wait for them, and the product comes after. A uniform buffer is an operand.
+        assert!(cost.steps[..4].iter().all(|step| step.instructions == [0, 1, 0, 0, 0] && step.in_flight.memory == u8::MAX));
+        assert_eq!((cost.steps[4].instructions[0], cost.steps[4].in_flight.memory), (4 + 1, 0));
+        let requests = &recorder.requests[packets[3].first_request as usize..][..4];
+        let lines: Vec<_> = requests.iter().map(|r| &recorder.lines[r.first_line as usize..][..usize::from(r.lines)]).collect();
+        assert_eq!(lines, [[64], [65], [66], [67]]);
+    }
+    // Instructions on four components are counted with what is shared, and their machine has constants in registers.
+    assert_eq!(record(Extra { vectors: true, ..Extra::default() }).0.steps.len(), 2);
 }
 
 #[test]

@@ -6,35 +6,44 @@
 //! the host half of a tick every cycle.
 
 use num::{Cycle, NEVER};
-use work::{Class, RequestKind};
+use work::{Class, RequestKind, Step};
 
 use super::{CoreConfig, Scheduling};
 
 /// Most warps of a core.
 pub(super) const PLACES: usize = 64;
 
-/// Cycles that the wheel of latencies holds: more than the longest latency.
+/// Cycles that the wheel of latencies holds. A longer wait goes round again.
 const WHEEL: u64 = 64;
 
-/// Most instructions of a run: its latencies fit 16 bits.
+/// Most instructions of a run: its waits fit 32 bits.
 const LONGEST_RUN: u32 = 256;
 
-/// Most cycles after a run that are distinguished, for the same reason. Only a bound is made of them.
-const MOST_AFTER: i32 = 16_383;
+/// Most of a wait after a run that is distinguished, for the same reason. Only a bound is made of it.
+const MOST_AFTER: i64 = 1 << 30;
+
+/// Waits between instructions of a warp are counted in parts of a cycle.
+pub(super) const CYCLE: u32 = 256;
 
 /// What does not change between the core's dealings with others.
 #[derive(Clone, Debug)]
 pub(super) struct Fixed {
-    /// Warp instructions issued a cycle.
+    /// Warps that issue in a cycle.
     issue: u32,
     /// Instructions of a class that its lanes take in a cycle in which they take any,
     room: [u32; Class::COUNT],
-    /// and cycles until they take the next. One of both is 1: a warp is as wide as some of the lanes, or several times as wide.
+    /// and cycles until they take the next. One of both is 1.
     interval: [Cycle; Class::COUNT],
-    /// Warp instructions of a class that are issued in a cycle in which there are no others: its room, or all that are issued.
-    alone: [u32; Class::COUNT],
-    /// Cycles from a warp's instruction to its next, by class.
+    /// Lanes of each class, and whether neither they nor a warp are a multiple of the other: then what they take differs from cycle to cycle.
+    lanes: [u64; Class::COUNT],
+    uneven: [bool; Class::COUNT],
+    /// Invocations of a warp.
+    width: u64,
+    /// Cycles from an instruction to one that needs its result, by class.
     latency: [u32; Class::COUNT],
+    /// Whether an instruction waits for those only whose results it needs; and whether a warp issues two in a cycle.
+    scoreboard: bool,
+    dual: bool,
     /// Whether an instruction holds the lanes of its class alone.
     overlap: bool,
     scheduling: Scheduling,
@@ -44,19 +53,18 @@ pub(super) struct Fixed {
 
 impl Fixed {
     pub(super) fn new(config: &CoreConfig) -> Fixed {
-        let lanes = [config.float_lanes, config.integer_lanes, config.special_lanes, config.control_lanes];
+        let lanes = config.lanes();
         let width = config.warp_width;
-        assert!(
-            width.is_power_of_two() && lanes.iter().all(|lanes| lanes.is_power_of_two()),
-            "lanes take warps without remainder"
-        );
-        let room = lanes.map(|lanes| (lanes / width).max(1));
         Fixed {
             issue: config.issue,
-            alone: room.map(|room| room.min(config.issue)),
-            room,
-            interval: lanes.map(|lanes| Cycle::from((width / lanes).max(1))),
-            latency: [config.float_latency, config.integer_latency, config.special_latency, config.control_latency],
+            room: lanes.map(|lanes| lanes.div_ceil(width)),
+            interval: lanes.map(|lanes| Cycle::from(width.div_ceil(lanes))),
+            lanes: lanes.map(u64::from),
+            uneven: lanes.map(|lanes| !lanes.is_multiple_of(width) && !width.is_multiple_of(lanes)),
+            width: u64::from(width),
+            latency: config.latencies(),
+            scoreboard: config.scoreboard,
+            dual: config.dual_issue,
             overlap: config.overlap,
             scheduling: config.scheduling,
             age: [0; PLACES],
@@ -66,6 +74,40 @@ impl Fixed {
     /// A place is taken by a warp, as the youngest.
     pub(super) fn take(&mut self, place: u32, born: u64) {
         self.age[place as usize] = born;
+    }
+
+    /// How long a warp waits after an instruction of each class of a step, in parts of a cycle; whether these are the latencies; and how
+    /// many of 256 instructions are issued beside the one before them.
+    ///
+    /// A step takes a warp as long as its longest chain, or as the issue of its instructions. Where the chain is shorter than all
+    /// instructions one after another, all waits are shorter by the same factor: a compiler puts instructions that do not need each other
+    /// between those that do.
+    pub(super) fn waits(&self, step: &Step) -> ([u32; Class::COUNT], bool, u32) {
+        if self.latencies_are_waits(step) {
+            return (self.latency.map(|latency| latency * CYCLE), true, 0);
+        }
+        let cycles = |counts: &[u32; Class::COUNT]| -> u64 {
+            counts.iter().zip(self.latency).map(|(&count, latency)| u64::from(count) * u64::from(latency)).sum()
+        };
+        let count: u64 = step.instructions.iter().map(|&count| u64::from(count)).sum();
+        let (all, chain) = (cycles(&step.instructions).max(1), cycles(&step.chain) * u64::from(CYCLE));
+        let least = CYCLE >> u32::from(self.dual);
+        let together = if self.scoreboard {
+            chain.max(count * u64::from(least)).min(all * u64::from(CYCLE))
+        } else {
+            all * u64::from(CYCLE)
+        };
+        let waits = self.latency.map(|latency| ((u64::from(latency) * together / all) as u32).max(least));
+        // As many instructions as wait for the same are issued in pairs.
+        let pairs = if self.dual { ((all * u64::from(CYCLE) - together) * 256 / together.max(1)).min(256) as u32 } else { 0 };
+        (waits, false, pairs)
+    }
+
+    /// Whether a warp waits for the latency of each instruction of a step.
+    #[inline(always)]
+    fn latencies_are_waits(&self, step: &Step) -> bool {
+        let long = self.latency[Class::Multiply as usize] >= WHEEL as u32 && step.instructions[Class::Multiply as usize] > 0;
+        !long && (!self.scoreboard || step.chain == step.instructions)
     }
 }
 
@@ -84,15 +126,21 @@ pub(super) fn bits(mut mask: u64) -> impl Iterator<Item = u32> {
 /// A count of instructions of a class as a number, so that the largest of four is the class with most, and of these the first.
 #[inline(always)]
 fn key(class: usize, left: u32) -> u32 {
-    left << 2 | (3 - class as u32)
+    left << 3 | (7 - class as u32)
+}
+
+/// The largest of some counts.
+#[inline(always)]
+fn largest(keys: &[u32; Class::COUNT]) -> u32 {
+    keys[0].max(keys[1]).max(keys[2].max(keys[3])).max(keys[4])
 }
 
 /// The class of a step's next instruction, if any is left: the one it has most of. Costs name no order, and this spreads the rarer
 /// classes over the step.
 #[inline(always)]
 fn next_class(keys: &[u32; Class::COUNT]) -> Option<usize> {
-    let most = keys[0].max(keys[1]).max(keys[2].max(keys[3]));
-    (most > 3).then_some(3 - (most & 3) as usize)
+    let most = largest(keys);
+    (most > 7).then_some(7 - (most & 7) as usize)
 }
 
 /// The lowest `count` bits of a set, or all if there are fewer.
@@ -119,16 +167,33 @@ pub(super) struct Issue {
     /// The class of each place's run, where one is at work.
     class: [u8; PLACES],
     /// Instructions left of each place's run,
-    run: [i16; PLACES],
-    /// the latency of each,
-    latency: [i16; PLACES],
-    /// and cycles from its end, the last latency included, to the step's last instruction: what both make is how long the step
+    run: [i32; PLACES],
+    /// the wait after each, in parts of a cycle,
+    wait: [i32; PLACES],
+    /// and parts of a cycle from its end, the last wait included, to the step's last instruction: what both make is how long the step
     /// takes at least. The most there is where a warp is not at work.
-    after: [i16; PLACES],
+    after: [i32; PLACES],
+    /// What each place has waited too little so far, in parts of a cycle.
+    late: [u32; PLACES],
+    /// How many cycles each waits after the instruction that it has just issued.
+    cycles: [u32; PLACES],
+    /// The waits of a step by class; those of a place where they are not the latencies.
+    waits: Vec<[u32; Class::COUNT]>,
+    /// Places whose waits are the latencies.
+    exact: u64,
+    /// Places that go round the wheel again, and for how many cycles.
+    again: u64,
+    rounds: [u32; PLACES],
+    /// How many of 256 instructions a place issues beside the one before, how many of 256 it is short of that, places that issue a second
+    /// instruction in this cycle, and instructions issued in it by class.
+    pairs: [u32; PLACES],
+    paired: [u32; PLACES],
+    second: u64,
+    used: [u32; Class::COUNT],
     /// Instructions left of each place's step after its run, by class, as [`key`].
     left: [[u32; Class::COUNT]; PLACES],
     /// `after` without its bound.
-    rest: [i32; PLACES],
+    rest: [i64; PLACES],
     /// Where the instructions of a step have an order, by place what is left of them after the run, the next one last.
     orders: Vec<Vec<(Class, u32)>>,
     /// Places whose run is the last instruction of their step.
@@ -147,8 +212,9 @@ pub(super) struct Issue {
     /// Places that become ready at a cycle, modulo the wheel; and the cycles with any, a bit each.
     wheel: [u64; WHEEL as usize],
     turning: u64,
-    /// When each class's lanes are free.
+    /// When each class's lanes take the next instruction; and when they are free, in cycles times lanes, where they are uneven.
     free_at: [Cycle; Class::COUNT],
+    lanes_at: [u64; Class::COUNT],
     /// Where round robin goes on, modulo the places.
     next: u32,
     /// Warp instructions issued by class.
@@ -162,8 +228,18 @@ impl Issue {
             quiet_until: NEVER,
             class: [0; PLACES],
             run: [0; PLACES],
-            latency: [0; PLACES],
-            after: [i16::MAX; PLACES],
+            wait: [0; PLACES],
+            after: [i32::MAX; PLACES],
+            late: [0; PLACES],
+            cycles: [0; PLACES],
+            waits: vec![[0; Class::COUNT]; PLACES],
+            exact: 0,
+            again: 0,
+            rounds: [0; PLACES],
+            pairs: [0; PLACES],
+            paired: [0; PLACES],
+            second: 0,
+            used: [0; Class::COUNT],
             left: [[0; Class::COUNT]; PLACES],
             rest: [0; PLACES],
             orders: Vec::new(),
@@ -178,45 +254,47 @@ impl Issue {
             wheel: [0; WHEEL as usize],
             turning: 0,
             free_at: [0; Class::COUNT],
+            lanes_at: [0; Class::COUNT],
             next: 0,
             issued: [0; Class::COUNT],
         }
     }
 
-    /// A warp begins a step of so many instructions, and what comes then. It can issue in the next cycle that is done. Where the
-    /// instructions have an order they come in it, and are as many.
-    pub(super) fn enter(
-        &mut self,
-        fixed: &Fixed,
-        place: u32,
-        instructions: [u32; Class::COUNT],
-        then: RequestKind,
-        order: &[(Class, u32)],
-    ) {
+    /// A warp begins a step. It can issue in the next cycle that is done. Where the instructions have an order they come in it, and are as
+    /// many.
+    pub(super) fn enter(&mut self, fixed: &Fixed, place: u32, step: &Step, order: &[(Class, u32)]) {
         let bit = 1_u64 << place;
         let mark = |set: u64, on: bool| set & !bit | if on { bit } else { 0 };
-        self.ends_in_barrier = mark(self.ends_in_barrier, then == RequestKind::Barrier);
-        self.ends_in_end = mark(self.ends_in_end, then == RequestKind::End);
+        self.ends_in_barrier = mark(self.ends_in_barrier, step.then == RequestKind::Barrier);
+        self.ends_in_end = mark(self.ends_in_end, step.then == RequestKind::End);
         let place = place as usize;
+        let (waits, exact, pairs) = fixed.waits(step);
+        self.exact = mark(self.exact, exact);
+        if !exact {
+            self.waits[place] = waits;
+        }
+        (self.late[place], self.pairs[place], self.paired[place]) = (0, pairs, 0);
         // Most first, and of equals the first: the last instruction is of the last class there is.
-        let (mut cycles, mut last) = (0_u32, 0);
+        let (mut together, mut last) = (0_i64, 0);
         for class in 0..Class::COUNT {
-            let count = instructions[class].min(u32::MAX >> 2);
+            let count = step.instructions[class].min(u32::MAX >> 3);
             self.left[place][class] = key(class, count);
             self.issued[class] += u64::from(count);
-            cycles = cycles.saturating_add(count.saturating_mul(fixed.latency[class]));
-            last = if count > 0 { fixed.latency[class] } else { last };
+            together += i64::from(count) * i64::from(waits[class]);
+            last = if count > 0 { waits[class] } else { last };
         }
         if let Some(&(class, _)) = order.last() {
-            last = fixed.latency[class as usize];
+            last = waits[class as usize];
             self.orders.resize_with(PLACES, Vec::new);
             self.orders[place].extend(order.iter().rev());
         }
-        let cycles = (cycles - last).min(i32::MAX as u32);
-        self.rest[place] = cycles as i32;
+        // The second of a pair comes earlier by the wait between both.
+        let paired = if fixed.dual { waits.into_iter().max().unwrap_or(0) } else { 0 };
+        let together = (together - i64::from(last + paired)).max(0);
+        self.rest[place] = together;
         if self.begin_run(fixed, place) {
             self.ready |= bit;
-            self.quiet_until = self.quiet_until.min(self.at + Cycle::from(cycles));
+            self.quiet_until = self.quiet_until.min(self.at + together as Cycle / Cycle::from(CYCLE));
         } else {
             self.end(bit);
         }
@@ -234,27 +312,27 @@ impl Issue {
         let left = &mut self.left[place];
         let Some(class) = next_class(left) else {
             self.run[place] = 0;
-            self.after[place] = i16::MAX;
+            self.after[place] = i32::MAX;
             return false;
         };
         let most = std::mem::replace(&mut left[class], 0);
-        let other = left[0].max(left[1]).max(left[2].max(left[3]));
-        let latency = fixed.latency[class];
-        let (mut run, count) = ((most - other).div_ceil(4), most >> 2);
-        self.latency[place] = latency as i16;
-        if other <= 3 && count == 1 {
-            // Its end is not a matter of latencies to come.
+        let other = largest(left);
+        let (mut run, count) = ((most - other).div_ceil(8), most >> 3);
+        let wait = if self.exact & bit != 0 { fixed.latency[class] * CYCLE } else { self.waits[place][class] };
+        self.wait[place] = wait as i32;
+        if other <= 7 && count == 1 {
+            // Its end is not a matter of waits to come.
             self.last |= bit;
-            self.after[place] = i16::MAX - latency as i16;
+            self.after[place] = i32::MAX - wait as i32;
             run = 1;
         } else {
             // Without others the run is all but the last.
-            run = run.min(if other <= 3 { count - 1 } else { count }).min(LONGEST_RUN);
-            self.rest[place] = self.rest[place].saturating_sub((run * latency) as i32);
-            self.after[place] = self.rest[place].clamp(-MOST_AFTER, MOST_AFTER) as i16;
+            run = run.min(if other <= 7 { count - 1 } else { count }).min(LONGEST_RUN);
+            self.rest[place] -= i64::from(run) * i64::from(wait);
+            self.after[place] = self.rest[place].clamp(-MOST_AFTER, MOST_AFTER) as i32;
         }
-        left[class] = most - (run << 2);
-        self.run[place] = run as i16;
+        left[class] = most - (run << 3);
+        self.run[place] = run as i32;
         self.class[place] = class as u8;
         self.next_is[class] |= bit;
         true
@@ -265,24 +343,24 @@ impl Issue {
     fn begin_in_order(&mut self, fixed: &Fixed, place: usize, (class, count): (Class, u32)) {
         let bit = 1_u64 << place;
         let order = &mut self.orders[place];
-        let latency = fixed.latency[class as usize];
         let class = class as usize;
+        let wait = if self.exact & bit != 0 { fixed.latency[class] * CYCLE } else { self.waits[place][class] };
         self.left[place] = [0; Class::COUNT];
-        self.latency[place] = latency as i16;
+        self.wait[place] = wait as i32;
         let run = if order.is_empty() && count == 1 {
             self.last |= bit;
-            self.after[place] = i16::MAX - latency as i16;
+            self.after[place] = i32::MAX - wait as i32;
             1
         } else {
             let run = if order.is_empty() { count - 1 } else { count }.min(LONGEST_RUN);
             if run < count {
                 order.push((Class::ALL[class], count - run));
             }
-            self.rest[place] = self.rest[place].saturating_sub((run * latency) as i32);
-            self.after[place] = self.rest[place].clamp(-MOST_AFTER, MOST_AFTER) as i16;
+            self.rest[place] -= i64::from(run) * i64::from(wait);
+            self.after[place] = self.rest[place].clamp(-MOST_AFTER, MOST_AFTER) as i32;
             run
         };
-        self.run[place] = run as i16;
+        self.run[place] = run as i32;
         self.class[place] = class as u8;
         self.next_is[class] |= bit;
     }
@@ -338,8 +416,8 @@ impl Issue {
             left ^= ready;
             if self.free_at[class] <= now {
                 let ready = ready.rotate_right(self.next);
-                let all = fixed.room[class] >= fixed.issue;
-                turns |= if all { ready } else { lowest(ready, fixed.room[class]) };
+                let room = self.room(fixed, now, class);
+                turns |= if room >= fixed.issue { ready } else { lowest(ready, room) };
             }
         }
         let turns = lowest(turns, fixed.issue);
@@ -353,7 +431,7 @@ impl Issue {
     /// [`Issue::chosen`] of those that have been in the core longest.
     #[inline(never)]
     fn oldest(&self, fixed: &Fixed, now: Cycle) -> u64 {
-        let mut room = fixed.room;
+        let mut room: [u32; Class::COUNT] = std::array::from_fn(|class| self.room(fixed, now, class));
         let (mut left, mut chosen) = (fixed.issue, 0);
         let mut open: u64 =
             (0..Class::COUNT).filter(|&class| self.free_at[class] <= now).fold(0, |open, class| open | self.next_is[class]);
@@ -378,8 +456,15 @@ impl Issue {
     #[inline(always)]
     fn step(&mut self, fixed: &Fixed, now: Cycle) -> bool {
         let slot = now % WHEEL;
-        self.ready |= std::mem::take(&mut self.wheel[slot as usize]);
+        if fixed.dual {
+            self.used = [0; Class::COUNT];
+        }
+        let mut awake = std::mem::take(&mut self.wheel[slot as usize]);
         self.turning &= !(1 << slot);
+        if awake & self.again != 0 {
+            awake = self.go_round(now, awake);
+        }
+        self.ready |= awake;
         if self.ready == 0 {
             return false;
         }
@@ -389,11 +474,14 @@ impl Issue {
             if self.free_at[class] > now {
                 return false;
             }
-            let turns = lowest(places.rotate_right(self.next), fixed.alone[class]);
+            let turns = lowest(places.rotate_right(self.next), self.room(fixed, now, class).min(fixed.issue));
             let chosen = turns.rotate_left(self.next);
             self.next = self.behind(turns);
             self.ready = places ^ chosen;
             self.issue(fixed, now, class, chosen);
+            if self.second != 0 {
+                self.issue_second(fixed, now);
+            }
             return true;
         }
         let chosen = self.chosen(fixed, now);
@@ -404,7 +492,66 @@ impl Issue {
             left ^= places;
             self.issue(fixed, now, class, places);
         }
+        if self.second != 0 {
+            self.issue_second(fixed, now);
+        }
         chosen != 0
+    }
+
+    /// Instructions of a class that its lanes take in this cycle, in which they take at least one.
+    #[inline(always)]
+    fn room(&self, fixed: &Fixed, now: Cycle, class: usize) -> u32 {
+        if !fixed.uneven[class] {
+            return fixed.room[class];
+        }
+        let (begin, end) = (now * fixed.lanes[class], (now + 1) * fixed.lanes[class]);
+        (end - self.lanes_at[class].clamp(begin, end)).div_ceil(fixed.width) as u32
+    }
+
+    /// Places that waited for the wheel's longest wait wait for the rest. Returns the others.
+    #[cold]
+    fn go_round(&mut self, now: Cycle, awake: u64) -> u64 {
+        let round = awake & self.again;
+        self.again &= !round;
+        for place in bits(round) {
+            self.sleep(now, place as usize, self.rounds[place as usize]);
+        }
+        awake & !round
+    }
+
+    /// A place becomes ready in a number of cycles, which is not 0.
+    #[inline(always)]
+    fn sleep(&mut self, now: Cycle, place: usize, cycles: u32) {
+        let mut wait = Cycle::from(cycles);
+        if wait >= WHEEL {
+            self.rounds[place] = (wait - (WHEEL - 1)) as u32;
+            self.again |= 1 << place;
+            wait = WHEEL - 1;
+        }
+        let slot = (now + wait) % WHEEL;
+        self.wheel[slot as usize] |= 1 << place;
+        self.turning |= 1 << slot;
+    }
+
+    /// Warps issue a second instruction in a cycle, where its lanes take it. The others do in the next cycle.
+    #[cold]
+    fn issue_second(&mut self, fixed: &Fixed, now: Cycle) {
+        for place in bits(std::mem::take(&mut self.second)) {
+            let class = usize::from(self.class[place as usize]);
+            let room = if fixed.uneven[class] {
+                self.room(fixed, now, class)
+            } else {
+                fixed.room[class].saturating_sub(self.used[class])
+            };
+            let taken = fixed.interval[class] > 1 && self.free_at[class] > now;
+            if room == 0 || taken {
+                self.ready |= 1 << place;
+                continue;
+            }
+            let pairs = std::mem::take(&mut self.pairs[place as usize]);
+            self.issue(fixed, now, class, 1 << place);
+            self.pairs[place as usize] = pairs;
+        }
     }
 
     /// The turn after the last of some, which are not none.
@@ -417,12 +564,20 @@ impl Issue {
     #[inline(always)]
     fn issue(&mut self, fixed: &Fixed, now: Cycle, class: usize, mut places: u64) {
         let free = now + fixed.interval[class];
-        if fixed.overlap {
-            self.free_at[class] = free;
-        } else {
+        if !fixed.overlap {
             self.free_at = [free; Class::COUNT];
+            self.lanes_at = fixed.lanes.map(|lanes| free * lanes);
+        } else if fixed.uneven[class] {
+            let lanes = fixed.lanes[class];
+            self.lanes_at[class] = self.lanes_at[class].max(now * lanes) + u64::from(places.count_ones()) * fixed.width;
+            self.free_at[class] = (self.lanes_at[class] / lanes).max(now + 1);
+        } else {
+            self.free_at[class] = free;
         }
+        self.used[class] += if fixed.dual { places.count_ones() } else { 0 };
+        let exact = self.exact;
         let (mut going, mut done) = (places, 0);
+        let mut waits = places & !exact;
         while places != 0 {
             let place = places.trailing_zeros() as usize % PLACES;
             places &= places - 1;
@@ -431,15 +586,48 @@ impl Issue {
                 done |= 1 << place;
             }
         }
-        if done != 0 {
-            going &= !self.end_runs(fixed, class, done);
+        // How long those wait that do not wait for latencies is found before their next runs begin.
+        if waits != 0 {
+            waits = self.count_waits(fixed, waits);
         }
-        // Instructions are taken as dependent.
-        if going != 0 {
+        if done != 0 {
+            let ended = self.end_runs(fixed, class, done);
+            going &= !ended;
+            self.second &= !ended;
+        }
+        let same = going & exact;
+        if same != 0 {
             let slot = (now + Cycle::from(fixed.latency[class])) % WHEEL;
-            self.wheel[slot as usize] |= going;
+            self.wheel[slot as usize] |= same;
             self.turning |= 1 << slot;
         }
+        for place in bits(going & waits) {
+            self.sleep(now, place as usize, self.cycles[place as usize]);
+        }
+    }
+
+    /// How long places wait that have issued an instruction. Returns those that do; the others issue a second one.
+    #[inline(always)]
+    fn count_waits(&mut self, fixed: &Fixed, places: u64) -> u64 {
+        let mut waits = places;
+        for place in bits(places) {
+            let bit = 1 << place;
+            let place = place as usize;
+            let wait = self.late[place] + self.wait[place] as u32;
+            if fixed.dual {
+                self.paired[place] += self.pairs[place];
+                if self.paired[place] >= 256 {
+                    self.paired[place] -= 256;
+                    self.late[place] = wait;
+                    self.second |= bit;
+                    waits &= !bit;
+                    continue;
+                }
+            }
+            self.cycles[place] = (wait / CYCLE).max(1);
+            self.late[place] = wait.saturating_sub(self.cycles[place] * CYCLE);
+        }
+        waits
     }
 
     /// Runs of a class are done: the next begin. Returns the places whose steps are done too.
@@ -501,11 +689,11 @@ impl Issue {
     pub(super) fn quiet_until(&mut self, fixed: &Fixed) -> Cycle {
         if self.quiet_until <= self.at {
             // A warp that has more than one instruction left waits for the latencies of all but the last.
-            let mut least = i16::MAX;
+            let mut least = i32::MAX;
             for place in 0..PLACES {
-                least = least.min(self.run[place] * self.latency[place] + self.after[place]);
+                least = least.min(self.run[place] * self.wait[place] + self.after[place]);
             }
-            let mut until = if least == i16::MAX { NEVER } else { self.at + least.max(0) as Cycle };
+            let mut until = if least == i32::MAX { NEVER } else { self.at + least.max(0) as Cycle / Cycle::from(CYCLE) };
             if self.last != 0 {
                 until = until.min(self.next_last(fixed));
             }
@@ -530,7 +718,7 @@ impl Issue {
         let first = (self.last & self.ready).rotate_right(self.next).trailing_zeros();
         let mut open = 0;
         for class in 0..Class::COUNT {
-            let never_spent = fixed.room[class] >= fixed.issue && fixed.interval[class] == 1;
+            let never_spent = !fixed.dual && fixed.lanes[class] >= u64::from(fixed.issue) * fixed.width;
             open |= if never_spent { self.next_is[class] } else { 0 };
         }
         let before = (self.ready & open).rotate_right(self.next) & ((1 << first) - 1);

@@ -3,6 +3,7 @@
 mod issue;
 #[cfg(test)]
 mod plain;
+mod shared;
 mod turns;
 
 use super::card::{Card, Fault};
@@ -11,10 +12,11 @@ use super::warp::{Execution, Program};
 use issue::{Fixed, Issue, PLACES, bits};
 use knob::Allowed;
 use num::NEVER;
+use shared::{SHARED, SharedMemory};
 use sim::{Counted, In, Out, Tick, Unit, Wires};
 use stats::Heading;
 use turns::Turns;
-use work::{Class, RequestKind};
+use work::{Class, InFlight, RequestKind, Step};
 
 knob::choices! {
     /// Which of the ready warps issues.
@@ -55,28 +57,46 @@ knob::knobs! {
         warps: u32 ["warps", Allowed::Range(1, 64), "NVIDIA 64 an SM until 2016, 48 or 32 since; AMD 40 a CU"],
         /// 32-bit registers of a core, which bound the warps further. A workgroup that asks for more runs in turns.
         registers: u32 ["registers", Allowed::Range(256, 1048576), "65,536 an SM since 2012"],
+        /// Registers that a warp takes at once: it gets a multiple of them.
+        register_granule: u32 ["registers", Allowed::Range(1, 4096), "256 since 2012 (NVIDIA, CUDA occupancy calculator: allocation unit size)"],
+        /// Parts of a core that have equal shares of its registers, so that a core holds a multiple of as many warps of one kind.
+        register_files: u32 ["files", Allowed::PowerOfTwo(1, 8), "one a scheduler, four since 2012 (NVIDIA, CUDA occupancy calculator: warp allocation granularity)"],
         /// Bytes of workgroup memory of a core.
         shared_bytes: u32 ["bytes", Allowed::Range(16384, 1048576), "48 to 100 KB an SM; WebGPU asks for 16 KB"],
         /// Warp instructions issued a cycle.
         issue: u32 ["instructions/cycle", Allowed::Range(1, 8), "four schedulers an SM since 2012"],
         /// Single-precision invocations executed a cycle.
-        float_lanes: u32 ["lanes", Allowed::PowerOfTwo(1, 512), "128 an SM of 2014 and 2016"],
+        float_lanes: u32 ["lanes", Allowed::Range(1, 512), "128 an SM of 2014 and 2016, 192 of 2012"],
         /// Integer invocations executed a cycle.
         integer_lanes: u32 ["lanes", Allowed::PowerOfTwo(1, 512), "64 or 128 an SM"],
         /// Transcendental invocations executed a cycle.
         special_lanes: u32 ["lanes", Allowed::PowerOfTwo(1, 512), "32 an SM of 2014, a quarter of the others"],
         /// Branches and barriers executed a cycle.
         control_lanes: u32 ["lanes", Allowed::PowerOfTwo(1, 512), "as integers"],
-        /// Cycles from a warp's single-precision instruction to its next.
-        float_latency: u32 ["cycles", Allowed::Range(1, 63), "6 on NVIDIA 2014, 4 since 2017 (Jia et al. 2018); instructions are taken as dependent"],
-        /// Cycles from a warp's integer instruction to its next.
-        integer_latency: u32 ["cycles", Allowed::Range(1, 63), "as single precision"],
-        /// Cycles from a warp's transcendental instruction to its next.
-        special_latency: u32 ["cycles", Allowed::Range(1, 63), "about 20 (Jia et al. 2018)"],
+        /// Multiplications of 32-bit integers, with a sum, executed a cycle.
+        multiply_lanes: u32 ["lanes", Allowed::Range(1, 512), "0.29 of the lanes of single precision on a GTX 980, 0.20 on an RX 570 (clpeak: 1,446 and 1,032 billion operations/s)"],
+        /// Cycles from a single-precision instruction to one that needs its result.
+        float_latency: u32 ["cycles", Allowed::Range(1, 63), "6 on Maxwell, 4 on Volta and Turing (Jia et al. 2019, table 4.1)"],
+        /// Cycles from an integer instruction to one that needs its result.
+        integer_latency: u32 ["cycles", Allowed::Range(1, 63), "6 on Maxwell, 4 on Volta and Turing (Jia et al. 2019, table 4.1)"],
+        /// Cycles from a transcendental instruction to one that needs its result.
+        special_latency: u32 ["cycles", Allowed::Range(1, 63), "14 on Maxwell (Jia et al. 2019, table 4.1: MUFU)"],
+        /// Cycles from a multiplication of integers to an instruction that needs its result.
+        multiply_latency: u32 ["cycles", Allowed::Range(1, 127), "86 on Maxwell, where it is a sequence of products of 16 bits; 5 on Volta and Turing (Jia et al. 2019, table 4.1)"],
         /// Cycles from a warp's branch to its next instruction.
         control_latency: u32 ["cycles", Allowed::Range(1, 63), "fetch of the target"],
+        /// Whether an instruction waits for those only whose results it needs; if not, for the one before it.
+        scoreboard: bool ["", Allowed::Switch, "in order, with dependences by registers, in cards since 2001: one warp of four independent chains issues four times as often as of one (gpu-benches: V100)"],
+        /// Whether a warp that has two instructions that do not need each other issues both in a cycle; `core.issue` counts warps then.
+        dual_issue: bool ["", Allowed::Switch, "NVIDIA, \"Kepler GK110\" white paper: four schedulers of two dispatch units for 192 lanes; off: one instruction each"],
         /// Whether an instruction of one class is issued while the lanes of another still take one in. If not, `core.issue` is 1.
         overlap: bool ["", Allowed::Switch, "lanes of a class have ports of their own in cards; ATTILA fetches when all invocations of an instruction have begun (VectorShaderFetch)"],
+        /// Requests of a warp to memory, and to workgroup memory, that may be unanswered while it goes on with what does not need them.
+        in_flight: u32 ["requests", Allowed::Range(1, 63), "63 are counted on GCN (\"Southern Islands ISA\": VM_CNT); six barriers, each of up to 63 loads, on Maxwell (maxas)"],
+        /// Cycles from an access to workgroup memory without conflicts to an instruction that needs its result.
+        shared_latency: u32 ["cycles", Allowed::Range(1, 256), "23 on Maxwell, 24 on Pascal, 19 on Volta and Turing (Jia et al. 2019, table 3.1)"],
+        /// Banks of workgroup memory, each of which has a word for a warp in a cycle. Invocations that read the same word share it.
+        shared_banks: u32 ["banks", Allowed::PowerOfTwo(1, 64), "32 of 4 bytes since 2010 (NVIDIA, CUDA C Programming Guide, \"Shared Memory\")"],
         /// Which of the ready warps issues.
         scheduling: Scheduling ["", Allowed::Choice(Scheduling::NAMES), "loose round robin; greedy-then-oldest is the other (Rogers et al. 2012)"],
         /// What a warp executes where its parts take different paths, and in which order. All but `longest` have the renderer
@@ -86,6 +106,37 @@ knob::knobs! {
         instructions: Instructions ["", Allowed::Choice(Instructions::NAMES), "scalar since 2006; vectors of four in cards before and in ATTILA (VectorALUConfig = simd4+scalar)"],
         /// Shaded warps queued behind each core.
         output_queue: u32 ["warps", Allowed::Range(2, 256), "enough never to hold up the core"],
+    }
+}
+
+impl CoreConfig {
+    /// Invocations executed a cycle, by class.
+    pub fn lanes(&self) -> [u32; Class::COUNT] {
+        [self.float_lanes, self.integer_lanes, self.special_lanes, self.control_lanes, self.multiply_lanes]
+    }
+
+    /// Registers of a warp whose invocations have a number of them.
+    pub fn registers_of(&self, registers: u32) -> u32 {
+        (registers * self.warp_width).max(1).next_multiple_of(self.register_granule.max(1))
+    }
+
+    /// Registers that warps that get `each` leave over in all register files of a core. None where one warp needs more than a file has:
+    /// such warps use what all files have together.
+    pub fn left_over(&self, each: u32) -> u32 {
+        let files = self.register_files.max(1);
+        let fit = self.registers / files / each;
+        if fit == 0 { 0 } else { self.registers - fit * files * each }
+    }
+
+    /// Warps that a core has at most, where their invocations have a number of registers. One fits always.
+    pub fn resident_warps(&self, registers: u32) -> u32 {
+        let each = self.registers_of(registers);
+        ((self.registers - self.left_over(each)) / each).clamp(1, self.warps)
+    }
+
+    /// Cycles from an instruction to one that needs its result, by class.
+    pub fn latencies(&self) -> [u32; Class::COUNT] {
+        [self.float_latency, self.integer_latency, self.special_latency, self.control_latency, self.multiply_latency]
     }
 }
 
@@ -131,6 +182,11 @@ pub struct Core {
     issue: Issue,
     /// Instructions of vertices.
     vertex: u64,
+    /// Requests of each place that are not answered.
+    unanswered: Vec<InFlight>,
+    /// Places that wait for answers before they go on.
+    waiting: u64,
+    memory: SharedMemory,
     registers: u32,
     shared: u32,
     /// Warps taken in since the start.
@@ -149,12 +205,14 @@ stats::counters! {
     pub struct CoreCounts {
         /// Single-precision.
         float: "instructions",
-        /// Integer and bit operations.
+        /// Integer and bit operations, without multiplications.
         integer: "instructions",
         /// Transcendental.
         special: "instructions",
         /// Branches and barriers.
         control: "instructions",
+        /// Multiplications of integers, with the sums that belong to them.
+        multiply: "instructions",
         /// Of all these, those of warps of vertices.
         vertex: "instructions",
     }
@@ -173,6 +231,9 @@ impl Core {
             fixed: Fixed::new(&config),
             issue: Issue::new(),
             vertex: 0,
+            unanswered: vec![InFlight::NONE; config.warps as usize],
+            waiting: 0,
+            memory: SharedMemory::new(&config),
             registers: config.registers,
             shared: config.shared_bytes,
             born: 0,
@@ -184,8 +245,8 @@ impl Core {
 
     /// Instructions by class.
     pub fn counts(&self) -> CoreCounts {
-        let [float, integer, special, control] = self.issue.issued;
-        CoreCounts { float, integer, special, control, vertex: self.vertex }
+        let [float, integer, special, control, multiply] = self.issue.issued;
+        CoreCounts { float, integer, special, control, multiply, vertex: self.vertex }
     }
 
     /// A warp begins its current step.
@@ -198,9 +259,44 @@ impl Core {
                 if program == Program::Vertex {
                     self.vertex += step.instructions.iter().map(|&count| u64::from(count)).sum::<u64>();
                 }
-                self.issue.enter(&self.fixed, place, step.instructions, step.then, warp.order(warp.step));
+                self.issue.enter(&self.fixed, place, step, warp.order(warp.step));
             }
-            None => self.issue.enter(&self.fixed, place, [0; Class::COUNT], RequestKind::End, &[]),
+            None => self.issue.enter(&self.fixed, place, &Step::dependent([0; Class::COUNT], RequestKind::End), &[]),
+        }
+    }
+
+    /// A warp goes on with its current step, as soon as those requests are answered that the step needs.
+    #[inline(always)]
+    fn go_on(&mut self, card: &Card, place: u32) {
+        if self.may_go_on(card, place) {
+            self.waiting &= !(1 << place);
+            self.enter_step(card, place);
+        } else {
+            self.waiting |= 1 << place;
+        }
+    }
+
+    /// Whether so few requests of a warp are unanswered that its current step can begin. In the end, and where a group meets, none is.
+    #[inline(always)]
+    fn may_go_on(&self, card: &Card, place: u32) -> bool {
+        let unanswered = self.unanswered[place as usize];
+        if unanswered == InFlight::NONE {
+            return true;
+        }
+        let warp = &card.warps[self.cluster][self.resident[place as usize].warp];
+        let step = warp.steps.get(warp.step as usize);
+        let needs_all = |step: &&Step| matches!(step.then, RequestKind::End | RequestKind::Barrier) || !self.config.scoreboard;
+        let Some(step) = step.filter(|step| !needs_all(step)) else { return false };
+        let most = self.config.in_flight as u8 - 1;
+        let may = |unanswered: u8, allowed: u8| unanswered <= allowed.min(most);
+        may(unanswered.memory, step.in_flight.memory) && may(unanswered.shared, step.in_flight.shared)
+    }
+
+    /// A request of a warp is answered: it goes on, if it waits for that.
+    #[inline(always)]
+    fn answered(&mut self, card: &Card, place: u32) {
+        if self.waiting >> place & 1 != 0 {
+            self.go_on(card, place);
         }
     }
 
@@ -288,7 +384,7 @@ impl Core {
                     card.stop(Fault::Resources { dispatch, what: "workgroup memory", asked, has, key: "core.shared_bytes" });
                     return did.or(Tick::Blocked);
                 }
-                let all = u64::from(registers) * u64::from(siblings);
+                let all = u64::from(registers) * u64::from(siblings) + u64::from(self.config.left_over(registers));
                 if siblings as usize > self.resident.len() || all > u64::from(self.config.registers) {
                     // Where the core has not so many, the group has it for itself.
                     if self.held != 0 || self.turns.is_some() {
@@ -339,8 +435,13 @@ impl Unit<Card> for Core {
         // 2. Answers of the texture unit: the warp goes on with its next step.
         while let Some(token) = wires.pop(&self.ports.texture.1) {
             let place = token.warp;
-            card.warps[self.cluster][self.resident[place as usize].warp].step += 1;
-            self.enter_step(card, place);
+            self.unanswered[place as usize].memory -= 1;
+            self.answered(card, place);
+            did = Tick::Moved;
+        }
+        while let Some(place) = self.memory.answer(now) {
+            self.unanswered[place as usize].shared -= 1;
+            self.answered(card, place);
             did = Tick::Moved;
         }
 
@@ -352,14 +453,26 @@ impl Unit<Card> for Core {
         // 4. Warps at the end of a step ask the texture unit, or wait for their group.
         while self.issue.asking != 0 {
             let place = self.issue.choose(&self.fixed, self.issue.asking);
-            let warp = self.resident[place as usize].warp;
-            // The texture unit finds the warp by its number, and answers with its place.
-            card.warps[self.cluster][warp].place = place;
-            if !wires.try_push(&self.ports.texture.0, WarpToken { warp }) {
-                did = did.or(Tick::Blocked);
-                break;
+            let number = self.resident[place as usize].warp;
+            let asks = card.warps[self.cluster][number].shares.then(|| shared::asks(card, self.cluster, number));
+            if asks.is_none_or(|asks| asks.memory) {
+                if !wires.try_push(&self.ports.texture.0, WarpToken { warp: number }) {
+                    did = did.or(Tick::Blocked);
+                    break;
+                }
+                self.unanswered[place as usize].memory += 1;
+                // The texture unit finds the warp by its number, and answers with its place.
+                let warp = &mut card.warps[self.cluster][number];
+                warp.place = place;
+                warp.asked.push_back(warp.step);
+            }
+            if asks.is_some_and(|asks| asks.shared) {
+                self.unanswered[place as usize].shared += 1;
+                self.memory.access(card, self.cluster, number, place, now);
             }
             self.issue.asking &= !(1 << place);
+            card.warps[self.cluster][number].step += 1;
+            self.go_on(card, place);
             did = Tick::Moved;
         }
         if self.turns.is_some() {
@@ -383,6 +496,7 @@ impl Unit<Card> for Core {
         if self.held != 0 {
             // It has something that another unit does not take: so its account must distinguish cycles of issue from blocked ones.
             let next = if self.issue.any_ended() { self.issue.next_event() } else { self.issue.quiet_until(&self.fixed) };
+            let next = next.min(self.memory.next_answer());
             wires.sleep_until(next);
             why = why.or(if next == NEVER { Tick::Memory } else { Tick::Working });
         }
@@ -404,6 +518,7 @@ impl Unit<Card> for Core {
     fn counted(groups: &mut Counted<Self>) {
         // Cores that shade nothing but vertices are not counted.
         groups.group_if(CORES, |unit| unit.ports.fragment.is_some().then(|| unit.counts()));
+        groups.group_if(SHARED, |unit| unit.ports.compute.is_some().then(|| unit.memory.counts()));
     }
 }
 

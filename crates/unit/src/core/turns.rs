@@ -94,7 +94,7 @@ impl Core {
 
     /// Registers of a warp whose invocations have so many.
     pub(super) fn asked(&self, registers: u32) -> u32 {
-        (registers * self.config.warp_width).max(1)
+        self.config.registers_of(registers)
     }
 
     /// The registers that a warp gets that asks for so many, if there is a place for it. One that asks for more than the whole core
@@ -102,7 +102,8 @@ impl Core {
     #[inline(always)]
     pub(super) fn place_for(&self, registers: u32) -> Option<u32> {
         let alone = registers > self.config.registers && self.held == 0;
-        (self.held != self.all && (self.registers >= registers || alone)).then_some(registers.min(self.registers))
+        let room = self.registers >= registers + self.config.left_over(registers) || alone;
+        (self.held != self.all && room).then_some(registers.min(self.registers))
     }
 
     /// A warp takes the first free place and begins its step.

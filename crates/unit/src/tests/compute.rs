@@ -61,8 +61,9 @@ fn computed(rate: u32, cores: &[Cycle], runs: &[u32], invocations: u32) -> Compu
             });
             let mut pieces = Vec::new();
             for (slot, &groups) in runs.iter().enumerate() {
-                let packets = vec![Packet { cost: 0, first_request: 0 }; (groups * invocations.div_ceil(4)) as usize];
-                let costs = CostTable::from(vec![Cost::from(vec![step([1, 0, 0, 0], RequestKind::End)])]);
+                let packets =
+                    vec![Packet { cost: 0, first_request: 0, first_shared: 0 }; (groups * invocations.div_ceil(4)) as usize];
+                let costs = CostTable::from(vec![Cost::from(vec![step([1, 0, 0, 0, 0], RequestKind::End)])]);
                 let groups = Groups { groups, packets, costs, ..Groups::default() };
                 card.compute[slot] = Some(ComputeWork { dispatch: dispatch.clone(), groups: Arc::new(groups) });
                 pieces.push((0, Piece { slot: slot as u16, kind: Kind::DATA }));

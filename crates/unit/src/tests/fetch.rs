@@ -204,7 +204,7 @@ fn tokens(numbers: &[(Cycle, u32)]) -> Vec<(Cycle, WarpToken)> {
 fn reading(stream: Vec<u32>, base: u32) -> Segment {
     let count = stream.iter().filter(|&&vertex| vertex != u32::MAX).max().map_or(0, |&last| last + 1);
     let vertices = (0..count).map(|index| Vertex { index: base + index, instance: 0, cost: 0, first_request: 0 }).collect();
-    let costs = CostTable::from(vec![Cost::from(vec![Step { instructions: [1, 0, 0, 0], then: RequestKind::End }])]);
+    let costs = CostTable::from(vec![Cost::from(vec![Step::dependent([1, 0, 0, 0, 0], RequestKind::End)])]);
     Segment { stream, vertices, costs, ..Segment::default() }
 }
 

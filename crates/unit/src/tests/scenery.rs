@@ -87,7 +87,7 @@ pub fn row_of_tiles(tiles: u16, blocks: u32, quads: u8, rows: u16) -> Segment {
             .collect(),
         quads: (0..blocks * u32::from(quads)).map(|q| Quad { position: (q % u32::from(quads)) as u8, ..QUAD }).collect(),
         payload: vec![0; 64],
-        costs: CostTable::from(vec![Cost::from(vec![step([1, 0, 0, 0], RequestKind::End)])]),
+        costs: CostTable::from(vec![Cost::from(vec![step([1, 0, 0, 0, 0], RequestKind::End)])]),
         ..TileWork::default()
     };
     Segment {
@@ -110,7 +110,7 @@ pub fn row_of_tiles(tiles: u16, blocks: u32, quads: u8, rows: u16) -> Segment {
 
 /// Instructions, then what follows.
 pub fn step(instructions: [u32; Class::COUNT], then: RequestKind) -> Step {
-    Step { instructions, then }
+    Step::dependent(instructions, then)
 }
 
 /// A triangle, or a mark.
@@ -136,7 +136,7 @@ pub fn warp(card: &mut Card, program: Program, parts: u32, registers: u32, costs
     let index = card.warps[0].insert(program, 0, registers);
     let warp = &mut card.warps[0][index];
     for _ in 0..parts {
-        warp.items.push(Item { source: 0, request: 0, cost: 0 });
+        warp.items.push(Item { source: 0, request: 0, shared: 0, cost: 0 });
     }
     warp.merge(|_| costs);
     index

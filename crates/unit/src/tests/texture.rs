@@ -27,6 +27,8 @@ fn config() -> TextureConfig {
     TextureConfig {
         quads_per_cycle: 16,
         lookups_per_cycle: 32,
+        access_bytes: 128,
+        accesses_per_cycle: 1,
         filters_per_cycle: 8,
         skip_levels: true,
         cache_lines: 1024,
@@ -73,7 +75,8 @@ fn textured_from(config: &TextureConfig, kind: RequestKind, warps: &[(Cycle, Qua
             let mut plan = memory(&mut wiring);
             let (output, input) = wiring.channel("in", 0, FREE, ids[0], ids[1]);
             let (out, got) = wiring.channel("out", 0, FREE, ids[1], ids[2]);
-            let costs = CostTable::from(vec![Cost::from(vec![step([0; 4], kind), step([1, 0, 0, 0], RequestKind::End)])]);
+            let costs =
+                CostTable::from(vec![Cost::from(vec![step([0; Class::COUNT], kind), step([1, 0, 0, 0, 0], RequestKind::End)])]);
             let mut tile = TileWork { costs: costs.clone(), ..TileWork::default() };
             let mut card = card(1);
             let mut items = Vec::new();
@@ -181,16 +184,49 @@ fn the_fifo_covers_the_latency_as_far_as_it_goes() {
 #[test]
 fn stores_and_atomics_take_the_same_way() {
     // A store is answered after the latency: nothing comes back. Its bytes are those of the words that it moves.
-    let warp = [(vec![vec![1, 2]], 16)];
+    let warp = [(vec![vec![2, 3]], 16)];
     let got = textured(&config(), RequestKind::Store, &warp);
     assert_eq!((got.times, got.written, got.read, got.counts.accesses), (vec![1 + 20 + 1], 64, 0, 1));
     // An atomic is done in memory, each time anew.
     let got = textured(&config(), RequestKind::Atomic, &[warp[0].clone(), warp[0].clone()]);
     assert_eq!((got.requests, got.written, got.cache.accesses), (4, 16, 0));
-    assert_eq!(got.times, [1 + MISS + 1, 1 + MISS + 1]);
+    assert_eq!(got.times, [1 + MISS + 1, 2 + MISS + 1]);
     // A load goes through the cache and takes no filter.
     let got = textured(&config(), RequestKind::Load, &[(vec![vec![7]; 8], 4)]);
     assert_eq!((got.times, got.counts.operations, got.counts.accesses), (vec![1 + MISS + 1], 0, 8));
+}
+
+#[test]
+fn accesses_of_a_warp_are_looked_up_once_a_piece() {
+    // Eight parts that have the lines of a stride each: all in one piece of 128 bytes; a piece for each two parts; one for each part.
+    let warp = |stride: u32| ((0..8).map(|part| vec![part * stride / 4]).collect::<Vec<_>>(), 4);
+    for (stride, pieces, lines) in [(1, 1, 2), (4, 4, 8), (8, 8, 8), (64, 8, 8)] {
+        let asked = [(0, warp(stride)), (200, warp(stride))];
+        let got = textured_from(&config(), RequestKind::Load, &asked);
+        // With all lines there, the last is looked up a cycle for each piece after the first.
+        assert_eq!(got.times[1], 201 + (pieces - 1) + 20 + 1, "stride {stride}");
+        assert_eq!((got.cache.misses, got.cache.hits, got.counts.pieces), (lines, lines, 2 * pieces), "stride {stride}");
+        assert_eq!((got.read, got.counts.accesses), (64 * lines, 16), "stride {stride}");
+    }
+    // Two pieces a cycle, and smaller ones.
+    let last =
+        |config: &TextureConfig| textured_from(config, RequestKind::Load, &[(0, warp(8)), (200, warp(8))]).times[1] - 222;
+    assert_eq!(last(&TextureConfig { accesses_per_cycle: 2, ..config() }), 3);
+    assert_eq!(last(&TextureConfig { access_bytes: 256, ..config() }), 3);
+    // In any order, and the same place for all.
+    let mixed = (vec![vec![3, 0], vec![1], vec![2, 3], vec![0]], 4);
+    let got = textured(&config(), RequestKind::Load, &[mixed.clone(), (vec![vec![9]; 8], 4)]);
+    assert_eq!((got.cache.misses, got.cache.hits, got.counts.pieces), (5, 0, 3));
+    // A store of a warp sends each line once, with the bytes of all parts.
+    let quarter = (vec![vec![7]; 4], 4);
+    let got = textured(&config(), RequestKind::Store, &[quarter]);
+    assert_eq!((got.requests, got.written), (1, 64));
+    // Atomics are done one by one.
+    let got = textured(&config(), RequestKind::Atomic, &[(vec![vec![7]; 8], 4)]);
+    assert_eq!((got.requests, got.counts.pieces), (8, 1));
+    // Fewer entries of the queue than parts.
+    let narrow = TextureConfig { fifo: 1, ..config() };
+    assert_eq!(textured(&narrow, RequestKind::Load, &[(vec![vec![7]; 8], 4)]).times, [1 + MISS + 1]);
 }
 
 #[test]

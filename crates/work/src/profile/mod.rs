@@ -13,7 +13,7 @@ mod touch;
 pub use apart::{APART, ApartProfile, DEALT};
 pub use caches::BLOCK_CACHES;
 pub use lines::{FOLLOWED as LINES_FOLLOWED, GAPS, LineProfile, SPANS, gaps_of, span};
-pub use shader::ShaderProfile;
+pub use shader::{PIECE, ShaderProfile, TOGETHER};
 pub use touch::{BUNDLE, FIRST, FLAT, Sampled, Touch, Toucher};
 
 use pass::OpenPass;
@@ -358,9 +358,7 @@ impl OpenDispatch {
                 touches.push_once(Touch { line, by: Toucher::Store, ..Touch::default() });
             }
         }
-        for packet in &groups.packets {
-            self.cost.add(&groups.costs[packet.cost], &groups.requests[packet.first_request as usize..]);
-        }
+        self.cost.add_groups(groups);
         self.lines.extend(&groups.lines);
     }
 }

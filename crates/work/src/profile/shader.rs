@@ -1,6 +1,6 @@
 //! What shader invocations cost.
 
-use super::super::{Class, Cost, QUAD_SHADED, Request, RequestKind, Step, TileWork};
+use super::super::{Class, Cost, Groups, LINE, Packet, QUAD_SHADED, Request, RequestKind, Step, TileWork};
 
 /// What shader invocations cost, summed up: an entry a vertex, a quad, or four invocations of a workgroup.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -9,23 +9,58 @@ pub struct ShaderProfile {
     pub runs: u64,
     /// Instructions by class, summed over the runs.
     pub instructions: [u64; Class::COUNT],
+    /// Those of the longest chains of their steps.
+    pub chain: [u64; Class::COUNT],
     /// Texture requests.
     pub textures: u64,
     /// Their filter operations,
     pub operations: u64,
     /// and lines looked up.
     pub texture_lines: u64,
+    /// Steps before which a run waits for requests, where it goes on until it needs a result.
+    pub stops: u64,
+    /// Accesses to workgroup memory.
+    pub shared: u64,
+    /// Cycles that 32 banks of 4 bytes take for those of [`TOGETHER`] runs.
+    pub shared_cycles: u64,
     /// Loads, stores and atomics.
     pub accesses: u64,
     /// Their lines.
     pub access_lines: u64,
+    /// Pieces of [`PIECE`] bytes that they have in common with those beside them, counted once for [`TOGETHER`] runs.
+    pub access_pieces: u64,
 }
+
+/// Runs of four invocations that ask at once: a warp of 32.
+pub const TOGETHER: usize = 8;
+
+/// Bytes of the pieces of memory that accesses of a warp have in common.
+pub const PIECE: u64 = 128;
+
+/// Banks of workgroup memory.
+const BANKS: usize = 32;
 
 impl ShaderProfile {
     /// Adds a run.
     pub(super) fn add(&mut self, cost: &Cost, requests: &[Request]) {
         self.add_cost(cost, 1);
         self.add_requests(asking(cost), requests);
+    }
+
+    /// Adds the packets of workgroups.
+    pub(super) fn add_groups(&mut self, groups: &Groups) {
+        for together in groups.packets.chunks(TOGETHER) {
+            let before = self.access_pieces;
+            for packet in together {
+                self.add(&groups.costs[packet.cost], &groups.requests[packet.first_request as usize..]);
+            }
+            let cost = &groups.costs[together[0].cost];
+            // Those that take different paths ask one by one.
+            if together.iter().all(|packet| packet.cost == together[0].cost) {
+                self.access_pieces = before + pieces(groups, together, cost);
+            }
+            self.shared_cycles += shared_cycles(groups, together, cost);
+        }
     }
 
     /// Adds the shaded quads of a tile.
@@ -57,6 +92,15 @@ impl ShaderProfile {
         for (sum, n) in self.instructions.iter_mut().zip(cost.instructions()) {
             *sum += u64::from(n) * runs;
         }
+        let mut unanswered = 0_u64;
+        for step in &cost.steps {
+            let needs_all = matches!(step.then, RequestKind::End | RequestKind::Barrier);
+            let allowed = if needs_all { 0 } else { u64::from(step.in_flight.memory) };
+            self.stops += u64::from(unanswered > allowed) * runs;
+            unanswered = unanswered.min(allowed) + u64::from(step.then.has_request());
+            self.shared += u64::from(step.then == RequestKind::Shared) * runs;
+            self.chain.iter_mut().zip(step.chain).for_each(|(sum, n)| *sum += u64::from(n) * runs);
+        }
     }
 
     fn add_requests<'c>(&mut self, asking: impl Iterator<Item = &'c Step>, requests: &[Request]) {
@@ -68,6 +112,7 @@ impl ShaderProfile {
             } else {
                 self.accesses += 1;
                 self.access_lines += u64::from(request.lines);
+                self.access_pieces += u64::from(request.lines);
             }
         }
     }
@@ -76,6 +121,47 @@ impl ShaderProfile {
     pub fn requests(&self) -> u64 {
         self.textures + self.accesses
     }
+}
+
+/// Pieces that the accesses of packets with one cost ask for, each once an access.
+fn pieces(groups: &Groups, together: &[Packet], cost: &Cost) -> u64 {
+    let (mut sum, mut found) = (0, Vec::new());
+    for (at, step) in asking(cost).enumerate().filter(|(_, step)| step.then != RequestKind::Texture) {
+        found.clear();
+        for packet in together {
+            let request = &groups.requests[packet.first_request as usize + at];
+            let lines = &groups.lines[request.first_line as usize..][..usize::from(request.lines)];
+            found.extend(lines.iter().map(|&line| u64::from(line) * LINE / PIECE));
+        }
+        found.sort_unstable();
+        found.dedup();
+        sum += found.len() as u64;
+        debug_assert!(step.then.has_request());
+    }
+    sum
+}
+
+/// Cycles that banks take for the accesses of packets to workgroup memory.
+fn shared_cycles(groups: &Groups, together: &[Packet], cost: &Cost) -> u64 {
+    let (mut sum, mut found) = (0, Vec::new());
+    for at in 0..cost.steps.iter().filter(|step| step.then == RequestKind::Shared).count() {
+        found.clear();
+        let mut atomic = false;
+        for packet in together.iter().filter(|packet| packet.cost == together[0].cost) {
+            let request = &groups.shared[packet.first_shared as usize + at];
+            let words = &groups.words[request.first_line as usize..][..usize::from(request.lines)];
+            atomic |= request.operations == 0;
+            found.extend((0..u32::from(request.operations.max(1))).flat_map(|k| words.iter().map(move |word| word + k)));
+        }
+        if !atomic {
+            found.sort_unstable();
+            found.dedup();
+        }
+        let mut banks = [0_u64; BANKS];
+        found.iter().for_each(|&word| banks[word as usize % BANKS] += 1);
+        sum += banks.into_iter().max().unwrap_or(0);
+    }
+    sum
 }
 
 /// The steps of a cost that ask memory.
