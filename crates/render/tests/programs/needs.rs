@@ -101,6 +101,20 @@ fn random_frames(seed: u64) -> Trace {
                         depth.depth_clear = depth.depth_clear.filter(|_| kind == 0);
                         depth
                     });
+                    let mut draws = vec![Command::SetRenderPipeline(pipeline)];
+                    draws.extend(group.map(|group| Command::SetBindGroup { index: 0, group: Some(group), offsets: vec![] }));
+                    draws.push(Command::Draw { vertices: 3, instances: 2, first_vertex: 0, first_instance: number });
+                    if indirect {
+                        let buffer = arguments;
+                        draws.push(Command::DrawIndirect { buffer, offset: 0, indexed: false, count: 1, count_buffer: None });
+                    }
+                    // Some of them in a bundle, which is destroyed behind the pass.
+                    let bundled = (pick(3) == 0).then(|| {
+                        let mut bundle = card.begin_bundle();
+                        draws.drain(..).for_each(|command| bundle.push(command));
+                        bundle.id()
+                    });
+                    draws.extend(bundled.map(|bundle| Command::ExecuteBundles(vec![bundle])));
                     card.push(Command::BeginRenderPass {
                         color: vec![Some(attachment)],
                         depth,
@@ -108,22 +122,15 @@ fn random_frames(seed: u64) -> Trace {
                         timestamps: None,
                         label: None,
                     });
-                    card.push(Command::SetRenderPipeline(pipeline));
-                    if let Some(group) = group {
-                        card.push(Command::SetBindGroup { index: 0, group: Some(group), offsets: vec![] });
-                    }
                     if asked {
                         card.push(Command::BeginOcclusionQuery { index: 0 });
                     }
-                    card.push(Command::Draw { vertices: 3, instances: 2, first_vertex: 0, first_instance: number });
-                    if indirect {
-                        let buffer = arguments;
-                        card.push(Command::DrawIndirect { buffer, offset: 0, indexed: false, count: 1, count_buffer: None });
-                    }
+                    draws.into_iter().for_each(|command| card.push(command));
                     if asked {
                         card.push(Command::EndOcclusionQuery);
                     }
                     card.push(Command::EndRenderPass);
+                    bundled.into_iter().for_each(|bundle| card.push(Command::Destroy(Object::Bundle(bundle))));
                     if asked {
                         card.resolve_queries(queries, 0, 1, memory, 8 * u64::from(pick(4)));
                     }
