@@ -225,7 +225,7 @@ fn main() -> io::Result<()> {
     Corpus::of("sequences")?.choices(300)?;
     let configs = Corpus::of("configs")?;
     configs.copy(&root.join("configs"), "ron", None)?;
-    for setting in ["core.warps=8", "assembly.batch=9", "memory.channels=[1,2]", "sort=sort_last_image"] {
+    for setting in ["core.warps=8", "assembly.batch=9", "memory.channels=[1,2]", "sort=sort-last-image"] {
         configs.add(format!("--set {setting}"))?;
     }
     Corpus::of("experiments")?.copy(&root.join("configs/experiments"), "ron", None)?;

@@ -252,3 +252,22 @@ impl Why {
         json!({ "version": 1, "cycles": self.base.cycles, "phases": phases(&self.base), "changes": gains })
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn faults_are_named_by_the_change() {
+        let config = Config::built_in("tiny").expect("it is built in");
+        let relaxation = relaxations(&config, &|_| true).into_iter().next().expect("a change");
+        let timed = |fault: Option<&str>| Timed { fault: fault.map(str::to_owned), ..Timed::default() };
+        let gain = |timed| Gain { relaxation: relaxation.clone(), timed, evidence: String::new() };
+        let why = |base, gains| Why { base, gains, renderings: 1 };
+        let sound = why(timed(None), vec![gain(Ok(timed(None))), gain(Err("it stopped".into()))]);
+        assert_eq!(sound.faults().count(), 0);
+        let faulty = why(timed(Some("here")), vec![gain(Ok(timed(None))), gain(Ok(timed(Some("there"))))]);
+        let title = relaxation.title.as_str();
+        assert_eq!(faulty.faults().collect::<Vec<_>>(), [("no change", "here"), (title, "there")]);
+    }
+}

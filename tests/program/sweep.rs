@@ -372,6 +372,28 @@ fn an_experiment_in_a_file_is_the_same_as_its_options() {
 }
 
 #[test]
+fn wrong_pixels_of_a_machine_that_keeps_its_order_are_a_fault() {
+    let home = tempfile::tempdir().expect("a folder");
+    let out = home.path().join("s");
+    assert_eq!(sweep(&out, &[]).0, 0);
+    let results = out.join("shard-1-of-1.jsonl");
+    let text = fs::read_to_string(&results).expect("results");
+    let marked: Vec<String> = text
+        .lines()
+        .map(|line| match line.contains("\"machine\":4,") {
+            true => line.replace("\"wrong_pixels\":0", "\"wrong_pixels\":7"),
+            false => line.to_owned(),
+        })
+        .collect();
+    fs::write(&results, marked.join("\n") + "\n").expect("written");
+    // The tables are made again from the results.
+    let (code, _, message) = sweep(&out, &[]);
+    assert_eq!(code, 1, "{message}");
+    let told = "error: machine 4: 7 pixels are not those of functional rendering, and this machine keeps its order. This is a fault of Fillrate";
+    assert!(message.contains(told) && message.matches("pixels").count() == 1, "{message}");
+}
+
+#[test]
 fn bad_input_is_refused_with_its_place() {
     let home = tempfile::tempdir().expect("a folder");
     let out = home.path().join("out").display().to_string();
