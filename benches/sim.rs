@@ -173,7 +173,9 @@ fn dram(c: &mut Criterion) {
         channels: 1,
         clock: 7,
         card_cycles: 4,
+        latency: 1,
         banks: 16,
+        bank_groups: 1,
         row_bytes: 2048,
         burst_bytes: 64,
         burst_cycles: 2,
@@ -191,7 +193,9 @@ fn dram(c: &mut Criterion) {
         t_rfc: 230,
         t_refi: 6800,
         window: 32,
+        write_queue: 32,
         write_high: 16,
+        write_low: 8,
         hash_banks: true,
         ..DramConfig::default()
     };

@@ -163,7 +163,10 @@ fn is_memory_latency(section: &str, knob: &Knob) -> bool {
     match section {
         "memory" => knob.name.ends_with("latency"),
         "memory.l2" => knob.name == "latency",
-        "memory.dram" => knob.unit == "DRAM cycles" && !matches!(knob.name, "burst_cycles" | "t_rfc" | "t_refi"),
+        "memory.dram" => {
+            knob.unit == "DRAM cycles" && !matches!(knob.name, "burst_cycles" | "t_ccd_l" | "page_idle" | "t_rfc" | "t_refi")
+                || knob.name == "latency"
+        }
         _ => false,
     }
 }
@@ -301,7 +304,7 @@ pub fn relaxations(base: &Config, has: &dyn Fn(&str) -> bool) -> Vec<Relaxation>
     // Bursts that take one cycle cannot be shorter: twice the channels then.
     let (wide, ideal) = (base.dram.burst_cycles == 1, base.memory.kind == MemoryKind::Ideal);
     finder.add("twice the memory bandwidth".into(), "memory", Resource::MemoryBandwidth, |finder, _, path, knob| match path {
-        "memory.dram.burst_cycles" if !ideal && !wide => finder.half(path, knob),
+        "memory.dram.burst_cycles" | "memory.dram.t_ccd_l" if !ideal && !wide => finder.half(path, knob),
         "memory.dram.channels" | "memory.l2.slices" if !ideal && wide => finder.times(path, knob, 2),
         "memory.ideal_bytes_per_cycle" if ideal => finder.times(path, knob, 2),
         _ => None,
@@ -359,11 +362,14 @@ mod tests {
         );
         assert_eq!(options(&list, "texture: twice as large a cache"), "--set texture.cache_lines=512");
         assert_eq!(options(&list, "twice the cores"), "--set core.per_pipeline=2");
-        assert_eq!(options(&list, "twice the memory bandwidth"), "--set memory.dram.burst_cycles=1");
-        assert!(
-            options(&list, "half the memory latency")
-                .starts_with("--set memory.port_latency=10 --set memory.l2.latency=15 --set memory.dram.t_rcd=9")
+        assert_eq!(
+            options(&list, "twice the memory bandwidth"),
+            "--set memory.dram.burst_cycles=1 --set memory.dram.t_ccd_l=2"
         );
+        assert!(options(&list, "half the memory latency").starts_with(
+            "--set memory.port_latency=23 --set memory.rop_latency=2 --set memory.l2.latency=28 --set memory.dram.latency=30 \
+                 --set memory.dram.t_rcd=9"
+        ));
         assert_eq!(options(&list, "draws culled by their bounds"), "--set command.cull=draws");
         assert_eq!(options(&list, "screen tiles an eighth as wide"), "--set distribute.tile=8");
         assert_eq!(options(&list, "screen tiles dealt in the pattern morton"), "--set distribute.pattern=morton");

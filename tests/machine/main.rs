@@ -8,6 +8,7 @@ mod draw_culls;
 mod estimates;
 mod front_rates;
 mod history;
+mod ideal;
 mod image;
 mod knobs;
 mod laws;

@@ -24,7 +24,11 @@ const SCARCE: &[(&str, &[&str], &str)] = &[
     ),
     ("cube", &["texture.misses=1"], "texture: twice as much in flight"),
     ("viewer.zip", &["fetch.lookups_per_cycle=1"], "fetch: twice as fast"),
-    ("panel.zip", &["memory.port_latency=1000"], "half the memory latency"),
+    (
+        "panel.zip",
+        &["memory.port_latency=1000", "memory.l2.latency=1000", "memory.dram.latency=1000"],
+        "half the memory latency",
+    ),
     ("panel.zip", &["memory.kind=ideal", "memory.ideal_bytes_per_cycle=4"], "twice the memory bandwidth"),
     ("panel.zip", &["memory.port_width=8"], "memory: twice as wide ports and slices"),
     ("panel.zip", &["command.command_cycles=20000"], "command: twice as fast"),

@@ -4,6 +4,9 @@
 //! the order of their time: a precharge as soon as no request in the window wants the open row any more, an activation when
 //! tRP, tRRD and tFAW allow it, a column access when tRCD and the data bus do. Banks prepare their rows while others transfer.
 //! (A reservation of whole transactions, bank after bank, was rejected: it holds back activations that could go first.)
+//!
+//! Reads and writes wait in queues of their own, and the channel serves one of the two at a time. Writes, for which nobody waits, go when
+//! there are no reads, or together once their queue is filled to its high watermark.
 
 use std::collections::VecDeque;
 
@@ -12,6 +15,28 @@ use knob::Allowed;
 use num::{Cycle, NEVER};
 use sim::{In, Out, Tick, Unit, Wires};
 use stats::Heading;
+
+knob::choices! {
+    /// When a bank's row is closed that no request in the queues wants.
+    pub enum PagePolicy {
+        /// Once another row of the bank is wanted.
+        Open "open",
+        /// When it has not been used for a time.
+        Idle "idle",
+        /// At once.
+        Closed "closed",
+    }
+}
+
+knob::choices! {
+    /// What a refresh closes and holds up.
+    pub enum RefreshScope {
+        /// All banks of the channel.
+        AllBanks "all-banks",
+        /// One bank, the banks in turn.
+        PerBank "per-bank",
+    }
+}
 
 knob::knobs! {
     /// DRAM. Times are in cycles of its command clock.
@@ -23,14 +48,21 @@ knob::knobs! {
         clock: u32 ["cycles", Allowed::Range(1, 10000), "1.5 GHz: GDDR5 of 6 Gbit/s a pin"],
         /// Cycles of the card in which the DRAM's clock ticks `clock` times.
         card_cycles: u32 ["cycles", Allowed::Range(1, 10000), "see clock"],
+        /// Cycles of the card from a slice to the queues of its channel, and from the last data of a read back to the slice: controller, PHY and
+        /// wires.
+        latency: u32 ["cycles", Allowed::Range(1, 1024), "60: an access of DRAM takes 150 cycles more than an L2 hit on Maxwell (357 against 207; Arafa et al. 2019, Jia et al. 2019), 30 of them in the chip"],
         /// Banks of a channel.
         banks: u32 ["banks", Allowed::Range(1, 64), "16 (GDDR5, JESD212)"],
+        /// Groups of banks. Neighbouring banks are of different groups.
+        bank_groups: u32 ["groups", Allowed::PowerOfTwo(1, 16), "4 (GDDR5, JESD212); 1 in memory without bank groups"],
         /// Bytes of a row.
         row_bytes: u32 ["bytes", Allowed::PowerOfTwo(256, 65536), "2 KB (GDDR5); ATTILA bGPU.ini V2MemoryRowSize = 2048"],
         /// Bytes of a burst.
         burst_bytes: u32 ["bytes", Allowed::PowerOfTwo(8, 256), "burst of 8 on 32 bits"],
         /// Cycles of a burst on the data bus.
         burst_cycles: u32 ["DRAM cycles", Allowed::Range(1, 64), "8 beats, 4 a command clock"],
+        /// Burst to burst of one bank group. Without effect where there is one group, or where it is no longer than a burst.
+        t_ccd_l: u32 ["DRAM cycles", Allowed::Range(1, 64), "tCCDL of GDDR5: 3 cycles, one more than a burst (Hynix H5GQ1H24AFR)"],
         /// Activation to column access.
         t_rcd: u32 ["DRAM cycles", Allowed::Range(1, 1000), "12 ns (Hynix H5GQ1H24AFR)"],
         /// Precharge to activation.
@@ -53,14 +85,24 @@ knob::knobs! {
         t_wtr: u32 ["DRAM cycles", Allowed::Range(1, 1000), "5 ns"],
         /// End of read data to write data.
         t_rtw: u32 ["DRAM cycles", Allowed::Range(0, 1000), "turn of the bus"],
+        /// What a refresh closes and holds up.
+        refresh: RefreshScope ["", Allowed::Choice(RefreshScope::NAMES), "GDDR5 refreshes all banks (JESD212); LPDDR4, HBM and GDDR6 can refresh one"],
         /// Length of a refresh.
         t_rfc: u32 ["DRAM cycles", Allowed::Range(0, 10000), "65 ns"],
-        /// Refresh to refresh; 0 for none.
+        /// Refresh to refresh of a bank; 0 for none.
         t_refi: u32 ["DRAM cycles", Allowed::Range(0, 1000000), "1.9 us"],
-        /// Requests among which the scheduler chooses.
+        /// When a row is closed that no request wants.
+        page: PagePolicy ["", Allowed::Choice(PagePolicy::NAMES), "open rows serve streams; ATTILA's controller closes them (bGPU.ini V2PagePolicy = 0)"],
+        /// From the last access to a row to its end, where `page` is idle.
+        page_idle: u32 ["DRAM cycles", Allowed::Range(1, 65535), "assumed: about tRC, the time that a row takes to be opened anew"],
+        /// Reads among which the scheduler chooses.
         window: u32 ["requests", Allowed::Range(1, 64), "ATTILA bGPU.ini V2MaxChannelTransactions = 64"],
-        /// Writes in the window that make them go first.
-        write_high: u32 ["requests", Allowed::Range(1, 64), "three quarters of the window"],
+        /// Writes that wait in the queue of writes.
+        write_queue: u32 ["requests", Allowed::Range(1, 64), "64 (Chatterjee et al. 2012, USIMM; gem5 write_buffer_size)"],
+        /// Writes in their queue from which on they go first; all of its places, where it has fewer.
+        write_high: u32 ["requests", Allowed::Range(1, 64), "40 of 64 (USIMM's high watermark); gem5 85 %"],
+        /// Writes in their queue with which reads go first again. Where that is not fewer than `write_high`, it is half of `write_high`.
+        write_low: u32 ["requests", Allowed::Range(0, 63), "20 of 64 (USIMM's low watermark); gem5 50 %"],
         /// Whether bank numbers are mixed with row bits.
         hash_banks: bool ["", Allowed::Switch, "permutation-based interleaving (Zhang et al. 2000)"],
     }
@@ -73,6 +115,7 @@ impl DramConfig {
             channels: 1,
             clock: 1,
             card_cycles: 1,
+            latency: 1,
             banks: 16,
             row_bytes: 8192,
             burst_bytes: 64,
@@ -88,10 +131,17 @@ impl DramConfig {
             t_wr: 24,
             t_wtr: 12,
             t_rtw: 2,
+            refresh: RefreshScope::AllBanks,
             t_rfc: 560,
             t_refi: 12480,
+            bank_groups: 1,
+            t_ccd_l: 4,
+            page: PagePolicy::Open,
+            page_idle: 100,
             window: 64,
-            write_high: 16,
+            write_queue: 64,
+            write_high: 40,
+            write_low: 20,
             hash_banks: false,
             ..DramConfig::default()
         }
@@ -122,23 +172,28 @@ stats::counters! {
 /// Most bytes of a request: the longest line of a second-level cache.
 const LONGEST: u32 = 256;
 
-/// A request in the window.
+/// A request in a queue.
 #[derive(Clone, Copy, Debug, Default)]
 struct Queued {
     row: u64,
     bank: u32,
+    /// Bursts that have still to go.
     bursts: u32,
     id: u32,
     port: u32,
 }
 
-/// A set of places of the window's ring, which has twice as many as the window: a request that has to wait long holds up those
-/// who come after it only when they are that many.
-type Places = u128;
-const RING: u32 = Places::BITS;
+/// A set of slots of a queue's ring, which has twice as many as a queue holds: a request that waits long holds up later ones only when
+/// they are that many.
+type Slots = u128;
+const RING: u32 = Slots::BITS;
 
 /// No row is open.
 const CLOSED: u64 = u64::MAX;
+
+/// Numbers of the two queues, and of what banks note for each.
+const READS: usize = 0;
+const WRITES: usize = 1;
 
 #[derive(Clone, Copy, Debug)]
 struct Bank {
@@ -147,11 +202,47 @@ struct Bank {
     column_at: u64,
     /// From when the open row can be closed; of a closed bank, from when a row can be opened.
     ready_at: u64,
+    /// When the open row was accessed last, or opened.
+    used_at: u64,
     /// The first access to the row has still to come.
     fresh: bool,
-    /// Places with requests to this bank, and those to its open row.
-    queue: Places,
-    hits: Places,
+    /// By queue, the slots of requests for this bank, and of those for its open row.
+    queue: [Slots; 2],
+    hits: [Slots; 2],
+}
+
+/// The reads or the writes that wait in a channel.
+#[derive(Clone, Debug)]
+struct Queue {
+    requests: [Queued; RING as usize],
+    /// Taken slots. Slots are taken round robin: rotated by `next`, the lowest bit is the request that came first.
+    taken: Slots,
+    next: u32,
+    /// How many requests wait, and how many can.
+    waiting: u32,
+    size: u32,
+    /// Banks that are closed although a request waits for one of their rows.
+    closed: u64,
+    /// Banks with requests for their open row.
+    hitting: u64,
+}
+
+impl Queue {
+    fn new(size: u32) -> Queue {
+        Queue { requests: [Queued::default(); RING as usize], taken: 0, next: 0, waiting: 0, size, closed: 0, hitting: 0 }
+    }
+
+    #[inline(always)]
+    fn has_room(&self) -> bool {
+        self.waiting < self.size && self.taken & (1 << self.next) == 0
+    }
+
+    /// The request of a set that came first. Slots are given out in a ring, so age is distance from the next one.
+    #[inline(always)]
+    fn oldest(&self, slots: Slots) -> usize {
+        let turned = slots.rotate_right(self.next);
+        ((turned.trailing_zeros() + self.next) % RING) as usize
+    }
 }
 
 /// A DRAM channel. Its items are requests.
@@ -159,39 +250,45 @@ struct Bank {
 pub struct Dram {
     config: DramConfig,
     banks: Vec<Bank>,
-    window: [Queued; RING as usize],
-    /// Taken places of the window, and those with writes. Places are taken round robin: rotated by `oldest`, the lowest bit is the
-    /// request that came first.
-    taken: Places,
-    writes: Places,
-    next_place: u32,
-    /// How many of each there are.
-    queued_reads: u32,
-    queued_writes: u32,
+    /// Reads and writes.
+    queues: [Queue; 2],
+    /// The queue that is served.
+    serving: usize,
+    /// Writes from which on they go first, and with which reads do again.
+    write_high: u32,
+    write_low: u32,
     /// The card cycle before which no command can go, found when the last of a cycle had gone and void once a request enters.
     command_at: Cycle,
-    /// Banks that are closed although a request waits for one of their rows.
-    waiting: u64,
-    /// Banks with requests to their open row.
-    hitting: u64,
-    writing: bool,
-    /// Earliest times of the next column access by direction, and of the next activation.
-    read_at: u64,
-    write_at: u64,
+    /// Earliest times of the next column access by queue, and of the next activation.
+    access_at: [u64; 2],
     activate_at: u64,
+    /// From a burst to the next of the same bank group, and by group, when the next can go.
+    group_gap: u64,
+    group_at: [u64; MAX_GROUPS],
+    /// After how long a row is closed that is not used; none where it stays open.
+    page_idle: Option<u64>,
     /// The ends of the windows that the last four activations opened, the oldest at `turn`.
     activations: [u64; 4],
     turn: usize,
-    /// When the next refresh is due, and the end of all data so far.
+    /// Refreshes so far, those among them that have passed unseen, and when the next is due.
+    refreshes: u64,
     refresh_at: u64,
+    /// Refreshes of the channel in the time between two refreshes of a bank.
+    refresh_turns: u64,
+    /// The end of all data so far.
     data_end: u64,
     /// Reads whose data come: the cycle, port and id.
     flight: VecDeque<(Cycle, u32, u32)>,
+    /// The port whose requests enter first.
+    first_port: usize,
     items: u64,
     counts: DramCounts,
     inputs: Vec<In<DramRequest>>,
     outputs: Vec<Out<DramAnswer>>,
 }
+
+/// Most groups of banks.
+const MAX_GROUPS: usize = 16;
 
 impl DramConfig {
     /// Whether the values make a channel.
@@ -209,7 +306,12 @@ impl DramConfig {
             ),
             (self.burst_cycles >= 1 && self.cl >= 1 && self.cwl >= 1, "burst, cl and cwl must be positive"),
             ((1..=64).contains(&self.window), "window must be 1 to 64"),
-            (self.write_high >= 1 && self.write_high <= self.window, "write_high must be 1 to window"),
+            ((1..=64).contains(&self.write_queue), "write_queue must be 1 to 64"),
+            (self.write_high >= 1, "write_high must be at least 1"),
+            (
+                self.bank_groups.is_power_of_two() && self.bank_groups as usize <= MAX_GROUPS,
+                "bank_groups must be a power of two of at most 16",
+            ),
         ];
         if let Some((_, rule)) = rules.iter().find(|(holds, _)| !holds) {
             return Err((*rule).to_owned());
@@ -229,8 +331,9 @@ impl DramConfig {
         let c = |cycles: u32| u64::from(cycles);
         // 1. What was under way as the refresh came: data on the bus, rows that have to stay open.
         let bursts = c(LONGEST.div_ceil(self.burst_bytes) + 1);
-        let data = c(self.cl.max(self.cwl)) + bursts * c(self.burst_cycles);
-        let open = c(self.t_ras).max(data + c(self.t_wr)).max(bursts * c(self.burst_cycles) + c(self.t_rtp));
+        let accesses = bursts * self.group_gap();
+        let data = c(self.cl.max(self.cwl)) + accesses;
+        let open = c(self.t_ras).max(data + c(self.t_wr)).max(accesses + c(self.t_rtp));
         // 2. The refresh, an activation and the access to its row, which waits for the bus as well.
         let activation = (open + c(self.t_rp) + c(self.t_rfc)).max(c(self.t_faw.max(self.t_rrd)));
         let access = (activation + c(self.t_rcd)).max(data + c(self.t_wtr.max(self.t_rtw)));
@@ -238,6 +341,31 @@ impl DramConfig {
         let served =
             if c(self.clock / self.card_cycles) > access { 0 } else { access + c(self.clock.div_ceil(self.card_cycles)) };
         served.max(2 * c(self.t_rfc))
+    }
+
+    /// From a burst to the next of the same bank group, in DRAM cycles.
+    fn group_gap(&self) -> u64 {
+        u64::from(if self.bank_groups > 1 { self.t_ccd_l.max(self.burst_cycles) } else { self.burst_cycles })
+    }
+
+    /// Writes from which on they go first: `write_high`, or as many as there is room for.
+    pub fn write_high(&self) -> u32 {
+        self.write_high.min(self.write_queue)
+    }
+
+    /// Writes with which reads go first again: `write_low`, or half of [`DramConfig::write_high`] where that is not fewer.
+    pub fn write_low(&self) -> u32 {
+        if self.write_low < self.write_high() { self.write_low } else { self.write_high() / 2 }
+    }
+
+    /// Refreshes of the channel in the time between two refreshes of a bank.
+    fn refresh_turns(&self) -> u64 {
+        if self.refresh == RefreshScope::PerBank { u64::from(self.banks) } else { 1 }
+    }
+
+    /// When a refresh of the channel is due, counted from 0.
+    fn refresh_due(&self, number: u64) -> u64 {
+        if self.t_refi == 0 { NEVER } else { (number + 1) * u64::from(self.t_refi) / self.refresh_turns() }
     }
 
     /// The first DRAM clock tick of a card cycle.
@@ -279,27 +407,31 @@ impl Dram {
     /// If the configuration does not [`check`](DramConfig::check).
     pub fn new(config: DramConfig, inputs: Vec<In<DramRequest>>, outputs: Vec<Out<DramAnswer>>) -> Dram {
         assert_eq!(config.check(), Ok(()));
-        let bank = Bank { row: CLOSED, column_at: 0, ready_at: 0, fresh: false, queue: 0, hits: 0 };
+        let bank = Bank { row: CLOSED, column_at: 0, ready_at: 0, used_at: 0, fresh: false, queue: [0; 2], hits: [0; 2] };
         Dram {
             banks: vec![bank; config.banks as usize],
-            window: [Queued::default(); RING as usize],
-            taken: 0,
-            writes: 0,
-            next_place: 0,
-            queued_reads: 0,
-            queued_writes: 0,
+            queues: [Queue::new(config.window), Queue::new(config.write_queue)],
+            serving: READS,
+            write_high: config.write_high(),
+            write_low: config.write_low(),
             command_at: 0,
-            waiting: 0,
-            hitting: 0,
-            writing: false,
-            read_at: 0,
-            write_at: 0,
+            access_at: [0; 2],
             activate_at: 0,
+            group_gap: config.group_gap(),
+            group_at: [0; MAX_GROUPS],
+            page_idle: match config.page {
+                PagePolicy::Open => None,
+                PagePolicy::Idle => Some(u64::from(config.page_idle)),
+                PagePolicy::Closed => Some(0),
+            },
             activations: [0; 4],
             turn: 0,
-            refresh_at: if config.t_refi == 0 { NEVER } else { u64::from(config.t_refi) },
+            refreshes: 0,
+            refresh_at: config.refresh_due(0),
+            refresh_turns: config.refresh_turns(),
             data_end: 0,
             flight: VecDeque::with_capacity(256),
+            first_port: 0,
             items: 0,
             counts: DramCounts::default(),
             config,
@@ -318,98 +450,107 @@ impl Dram {
         self.counts.bus_cycles * u64::from(self.config.card_cycles) / u64::from(self.config.clock)
     }
 
-    /// The request of a set that came first. Places are given out in a ring, so age is distance from the next one.
+    /// Requests in both queues.
     #[inline(always)]
-    fn oldest(&self, places: Places) -> usize {
-        let turned = places.rotate_right(self.next_place);
-        ((turned.trailing_zeros() + self.next_place) % RING) as usize
+    fn waiting(&self) -> u32 {
+        self.queues[READS].waiting + self.queues[WRITES].waiting
     }
 
-    /// Requests that may go now.
+    /// Chooses the queue to serve after the queues have changed. Banks whose open row only the other queue wants are closed then.
     #[inline(always)]
-    fn direction(&self) -> Places {
-        if self.writing { self.taken & self.writes } else { self.taken & !self.writes }
-    }
-
-    /// Chooses the direction after the window has changed. Banks whose open row only the other direction wants are closed then.
-    #[inline(always)]
-    fn choose_direction(&mut self, time: u64) {
-        let (reads, writes) = (self.queued_reads, self.queued_writes);
-        let enough = if self.writing { self.config.write_high / 2 + 1 } else { self.config.write_high };
-        let writing = writes > 0 && (reads == 0 || writes >= enough);
-        if writing != self.writing {
-            self.writing = writing;
+    fn choose_queue(&mut self, time: u64) {
+        let [reads, writes] = [self.queues[READS].waiting, self.queues[WRITES].waiting];
+        let enough = if self.serving == WRITES { self.write_low + 1 } else { self.write_high };
+        let serving = if writes > 0 && (reads == 0 || writes >= enough) { WRITES } else { READS };
+        if serving != self.serving {
+            self.serving = serving;
             for number in 0..self.banks.len() {
                 self.precharge(number, time);
             }
         }
     }
 
-    /// Closes a bank's row if requests wait for the bank but none for that row.
+    /// Closes a bank's row if requests of the queue that is served wait for the bank but none for that row.
     #[inline(always)]
     fn precharge(&mut self, number: usize, time: u64) {
-        let direction = self.direction();
+        self.close_unused(number, time);
+        let bank = &self.banks[number];
+        if bank.row != CLOSED && bank.hits[self.serving] == 0 && bank.queue[self.serving] != 0 {
+            self.close(number, time);
+        }
+    }
+
+    /// Closes the row of a bank for which there are no requests, if it has not been used for so long that the page policy closes it. That
+    /// has happened before: it is found out when the bank is looked at again.
+    #[inline(always)]
+    fn close_unused(&mut self, number: usize, time: u64) {
+        let Some(idle) = self.page_idle else { return };
+        let bank = &self.banks[number];
+        let closes = bank.used_at + idle;
+        if bank.row != CLOSED && bank.hits == [0; 2] && closes <= time {
+            self.close(number, closes);
+        }
+    }
+
+    /// Closes a bank's row at a time, or as soon after it as the row can be closed.
+    #[inline(always)]
+    fn close(&mut self, number: usize, time: u64) {
         let bank = &mut self.banks[number];
-        if bank.row != CLOSED && bank.hits & direction == 0 && bank.queue & direction != 0 {
-            bank.row = CLOSED;
-            bank.hits = 0;
-            bank.ready_at = bank.ready_at.max(time) + u64::from(self.config.t_rp);
-            self.hitting &= !(1 << number);
-            self.waiting |= 1 << number;
+        bank.row = CLOSED;
+        bank.hits = [0; 2];
+        bank.ready_at = bank.ready_at.max(time) + u64::from(self.config.t_rp);
+        for (queue, requests) in self.queues.iter_mut().zip(bank.queue) {
+            queue.hitting &= !(1 << number);
+            queue.closed |= u64::from(requests != 0) << number;
         }
     }
 
     /// The bank that opens a row next, and when: that of the oldest request among the banks that can go first. Any bank, and no
-    /// later than it will be, if that is at `end` or later.
+    /// later than it will be, if that is at `end` or later. Rows for the queue that is not served would be closed again.
     #[inline(always)]
     fn next_activation(&self, time: u64, end: u64) -> Option<(u64, usize)> {
-        if self.waiting == 0 {
+        let queue = &self.queues[self.serving];
+        if queue.closed == 0 {
             return None;
         }
         let floor = time.max(self.activate_at);
         if floor >= end {
             return Some((floor, 0));
         }
-        let direction = self.direction();
         let mut ready = 0;
         let mut soonest = (NEVER, 0);
-        each_bit(self.waiting, |number| {
+        each_bit(queue.closed, |number| {
             let bank = &self.banks[number];
-            // Rows for the other direction wait for their turn: they would be closed again.
-            let queue = bank.queue & direction;
-            if queue != 0 {
-                if bank.ready_at <= floor {
-                    ready |= queue;
-                } else if bank.ready_at < soonest.0 {
-                    soonest = (bank.ready_at, number);
-                }
+            if bank.ready_at <= floor {
+                ready |= bank.queue[self.serving];
+            } else if bank.ready_at < soonest.0 {
+                soonest = (bank.ready_at, number);
             }
         });
-        if ready != 0 {
-            Some((floor, self.window[self.oldest(ready)].bank as usize))
-        } else {
-            (soonest.0 != NEVER).then_some(soonest)
-        }
+        if ready != 0 { Some((floor, queue.requests[queue.oldest(ready)].bank as usize)) } else { Some(soonest) }
     }
 
     #[inline(always)]
     fn activate(&mut self, number: usize, at: u64) {
-        let first = self.oldest(self.banks[number].queue & self.direction());
-        let row = self.window[first].row;
+        let queue = &self.queues[self.serving];
+        let row = queue.requests[queue.oldest(self.banks[number].queue[self.serving])].row;
         let bank = &mut self.banks[number];
         bank.row = row;
         bank.fresh = true;
         bank.column_at = at + u64::from(self.config.t_rcd);
         bank.ready_at = at + u64::from(self.config.t_ras);
-        let (mut hits, mut places) = (0, bank.queue);
-        while places != 0 {
-            let place = places.trailing_zeros();
-            hits |= Places::from(self.window[place as usize].row == row) << place;
-            places &= places - 1;
+        bank.used_at = at;
+        for (which, queue) in self.queues.iter_mut().enumerate() {
+            let (mut hits, mut slots) = (0, bank.queue[which]);
+            while slots != 0 {
+                let slot = slots.trailing_zeros();
+                hits |= Slots::from(queue.requests[slot as usize].row == row) << slot;
+                slots &= slots - 1;
+            }
+            bank.hits[which] = hits;
+            queue.closed &= !(1 << number);
+            queue.hitting |= u64::from(hits != 0) << number;
         }
-        bank.hits = hits;
-        self.waiting &= !(1 << number);
-        self.hitting |= 1 << number;
         // The ring holds from when a fifth activation may follow each of the last four.
         self.activations[self.turn] = at + u64::from(self.config.t_faw);
         self.turn = (self.turn + 1) & 3;
@@ -420,104 +561,116 @@ impl Dram {
     /// that is at `end` or later.
     #[inline(always)]
     fn next_access(&self, time: u64, end: u64) -> Option<(u64, usize)> {
-        if self.hitting == 0 {
+        let queue = &self.queues[self.serving];
+        if queue.hitting == 0 {
             return None;
         }
-        let direction = self.direction();
-        let bus = time.max(if self.writing { self.write_at } else { self.read_at });
+        let bus = time.max(self.access_at[self.serving]);
         if bus >= end {
             return Some((bus, 0));
         }
         let mut ready = 0;
-        let mut soonest = NEVER;
-        let mut soonest_hits = 0;
-        each_bit(self.hitting, |number| {
+        let mut soonest = (NEVER, 0);
+        each_bit(queue.hitting, |number| {
             let bank = &self.banks[number];
-            let hits = bank.hits & direction;
-            if hits != 0 {
-                if bank.column_at <= bus {
-                    ready |= hits;
-                } else if bank.column_at < soonest {
-                    soonest = bank.column_at;
-                    soonest_hits = hits;
-                }
+            let from = bank.column_at.max(self.group_at[number & (self.config.bank_groups as usize - 1)]);
+            if from <= bus {
+                ready |= bank.hits[self.serving];
+            } else if from < soonest.0 {
+                soonest = (from, number);
             }
         });
         if ready != 0 {
-            Some((bus, self.oldest(ready)))
-        } else if soonest != NEVER {
-            Some((soonest, self.oldest(soonest_hits)))
+            Some((bus, queue.oldest(ready)))
         } else {
-            None
+            Some((soonest.0, queue.oldest(self.banks[soonest.1].hits[self.serving])))
         }
     }
 
+    /// The bursts of a request go, or one of them where others can go before the next.
     #[inline(always)]
-    fn access(&mut self, place: usize, at: u64) {
+    fn access(&mut self, slot: usize, at: u64) {
         let c = &self.config;
-        let request = self.window[place];
-        let bank = &mut self.banks[request.bank as usize];
-        let length = u64::from(request.bursts * c.burst_cycles);
-        let bytes = u64::from(request.bursts * c.burst_bytes);
-        let start = at + u64::from(if self.writing { c.cwl } else { c.cl });
+        let serving = self.serving;
+        let request = &mut self.queues[serving].requests[slot];
+        let bursts = if self.group_gap > u64::from(c.burst_cycles) { 1 } else { request.bursts };
+        request.bursts -= bursts;
+        let request = *request;
+        let number = request.bank as usize;
+        let bank = &mut self.banks[number];
+        let length = u64::from(bursts * c.burst_cycles);
+        let bytes = u64::from(bursts * c.burst_bytes);
+        let start = at + u64::from(if serving == WRITES { c.cwl } else { c.cl });
         let end = start + length;
         self.data_end = end;
-        if self.writing {
-            self.queued_writes -= 1;
+        self.access_at[serving] = at + length;
+        self.group_at[number & (c.bank_groups as usize - 1)] = at + self.group_gap;
+        if serving == WRITES {
             bank.ready_at = bank.ready_at.max(end + u64::from(c.t_wr));
-            self.write_at = at + length;
-            self.read_at = (end + u64::from(c.t_wtr)).max(self.read_at);
+            self.access_at[READS] = (end + u64::from(c.t_wtr)).max(self.access_at[READS]);
             self.counts.write_bytes += bytes;
-            self.items += 1;
         } else {
-            self.queued_reads -= 1;
             bank.ready_at = bank.ready_at.max(at + length - u64::from(c.burst_cycles) + u64::from(c.t_rtp));
-            self.read_at = at + length;
-            self.write_at = (end + u64::from(c.t_rtw)).saturating_sub(u64::from(c.cwl)).max(self.write_at);
+            let turned = (end + u64::from(c.t_rtw)).saturating_sub(u64::from(c.cwl));
+            self.access_at[WRITES] = turned.max(self.access_at[WRITES]);
             self.counts.read_bytes += bytes;
-            // The data are there when the last of them has gone over the bus.
-            self.flight.push_back((c.cycle(end - 1) + 1, request.port, request.id));
         }
-        self.counts.row_hits += u64::from(request.bursts - u32::from(bank.fresh));
+        self.counts.row_hits += u64::from(bursts - u32::from(bank.fresh));
         self.counts.row_misses += u64::from(bank.fresh);
         self.counts.bus_cycles += length;
         bank.fresh = false;
-        bank.queue &= !(1 << place);
-        bank.hits &= !(1 << place);
-        self.taken &= !(1 << place);
-        self.writes &= !(1 << place);
-        if bank.hits == 0 {
-            self.hitting &= !(1 << request.bank);
+        bank.used_at = at + length;
+        if request.bursts > 0 {
+            return;
         }
-        self.choose_direction(at);
-        self.precharge(request.bank as usize, at);
+        if serving == WRITES {
+            self.items += 1;
+        } else {
+            // The data are there when the last of them has gone over the bus.
+            self.flight.push_back((c.cycle(end - 1) + 1, request.port, request.id));
+        }
+        bank.queue[serving] &= !(1 << slot);
+        bank.hits[serving] &= !(1 << slot);
+        let queue = &mut self.queues[serving];
+        queue.waiting -= 1;
+        queue.taken &= !(1 << slot);
+        if bank.hits[serving] == 0 {
+            queue.hitting &= !(1 << number);
+        }
+        self.choose_queue(at);
+        self.precharge(number, at);
     }
 
-    /// All banks are closed and refreshed. Refreshes that were due while nothing was asked for have passed unseen.
+    /// All banks, or the one whose turn it is, are closed and refreshed. Refreshes that were due while nothing was asked for have passed
+    /// unseen, except for the last of each bank.
     #[inline(always)]
     fn refresh(&mut self, time: u64) {
-        let (interval, length) = (u64::from(self.config.t_refi), u64::from(self.config.t_rfc));
-        let missed = (time - self.refresh_at) / interval;
-        self.refresh_at += missed * interval;
-        let mut start = self.refresh_at.max(if missed > 0 { 0 } else { self.data_end });
-        let mut open = false;
-        for bank in &self.banks {
-            if bank.row != CLOSED {
-                start = start.max(bank.ready_at);
-                open = true;
+        let turns = self.refresh_turns;
+        let due = time * turns / u64::from(self.config.t_refi);
+        let unseen = (due - self.refreshes).saturating_sub(turns);
+        self.refreshes += unseen;
+        let mut start = self.config.refresh_due(self.refreshes);
+        let banks = if turns > 1 {
+            let number = (self.refreshes % turns) as usize;
+            number..number + 1
+        } else {
+            if unseen == 0 {
+                start = start.max(self.data_end);
             }
-        }
-        let end = start + length + if open { u64::from(self.config.t_rp) } else { 0 };
-        for (number, bank) in self.banks.iter_mut().enumerate() {
-            bank.row = CLOSED;
-            bank.hits = 0;
-            bank.ready_at = bank.ready_at.max(end);
-            if bank.queue != 0 {
-                self.waiting |= 1 << number;
+            0..self.banks.len()
+        };
+        let mut free = start;
+        for number in banks.clone() {
+            self.close_unused(number, start);
+            if self.banks[number].row != CLOSED {
+                self.close(number, start);
             }
+            free = free.max(self.banks[number].ready_at);
         }
-        self.hitting = 0;
-        self.refresh_at += interval;
+        let end = free + u64::from(self.config.t_rfc);
+        self.banks[banks].iter_mut().for_each(|bank| bank.ready_at = end);
+        self.refreshes += 1;
+        self.refresh_at = self.config.refresh_due(self.refreshes);
         self.counts.refreshes += 1;
     }
 
@@ -527,8 +680,8 @@ impl Dram {
     fn command(&mut self, now: Cycle) -> bool {
         let (begin, end) = (self.config.ticks(now), self.config.ticks(now + 1));
         let mut any = false;
-        while self.taken != 0 {
-            if begin >= self.refresh_at {
+        while self.waiting() > 0 {
+            while begin >= self.refresh_at {
                 self.refresh(begin);
                 any = true;
             }
@@ -543,7 +696,7 @@ impl Dram {
             }
             match (activation, access) {
                 (Some((at, bank)), _) if at == next => self.activate(bank, at),
-                (_, Some((at, place))) => self.access(place, at),
+                (_, Some((at, slot))) => self.access(slot, at),
                 _ => unreachable!("one of both is next"),
             }
             any = true;
@@ -551,33 +704,32 @@ impl Dram {
         any
     }
 
-    /// A request enters the window.
+    /// A request enters its queue.
     #[inline(always)]
     fn accept(&mut self, request: DramRequest, port: usize, time: u64) {
-        let place = self.next_place as usize;
-        self.next_place = (self.next_place + 1) % RING;
+        let which = if request.write != 0 { WRITES } else { READS };
         let (number, row) = self.config.place(request.address);
         let offset = request.address as u32 & (self.config.burst_bytes - 1);
         let bursts = (offset + u32::from(request.bytes)).div_ceil(self.config.burst_bytes);
-        self.window[place] = Queued { row, bank: number, bursts, id: request.id, port: port as u32 };
-        self.taken |= 1 << place;
-        self.writes |= Places::from(request.write) << place;
-        if request.write != 0 {
-            self.queued_writes += 1;
-        } else {
-            self.queued_reads += 1;
-        }
+        let number = number as usize;
+        self.close_unused(number, time);
+        let queue = &mut self.queues[which];
+        let slot = queue.next as usize;
+        queue.next = (queue.next + 1) % RING;
+        queue.requests[slot] = Queued { row, bank: number as u32, bursts, id: request.id, port: port as u32 };
+        queue.taken |= 1 << slot;
+        queue.waiting += 1;
         self.command_at = 0;
-        let bank = &mut self.banks[number as usize];
-        bank.queue |= 1 << place;
+        let bank = &mut self.banks[number];
+        bank.queue[which] |= 1 << slot;
         if bank.row == row {
-            bank.hits |= 1 << place;
-            self.hitting |= 1 << number;
+            bank.hits[which] |= 1 << slot;
+            queue.hitting |= 1 << number;
         } else if bank.row == CLOSED {
-            self.waiting |= 1 << number;
+            queue.closed |= 1 << number;
         }
-        self.choose_direction(time);
-        self.precharge(number as usize, time);
+        self.choose_queue(time);
+        self.precharge(number, time);
     }
 }
 
@@ -585,7 +737,7 @@ impl<C> Unit<C> for Dram {
     #[inline]
     fn tick(&mut self, wires: &mut Wires, _: &mut C) -> Tick {
         let now = wires.now();
-        let mut did = if self.taken != 0 || !self.flight.is_empty() { Tick::Working } else { Tick::Starved };
+        let mut did = if self.waiting() > 0 || !self.flight.is_empty() { Tick::Working } else { Tick::Starved };
         let mut blocked = false;
         // 1. Data that have come go back.
         while let Some(&(there, port, id)) = self.flight.front() {
@@ -603,29 +755,38 @@ impl<C> Unit<C> for Dram {
             did = Tick::Moved;
         }
         // 2. The commands of this cycle are issued in the order of their time.
-        if self.taken != 0 && now >= self.command_at && self.command(now) {
+        if self.waiting() > 0 && now >= self.command_at && self.command(now) {
             did = Tick::Moved;
         }
-        if self.taken != 0 {
+        if self.waiting() > 0 {
             wires.sleep_until(self.command_at);
         }
-        // 3. Requests enter the window, ports in turn.
-        for port in 0..self.inputs.len() {
-            while self.queued_reads + self.queued_writes < self.config.window && self.taken & (1 << self.next_place) == 0 {
-                let Some(request) = wires.pop(&self.inputs[port]) else { break };
+        // 3. Requests enter their queues, each port's in the order in which they came. The ports take turns to be first.
+        let (ports, mut entered) = (self.inputs.len(), false);
+        for step in 0..ports {
+            let port = if self.first_port + step < ports { self.first_port + step } else { self.first_port + step - ports };
+            while let Some(request) = wires.front(&self.inputs[port]) {
+                if !self.queues[if request.write != 0 { WRITES } else { READS }].has_room() {
+                    break;
+                }
+                wires.take(&self.inputs[port]);
                 self.accept(request, port, self.config.ticks(now));
-                did = Tick::Moved;
+                entered = true;
             }
+        }
+        if entered {
+            self.first_port = if self.first_port + 1 < ports { self.first_port + 1 } else { 0 };
+            did = Tick::Moved;
         }
         // 4. What comes next is known: data, a command, or a request.
         if did == Tick::Moved && !blocked {
             if let Some(&(there, ..)) = self.flight.front() {
                 wires.sleep_until(there);
             }
-            if self.taken != 0 {
+            if self.waiting() > 0 {
                 wires.sleep_until(self.command_at);
             }
-            wires.rest(if self.taken != 0 || !self.flight.is_empty() { Tick::Working } else { Tick::Starved });
+            wires.rest(if self.waiting() > 0 || !self.flight.is_empty() { Tick::Working } else { Tick::Starved });
         }
         did
     }
@@ -635,6 +796,6 @@ impl<C> Unit<C> for Dram {
     }
 
     fn resident(&self) -> u64 {
-        u64::from(self.taken.count_ones()) + self.flight.len() as u64
+        u64::from(self.waiting()) + self.flight.len() as u64
     }
 }

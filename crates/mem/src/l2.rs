@@ -39,7 +39,7 @@ knob::knobs! {
         /// Bytes a cycle into a slice, and out of it.
         width: u32 ["bytes/cycle", Allowed::Range(8, 4096), "64 a slice (Jia et al. 2018)"],
         /// Cycles from the crossbar to a slice, and back.
-        latency: u32 ["cycles", Allowed::Range(1, 1024), "the other half of a hit's 200 cycles"],
+        latency: u32 ["cycles", Allowed::Range(1, 1024), "assumed: the rest of a hit's 207 cycles (Jia et al. 2019, table 3.1, GM204)"],
     }
 }
 

@@ -111,13 +111,15 @@ knob::knobs! {
         /// Bytes a cycle that each port takes and gives.
         port_width: u32 ["bytes/cycle", Allowed::Range(8, 4096), "ATTILA bGPU.ini bus widths = 64"],
         /// Cycles from a unit to the crossbar, and from the crossbar back.
-        port_latency: u32 ["cycles", Allowed::Range(1, 1024), "an L2 hit takes 200 cycles in cards of 2014, half of them in the network"],
+        port_latency: u32 ["cycles", Allowed::Range(1, 1024), "assumed: of the 207 cycles of an L2 hit on GM204 (Jia et al. 2019, table 3.1), less than half are the way to the slice and back"],
+        /// Cycles from a depth or colour unit to the crossbar, and from the crossbar back.
+        rop_latency: u32 ["cycles", Allowed::Range(1, 1024), "assumed to be short: 16 ROPs and 512 KB of L2 stand at each memory controller of GM204 (NVIDIA 2014, GeForce GTX 980 white paper)"],
         /// Requests, and answers, under way on each port.
-        port_queue: u32 ["requests", Allowed::Range(2, 4096), "more than the latency, so that the port carries its width"],
+        port_queue: u32 ["requests", Allowed::Range(2, 4096), "two a cycle of the latency, so that the port carries its width in halves of lines"],
         /// Latency of the ideal memory.
-        ideal_latency: u32 ["cycles", Allowed::Range(1, 65535), "about an unloaded miss"],
+        ideal_latency: u32 ["cycles", Allowed::Range(1, 65535), "the shortest: what units wait for is then their own time, and no hit of the memory that it replaces is sooner"],
         /// Bytes a cycle of the ideal memory.
-        ideal_bytes_per_cycle: u32 ["bytes/cycle", Allowed::Range(1, 65536), "far more than DRAM"],
+        ideal_bytes_per_cycle: u32 ["bytes/cycle", Allowed::Range(1, 1048576), "more than all ports carry"],
     }
 }
 
@@ -125,6 +127,11 @@ impl MemoryKnobs {
     /// A unit's port.
     pub fn port(&self) -> PortShape {
         PortShape { width: self.port_width, latency: self.port_latency, queue: self.port_queue }
+    }
+
+    /// The port of a depth or colour unit.
+    pub fn rop_port(&self) -> PortShape {
+        PortShape { latency: self.rop_latency, ..self.port() }
     }
 }
 
@@ -224,6 +231,9 @@ pub struct Memory {
     pub clients: Vec<(&'static str, usize)>,
 }
 
+/// Requests, and answers, that pass between a slice and its channel in a cycle.
+const DRAM_RATE: u32 = 2;
+
 /// The slices' ends at one channel.
 #[derive(Clone, Debug, Default)]
 struct DramPorts {
@@ -310,8 +320,10 @@ impl MemoryPlan {
             MemoryConfig::Dram { l2, dram } => {
                 let (slices, channels) = (l2.slices, dram.channels);
                 let way = Link::bytes(l2.latency + 8, l2.width, l2.latency);
-                // As many requests as can be under way, so that the scheduler's window fills.
-                let to_dram = Link::items(dram.window.max(4), 2, 1);
+                // As many requests as can be under way, and as fill the scheduler's window.
+                let under_way = DRAM_RATE * (dram.latency + 1);
+                let to_dram = Link::items(dram.window.max(under_way), DRAM_RATE, dram.latency);
+                let from_dram = Link::items(under_way.max(8), DRAM_RATE, dram.latency);
                 let (mut to_slices, mut from_slices) = (Vec::new(), Vec::new());
                 let mut ports: Vec<DramPorts> = (0..channels).map(|_| DramPorts::default()).collect();
                 for slice in 0..slices as usize {
@@ -320,12 +332,11 @@ impl MemoryPlan {
                     let (to_slice, input) = wiring.channel::<SliceRequest>("l2_requests", slice, way, self.ids.front, id);
                     let (output, from_slice) = wiring.channel::<SliceAnswer>("l2_answers", slice, way, id, self.ids.back);
                     let (to, at_dram) = wiring.channel("dram_requests", slice, to_dram, id, self.ids.dram[channel]);
-                    let (from_dram, from) =
-                        wiring.channel("dram_answers", slice, Link::items(8, 2, 1), self.ids.dram[channel], id);
+                    let (answers, from) = wiring.channel("dram_answers", slice, from_dram, self.ids.dram[channel], id);
                     to_slices.push(to_slice);
                     from_slices.push(from_slice);
                     ports[channel].requests.push(at_dram);
-                    ports[channel].answers.push(from_dram);
+                    ports[channel].answers.push(answers);
                     let share = ChannelShare::new(self.interleave, slice as u32, channels);
                     memory.l2.push(L2Slice::new(l2, share, input, output, to, from));
                 }

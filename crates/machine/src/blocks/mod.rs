@@ -159,6 +159,11 @@ impl<'a> Builder<'a> {
         self.memory.client(&mut self.wiring, name, index, unit, self.config.memory.port())
     }
 
+    /// The memory port of a depth or colour unit.
+    fn rop_port(&mut self, name: &'static str, index: usize, unit: UnitId) -> MemoryPort {
+        self.memory.client(&mut self.wiring, name, index, unit, self.config.memory.rop_port())
+    }
+
     /// Joins units pairwise.
     fn join<T: Token>(&mut self, name: &'static str, link: Link, pairs: impl IntoIterator<Item = (UnitId, UnitId)>) -> Ends<T> {
         let wiring = &mut self.wiring;
@@ -218,7 +223,7 @@ impl<'a> Builder<'a> {
         self.cores();
         for (n, ports) in std::mem::take(&mut self.open.color).into_iter().enumerate() {
             let config = ColorConfig { cache_ways: self.open.color_ways, ..config.color.clone() };
-            let memory = self.port("color", n, self.id.color[n]);
+            let memory = self.rop_port("color", n, self.id.color[n]);
             self.made.color.push(Color::new(config, n as u8, ports, memory));
         }
         for (input, output) in std::mem::take(&mut self.open.resolve) {

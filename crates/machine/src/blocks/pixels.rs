@@ -57,7 +57,7 @@ impl Builder<'_> {
                 end,
                 ack,
             };
-            let memory = self.port("depth", n, id.depth[n]);
+            let memory = self.rop_port("depth", n, id.depth[n]);
             self.made.depth.push(Depth::new(d.clone(), n as u8, ports, memory));
         }
         let outlets = to_late.into_iter().zip(to_color).map(|(late, color)| Outlet::Own { late, color });
@@ -106,7 +106,7 @@ impl Builder<'_> {
         for (n, (((input, output), end), ack)) in ends {
             let late = Some(TestPorts { input, output });
             let ports = DepthPorts { early: None, late, questions: questions.next(), updates: None, end, ack };
-            let memory = self.port("depth", n, id.depth[n]);
+            let memory = self.rop_port("depth", n, id.depth[n]);
             self.made.depth.push(Depth::new(d.clone(), n as u8, ports, memory));
         }
         let inputs = shaded.into_iter().zip(color_tested).map(|(color, late)| Shaded { late, color }).collect();

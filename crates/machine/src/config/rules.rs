@@ -2,7 +2,7 @@
 
 use super::{Config, MemoryKind};
 use crate::class::Sorted;
-use mem::MemoryConfig;
+use mem::{MemoryConfig, PagePolicy};
 use unit::fetch::{Reuse, VertexDeal};
 use unit::scanout::{ScanoutMode, Swap};
 use unit::sorting::EarlyTest;
@@ -138,7 +138,7 @@ pub(super) fn warnings(config: &Config) -> Vec<String> {
             config.dispatch.output_latency,
         ),
         ("compute.queue", config.compute.queue, 1, config.compute.latency),
-        ("memory.port_queue", config.memory.port_queue, 1, config.memory.port_latency),
+        ("memory.port_queue", config.memory.port_queue, 1, config.memory.port_latency.max(config.memory.rop_latency)),
     ];
     let short = channels.iter().filter(|&&(_, capacity, rate, latency)| capacity < rate * (latency + 1));
     let short = short.map(|(key, capacity, rate, latency)| {
@@ -171,6 +171,10 @@ pub(super) fn no_effect(config: &Config, path: &str) -> Option<String> {
             Some("order.early is none".to_owned())
         }
         "memory.l2" | "memory.dram" if config.memory.kind == MemoryKind::Ideal => Some("memory.kind is ideal".to_owned()),
+        "memory.dram" if name == "page_idle" && config.dram.page != PagePolicy::Idle => {
+            Some(format!("memory.dram.page is {}", config.dram.page.name()))
+        }
+        "memory.dram" if name == "t_ccd_l" && config.dram.bank_groups == 1 => Some("memory.dram.bank_groups is 1".to_owned()),
         "memory" if name.starts_with("ideal_") && config.memory.kind != MemoryKind::Ideal => {
             Some(format!("memory.kind is {}", config.memory.kind.name()))
         }

@@ -101,6 +101,23 @@ fn a_hit_takes_the_hops_and_a_miss_the_channel_as_well() {
 }
 
 #[test]
+fn a_controller_adds_its_latency_each_way_and_carries_as_much() {
+    let with = |latency| {
+        let MemoryConfig::Dram { l2, dram } = dram_memory(1, 1) else { unreachable!() };
+        MemoryConfig::Dram {
+            l2: L2Config { misses: 4096, entries: 4096, waiting: 4096, ..l2 },
+            dram: DramConfig { latency, ..dram },
+        }
+    };
+    let one = |latency| go(with(latency), vec![vec![Order::read(0, 0, 32)]]).client[0].latency(0);
+    assert_eq!((one(2) - one(1), one(60) - one(1)), (2, 2 * 59));
+    // A stream is as fast as with the shortest way: its end comes later by what its first answer does.
+    let orders: Vec<Order> = (0..1000).map(|line| Order::read(0, line * 64, 64)).collect();
+    let end = |latency| go(with(latency), vec![orders.clone()]).client[0].answered[999].unwrap();
+    assert_eq!(end(60) - end(1), 2 * 59);
+}
+
+#[test]
 fn misses_on_one_line_are_asked_for_once() {
     let orders = (0..8).map(|_| Order::read(0, 128, 32)).collect();
     let machine = go(dram_memory(1, 1), vec![orders]);
@@ -285,4 +302,18 @@ fn runs_of_addresses_are_dealt_evenly_and_uniquely() {
         assert_eq!(strided.len() as u32, slices);
     }
     assert!(Interleave::new(4, 128).is_err());
+}
+
+#[test]
+fn the_slices_of_a_channel_are_served_evenly() {
+    // Each client reads what one of four slices has; no line is read again, and DRAM is what all wait for.
+    let MemoryConfig::Dram { l2, dram } = dram_memory(4, 1) else { unreachable!() };
+    let dram = DramConfig { window: 4, ..dram };
+    let interleave = Interleave::new(4, 256).unwrap();
+    let lines = |slice| (0..16_000_u64).map(|line| line * 64).filter(move |&line| interleave.split(line).0 == slice);
+    let orders = (0..4).map(|slice| lines(slice).take(1000).map(|line| Order::read(0, line, 64)).collect()).collect();
+    let machine = go(MemoryConfig::Dram { l2, dram }, orders);
+    let ends: Vec<Cycle> = machine.client.iter().map(|client| client.answered[999].unwrap()).collect();
+    let (first, last) = (ends.iter().min().unwrap(), ends.iter().max().unwrap());
+    assert!(last - first < last / 10, "{ends:?}");
 }

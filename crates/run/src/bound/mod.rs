@@ -170,7 +170,8 @@ impl<'c> Bound<'c> {
         let ideal = memory.kind == MemoryKind::Ideal;
         let hit_latency =
             ways + if ideal { f64::from(memory.ideal_latency) } else { 2.0 * f64::from(config.l2.latency) + HOPS };
-        let array = if ideal { 0.0 } else { tick * f64::from(dram.t_rcd + dram.cl + dram.burst_cycles) };
+        let controller = 2.0 * f64::from(dram.latency - 1);
+        let array = if ideal { 0.0 } else { controller + tick * f64::from(dram.t_rcd + dram.cl + dram.burst_cycles) };
         let memory_latency = hit_latency + array;
         let refresh = if dram.t_refi == 0 { 0.0 } else { f64::from(dram.t_rfc) / f64::from(dram.t_refi) };
         let peak = f64::from(dram.channels) * f64::from(dram.burst_bytes) / (f64::from(dram.burst_cycles) * tick);
@@ -228,8 +229,10 @@ impl<'c> Bound<'c> {
                 let misses = *lines as f64 / (cost.texture_lines + cost.access_lines).max(1) as f64;
                 let packets = f64::from(self.config.core.warp_width) / 4.0;
                 let lookups = (cost.texture_lines + cost.access_lines) as f64 / cost.requests().max(1) as f64;
+                let part = |misses: f64| 1.0 - libm::pow(1.0 - misses.min(1.0), lookups * packets);
                 let requests = Requests {
-                    missed: 1.0 - libm::pow(1.0 - misses.min(1.0), lookups * packets),
+                    missed: part(misses),
+                    slow: part(misses * memory.miss_rate()),
                     latency: miss,
                     line: misses.min(1.0),
                     port: LINE as f64 / f64::from(self.config.memory.port_width),
@@ -286,9 +289,10 @@ impl<'c> Bound<'c> {
         }
     }
 
-    /// Bytes that a channel writes at once: from as many writes in its window as make them go first down to half of that.
+    /// Bytes that a channel writes at once: from the high watermark of its writes down to the low one.
     fn batch(&self) -> f64 {
-        f64::from(self.config.dram.write_high.div_ceil(2)) * f64::from(self.config.l2.line_bytes)
+        let dram = &self.config.dram;
+        f64::from(dram.write_high() - dram.write_low()) * f64::from(self.config.l2.line_bytes)
     }
 
     /// Cycles that DRAM takes for some traffic. Its buses turn round for each batch of writes, and back.

@@ -67,15 +67,16 @@ impl Bound<'_> {
         let segments = draws.iter().map(|draw| draw.segments).sum::<u64>();
         roofs.add("command", (segments + 2) as f64 * f64::from(config.command.command_cycles));
         let quads = f64::from(config.core.warp_width) / 4.0;
-        let part = 1.0 - libm::exp(-missed.bundle * quads / f64::from(BUNDLE));
+        let part = |bundle: f64| 1.0 - libm::exp(-bundle * quads / f64::from(BUNDLE));
         let requests = Requests {
-            missed: part,
+            missed: part(missed.bundle),
+            slow: part(missed.bundle * traffic.textures.miss_rate()),
             latency: self.latency(&traffic.textures),
             line: missed.rate,
             port: LINE as f64 / f64::from(config.memory.port_width),
         };
         // Lines of indices that the second level has lost wait behind what is written meanwhile, the longer the sooner a pass is over. Where
-        // geometry waits for pixels anyway, as in sort-middle, the trip to the second level alone is nearer to the truth.
+        // geometry waits for pixels anyway, as in sort-middle, the trip without that is nearer to the truth.
         let index = self.latency(&traffic.indices);
         let first: f64 = draws
             .iter()
@@ -86,7 +87,7 @@ impl Bound<'_> {
         let meanwhile = if binned { &traffic.binned } else { &traffic.all };
         let lines = f64::from(config.fetch.index_lines) * traffic.indices.miss_rate();
         let waits = index + self.behind_writes(meanwhile, lines, first.max(self.dram(meanwhile)));
-        let index = if self.sorted == Sorted::Triangles && !binned { self.hit_latency } else { waits };
+        let index = if self.sorted == Sorted::Triangles && !binned { index } else { waits };
         let mut rates: Vec<Rates> = draws.iter().map(|draw| self.rates(&mut roofs, draw, &requests, index)).collect();
         // Indices and attributes have ports of their own. The cache of attributes has at most what is not read from DRAM.
         if self.sorted != Sorted::Primitives {
@@ -302,7 +303,7 @@ impl Bound<'_> {
             &draw.vertex,
             1.0,
             draw.registers[0],
-            &Requests { missed: 1.0, latency: self.memory_latency, ..Requests::default() },
+            &Requests { missed: 1.0, slow: 1.0, latency: self.memory_latency, ..Requests::default() },
         );
         // A batch is in flight from its indices to the assembly of its last primitive.
         let stay = shading.latency + self.memory_latency + f64::from(c.fetch.latency + c.assembly.latency);
@@ -406,7 +407,8 @@ impl Bound<'_> {
                 let filled = (filled / others).min(1.0);
                 // What leaves goes first, and what comes takes its time on the wires.
                 let moved = 2.0 * bytes * part / port + bytes * part / f64::from(c.l2.width);
-                let wait = self.latency(&traffic.fills[side]) + f64::from(latency) + moved;
+                let nearer = 2.0 * (f64::from(c.memory.port_latency) - f64::from(c.memory.rop_latency));
+                let wait = self.latency(&traffic.fills[side]) - nearer + f64::from(latency) + moved;
                 let turn = again * (1.0 - libm::pow(1.0 - filled, at_once)) * wait / at_once;
                 let in_flight = again * filled * (bytes * part / REQUEST_BYTES as f64).ceil() * wait / f64::from(requests);
                 least[side] += turn.max(in_flight);

@@ -17,7 +17,9 @@ pub(super) struct Shading {
 pub(super) struct Requests {
     /// The part of them that miss a line or more,
     pub missed: f64,
-    /// and how long that takes.
+    /// the part of which a missing line comes from DRAM,
+    pub slow: f64,
+    /// and how long a line takes on average.
     pub latency: f64,
     /// Misses a lookup of a line,
     pub line: f64,
@@ -95,10 +97,14 @@ impl Bound<'_> {
         let plain = f64::from(texture.latency) + unit / asked;
         // A warp waits where it needs a result (core.in_flight), not at each request.
         let stops = if core.scoreboard && core.in_flight > 1 { each(cost.stops) } else { asked };
-        let Requests { missed, latency, .. } = *requests;
+        // A miss is under way while its quad is on its way to the filter. Quads leave in order: nearly all wait for DRAM where some do.
+        let beyond = |latency: f64| (latency - f64::from(texture.latency)).max(0.0);
+        let latencies = [(requests.missed, beyond(self.hit_latency)), (requests.slow, beyond(self.memory_latency))];
         let (mut apart, mut stay, mut fifo) = (class.max(unit), 0.0, 0.0);
         for _ in 0..3 {
-            let wait = missed * latency + (1.0 - missed) * behind(asked * missed / apart, latency);
+            let waits =
+                latencies.map(|(missed, latency)| missed * latency + (1.0 - missed) * behind(asked * missed / apart, latency));
+            let wait = waits[0].max(waits[1]);
             stay = chain + stops * (plain + wait);
             // Quads between address and filter.
             fifo = asked * runs * (f64::from(texture.latency) + wait) / f64::from(texture.fifo);
