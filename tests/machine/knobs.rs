@@ -127,7 +127,7 @@ const KEPT: [&str; 4] = ["watchdog", "sort", "scanout.line_cycles", "scanout.bla
 
 #[test]
 fn any_knob_with_three_others_at_random_runs_to_the_same_picture() {
-    // The usual suite takes one in 40 of some thousand machines.
+    // The usual suite takes one in 100 of some thousand machines.
     let all = std::env::var_os("FILLRATE_SLOW").is_some();
     let works = [scenes(false), scenes(true)];
     let mut random = Random::new(41);
@@ -161,7 +161,7 @@ fn any_knob_with_three_others_at_random_runs_to_the_same_picture() {
                 }
                 made += 1;
                 let works = &works[usize::from(changed.render_key().shade == Shade::Covered)];
-                if !all && made % 40 != 7 {
+                if !all && made % 100 != 7 {
                     continue;
                 }
                 ran += 1;
@@ -182,5 +182,5 @@ fn any_knob_with_three_others_at_random_runs_to_the_same_picture() {
         }
     }
     assert!(failed.is_empty(), "{} of {ran} failed:\n{}", failed.len(), failed.join("\n"));
-    assert!(made > 2000 && ran > made / 50, "{ran} of {made} ran");
+    assert!(made > 2000 && ran > made / 110, "{ran} of {made} ran");
 }
