@@ -79,7 +79,7 @@ pub(super) const BENCHMARKS: &[Benchmark] = &[
         class: Class::A,
         source: seen("12 bytes of indices a triangle are 96 of 199 bytes a cycle"),
         fault: &["fetch.index_lines=4"],
-        because: Some(Because { what: "the fetch unit has one port of 64 bytes a cycle", off: -0.312 }),
+        because: Some(Because { what: "the fetch unit has one port of 64 bytes a cycle", off: -0.328 }),
         measure: |bench| {
             Ok(vec![triangles(bench, CULLED, IndexFormat::Uint32)? / triangles(bench, CULLED, IndexFormat::Uint16)?])
         },
