@@ -47,7 +47,7 @@ knob::knobs! {
         /// draw with another state waits until one of them is free.
         states: u32 ["states", Allowed::Range(1, 4096), "AMD GCN: seven contexts in flight (GPUOpen 2018, on context rolls)"],
         /// Cycles that a change of state between two draws takes, in addition to the command. A draw with the same state takes none.
-        state_cycles: u32 ["cycles/change", Allowed::Range(0, 65536), "assumed: 16 registers, one a cycle as ATTILA writes them"],
+        state_cycles: u32 ["cycles/change", Allowed::Range(0, 16384), "assumed: 16 registers, one a cycle as ATTILA writes them"],
         /// Whether a draw is rasterised only when the one before it has left all pipelines. Its geometry does not wait. Where distribution sorts
         /// triangles only.
         drain: bool ["", Allowed::Switch, "draws follow each other in cards; ATTILA's rasteriser takes a batch when it has ended the last one (FragmentFIFO)"],
