@@ -125,7 +125,7 @@ fn small_draws_follow_each_other_as_fast_as_their_commands_in_every_class() {
         // A draw is read in one cycle, and its segment takes `command_cycles`.
         let command = f64::from(config.command.command_cycles) + 1.0;
         // Fences of binned draws go to the pipelines when all is binned, one a cycle.
-        assert!((0.98 * command..1.0 + command).contains(&each), "{class}: {each:.2} cycles a draw");
+        assert!((0.98 * command..1.02 * (1.0 + command)).contains(&each), "{class}: {each:.2} cycles a draw");
     }
 }
 
