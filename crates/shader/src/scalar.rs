@@ -55,7 +55,7 @@ impl Counted {
     }
 }
 
-/// Cycles from an instruction to one that needs its result, by class: which of two chains is the longer depends on it, nothing else.
+/// How far an instruction is from one that needs its result, by class: which of two chains is the longer depends on it, nothing else.
 /// 6, 14 and 86 (a multiplication) were measured on Maxwell (Jia et al. 2019, table 4.1), and a branch is assumed to take 10.
 const LATENCY: Counts = [6, 6, 14, 10, 86];
 
@@ -298,10 +298,16 @@ mod tests {
     /// A builder with inputs 0 to 9, results 10 to 39, and a mutable register of which 40 and 41 are versions.
     fn builder() -> Builder {
         let mut b = Builder::default();
-        (0..10).for_each(|_| drop(b.define(Def::Input)));
-        (10..40).for_each(|_| drop(b.define(Def::Temp)));
+        for _ in 0..10 {
+            b.define(Def::Input);
+        }
+        for _ in 10..40 {
+            b.define(Def::Temp);
+        }
         let class = b.class();
-        (40..42).for_each(|_| drop(b.version(class)));
+        for _ in 40..42 {
+            b.version(class);
+        }
         b
     }
 
