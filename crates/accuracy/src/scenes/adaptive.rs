@@ -37,7 +37,10 @@ fn recorded(most: bool, fault: bool) -> Trace {
     let (pixels, pixels_bound) = kit.words("pixels", u64::from(SIZE[0] * SIZE[1]));
     let (samples, samples_bound) = kit.words("samples", 1);
     let decides = match (most, fault) {
-        (true, _) => "true",
+        // The four corners are evaluated here too, and always pass.
+        (true, _) => {
+            "u32(white(c)) + u32(white(c + vec2i(8, 0))) + u32(white(c + vec2i(0, 8))) + u32(white(c + vec2i(8, 8))) <= 4u"
+        }
         (false, true) => "middle != white(c) || middle != white(c + vec2i(8, 8))",
         (false, false) => {
             "middle != white(c) || middle != white(c + vec2i(8, 0)) || middle != white(c + vec2i(0, 8)) || middle != white(c + vec2i(8, 8))"
