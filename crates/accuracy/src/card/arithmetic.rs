@@ -8,21 +8,7 @@ use super::{Because, Benchmark, Class, Family, cores, count, seen, unconfirmed};
 use machine::Config;
 
 /// A benchmark of this family on the GeForce GTX 980.
-const ARITHMETIC: Benchmark = Benchmark {
-    name: "",
-    family: Family::Arithmetic,
-    card: "gtx-980",
-    what: "",
-    unit: "",
-    published: &[],
-    class: Class::A,
-    source: seen(""),
-    formula: None,
-    fault: &[],
-    because: None,
-    quick: false,
-    measure: |_| Ok(Vec::new()),
-};
+const ARITHMETIC: Benchmark = Benchmark::of(Family::Arithmetic, Class::A);
 
 pub(super) const BENCHMARKS: &[Benchmark] = &[
     Benchmark {
@@ -208,7 +194,7 @@ fn transcendental(bench: &Bench) -> Result<Vec<f64>> {
     ["X = exp2(X);", "X = log2(X);", "X = inverseSqrt(X);"].map(|step| rate(bench, FULL, "f32", step)).into_iter().collect()
 }
 
-/// Cycles that a step takes in workgroups of so many warps, so many for each core, with so many chains in each warp.
+/// Cycles that a step takes. Each core gets `groups` workgroups of `warps` warps, and each warp has `chains` chains.
 fn step(bench: &Bench, [warps, groups, chains]: [u32; 3], of: &str, step: &str) -> Result<f64> {
     let core = &bench.config().core;
     let groups = groups * bench.config().card.pipelines * core.per_pipeline;
@@ -224,7 +210,7 @@ fn rate(bench: &Bench, [warps, groups, chains]: [u32; 3], of: &str, what: &str) 
     Ok(f64::from(warps * groups * chains) * cores(bench.config()) * count(bench.config().core.warp_width) / cycles)
 }
 
-/// A warp on each scheduler of one core, with so many chains each.
+/// Cycles per operation with one warp on each scheduler of a core, for each number of chains in a warp.
 fn independent(bench: &Bench, chains: &[u32]) -> Result<Vec<f64>> {
     let width = bench.config().core.issue * bench.config().core.warp_width;
     let of = |&chains: &u32| {

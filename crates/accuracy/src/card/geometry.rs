@@ -8,21 +8,7 @@ use super::{Because, Benchmark, Class, Family, seen, unconfirmed};
 use gfx::state::*;
 
 /// A benchmark of this family on the GeForce GTX 980.
-const GEOMETRY: Benchmark = Benchmark {
-    name: "",
-    family: Family::Geometry,
-    card: "gtx-980",
-    what: "",
-    unit: "",
-    published: &[],
-    class: Class::B,
-    source: seen(""),
-    formula: None,
-    fault: &[],
-    because: None,
-    quick: false,
-    measure: |_| Ok(Vec::new()),
-};
+const GEOMETRY: Benchmark = Benchmark::of(Family::Geometry, Class::B);
 
 pub(super) const BENCHMARKS: &[Benchmark] = &[
     Benchmark {

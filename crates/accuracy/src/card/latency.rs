@@ -7,21 +7,7 @@ use super::recipes::{CHAIN, Chains, Data, chase, dispatch, ring};
 use super::{Because, Benchmark, Class, Family, count, seen, unconfirmed};
 
 /// A benchmark of this family on the GeForce GTX 980.
-const LATENCY: Benchmark = Benchmark {
-    name: "",
-    family: Family::Latency,
-    card: "gtx-980",
-    what: "",
-    unit: "cycles",
-    published: &[],
-    class: Class::B,
-    source: seen(""),
-    formula: None,
-    fault: &[],
-    because: None,
-    quick: false,
-    measure: |_| Ok(Vec::new()),
-};
+const LATENCY: Benchmark = Benchmark { unit: "cycles", ..Benchmark::of(Family::Latency, Class::B) };
 
 pub(super) const BENCHMARKS: &[Benchmark] = &[
     Benchmark {

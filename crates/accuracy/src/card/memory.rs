@@ -7,21 +7,7 @@ use super::recipes::{Data, dispatch};
 use super::{Because, Benchmark, Class, Family, seen, unconfirmed};
 
 /// A benchmark of this family on the GeForce GTX 980.
-const MEMORY: Benchmark = Benchmark {
-    name: "",
-    family: Family::Memory,
-    card: "gtx-980",
-    what: "",
-    unit: "",
-    published: &[],
-    class: Class::B,
-    source: seen(""),
-    formula: None,
-    fault: &[],
-    because: None,
-    quick: false,
-    measure: |_| Ok(Vec::new()),
-};
+const MEMORY: Benchmark = Benchmark::of(Family::Memory, Class::B);
 
 pub(super) const BENCHMARKS: &[Benchmark] = &[
     Benchmark {
@@ -221,7 +207,7 @@ fn streamed(bench: &Bench, stream: Stream) -> Result<f64> {
     Ok(moved * f64::from(PART) / bench.slope(&trace, [1280, 3328])?)
 }
 
-/// Rates with so many loads of a thread under way, as shares of the rate with all warps.
+/// Rates with `loads` loads of each thread in flight, as shares of the rate with all warps.
 fn hidden(bench: &Bench, loads: u32) -> Result<Vec<f64>> {
     let card = bench.config();
     let cores = card.card.pipelines * card.core.per_pipeline;

@@ -89,7 +89,7 @@ pub(super) const CHAIN: Chains<'static> =
     Chains { of: "f32", step: "X = fma(X, y, 1.5);", chains: 1, held: 0, width: 32, groups: 1 };
 
 impl Chains<'_> {
-    /// The kernel with so many steps.
+    /// The kernel with `steps` steps.
     pub fn trace(&self, steps: u32) -> Trace {
         let Chains { of, step, chains, held, width, groups } = *self;
         let each = |of: &dyn Fn(u32) -> String| (0..chains).map(of).collect::<String>();
@@ -184,7 +184,7 @@ impl Layers {
         source + &format!("@fragment fn fs(@builtin(position) at: vec4f{sample}) -> {out} {{ {} }}", self.fragment)
     }
 
-    /// One pass of so many layers.
+    /// One pass of `layers` layers.
     pub fn trace(&self, layers: u32) -> Trace {
         let mut kit = Kit::new("layers");
         let resources =
@@ -270,12 +270,12 @@ impl Grid {
         list
     }
 
-    /// One pass of so many draws of the grid.
+    /// One pass that draws the grid `draws` times.
     pub fn trace(&self, draws: u32) -> Trace {
         self.parts(draws, u32::MAX)
     }
 
-    /// One pass of so many draws, each of at most `triangles` of the grid, one part of it after the other.
+    /// One pass of `draws` draws. Each draws at most `triangles` triangles of the grid, one part of it after the other.
     pub fn parts(&self, draws: u32, triangles: u32) -> Trace {
         let list = self.list();
         let most = list.len() as u32 / 3;

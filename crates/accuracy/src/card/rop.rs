@@ -11,21 +11,7 @@ use gfx::state::*;
 use machine::Config;
 
 /// A benchmark of this family on the GeForce GTX 980.
-const ROP: Benchmark = Benchmark {
-    name: "",
-    family: Family::Rop,
-    card: "gtx-980",
-    what: "",
-    unit: "",
-    published: &[],
-    class: Class::B,
-    source: seen(""),
-    formula: None,
-    fault: &[],
-    because: None,
-    quick: false,
-    measure: |_| Ok(Vec::new()),
-};
+const ROP: Benchmark = Benchmark::of(Family::Rop, Class::B);
 
 pub(super) const BENCHMARKS: &[Benchmark] = &[
     Benchmark {
@@ -389,13 +375,13 @@ fn targets(bench: &Bench) -> Result<Vec<f64>> {
     [1, 2, 4].into_iter().map(|targets| Ok(one / of(targets)?)).collect()
 }
 
-/// Pixels a cycle with so many samples.
+/// Pixels per cycle with `samples` samples each.
 fn samples(bench: &Bench, samples: u32) -> Result<f64> {
     let depth = Some((Format::Depth32Float, Compare::LessEqual));
     rate(bench, &Layers { samples, depth, ..Layers::plain(SMALL, Format::Rgba8Unorm) })
 }
 
-/// A fragment stage whose colours differ from one cell of so many pixels to the next without a pattern.
+/// A fragment stage whose colours differ without a pattern between cells of `x` by `y` pixels.
 fn noise_of([x, y]: [f32; 2]) -> String {
     format!(
         "let cell = floor(at.xy / vec2f({x:?}, {y:?}));

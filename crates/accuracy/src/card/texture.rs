@@ -10,21 +10,7 @@ use gfx::state::*;
 use machine::Config;
 
 /// A benchmark of this family on the GeForce GTX 980.
-const TEXTURE: Benchmark = Benchmark {
-    name: "",
-    family: Family::Texture,
-    card: "gtx-980",
-    what: "",
-    unit: "",
-    published: &[],
-    class: Class::A,
-    source: seen(""),
-    formula: None,
-    fault: &[],
-    because: None,
-    quick: false,
-    measure: |_| Ok(Vec::new()),
-};
+const TEXTURE: Benchmark = Benchmark::of(Family::Texture, Class::A);
 
 pub(super) const BENCHMARKS: &[Benchmark] = &[
     Benchmark {
@@ -283,7 +269,7 @@ fn scattered(bench: &Bench, edge: u32) -> Result<f64> {
     rate(bench, &layers)
 }
 
-/// Cycles of a layer of which each pixel covers so many texels along x and along y.
+/// Cycles of a layer whose pixels each cover `x` by `y` texels.
 fn stretched(bench: &Bench, x: f32, y: f32, anisotropy: u16) -> Result<f64> {
     let sample =
         |n: u32| format!("c += textureSample(t0, s0, at.xy * vec2f({x:?}, {y:?}) / 64.0 + vec2f({n}.25 / 64.0, 0.25 / 64.0));");
