@@ -6,7 +6,7 @@ use serde_json::{Value, json};
 
 use super::{Benchmark, CARDS, Class, Outcome, Source};
 
-/// Columns of [`line`].
+/// Columns of [`line()`].
 pub fn header() -> String {
     columns(["card", "benchmark", "published", "measured", "deviation", "class", "verdict"].map(str::to_owned))
 }
