@@ -288,8 +288,8 @@ impl Issue {
             self.orders.resize_with(PLACES, Vec::new);
             self.orders[place].extend(order.iter().rev());
         }
-        // The second of a pair comes earlier by the wait between both.
-        let paired = if fixed.dual { waits.into_iter().max().unwrap_or(0) } else { 0 };
+        // The second of a pair comes earlier by the wait between both, and by what was waited too little before, less than a cycle.
+        let paired = if fixed.dual { waits.into_iter().max().unwrap_or(0) + CYCLE } else { 0 };
         let together = (together - i64::from(last + paired)).max(0);
         self.rest[place] = together;
         if self.begin_run(fixed, place) {
@@ -616,7 +616,8 @@ impl Issue {
             let wait = self.late[place] + self.wait[place] as u32;
             if fixed.dual {
                 self.paired[place] += self.pairs[place];
-                if self.paired[place] >= 256 {
+                // One that found no lane beside the one before it has come early enough.
+                if self.pairs[place] > 0 && self.paired[place] >= 256 && self.late[place] < CYCLE {
                     self.paired[place] -= 256;
                     self.late[place] = wait;
                     self.second |= bit;

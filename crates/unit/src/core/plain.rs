@@ -127,7 +127,7 @@ impl Plain {
         let mut beside = false;
         if first {
             work.paired += work.pairs;
-            beside = work.paired >= 256;
+            beside = work.paired >= 256 && work.late < CYCLE;
         }
         if beside {
             work.paired -= 256;
