@@ -117,8 +117,8 @@ pub(super) fn warnings(config: &Config) -> Vec<String> {
     // Key of the queue, its capacity, tokens that it should carry a cycle, latency.
     let channels = [
         ("fetch.queue", config.fetch.queue, 1, config.fetch.latency),
-        ("assembly.queue", config.assembly.queue, 1, config.assembly.latency),
-        ("clip.queue", config.clip.queue, 1, config.clip.latency),
+        ("assembly.queue", config.assembly.queue, config.assembly.primitives_per_cycle.div_ceil(2), config.assembly.latency),
+        ("clip.queue", config.clip.queue, 2, config.clip.latency),
         (
             "network.receive_queue",
             config.network.receive_queue,

@@ -205,8 +205,8 @@ fn a_queue_too_short_for_its_latency_is_warned_of() {
     // A place for each cycle on the way and one more, for each that is to be carried a cycle.
     for (queue, latency, rate) in [
         ("fetch.queue", "fetch.latency", 1),
-        ("assembly.queue", "assembly.latency", 1),
-        ("clip.queue", "clip.latency", 1),
+        ("assembly.queue", "assembly.latency", 4),
+        ("clip.queue", "clip.latency", 2),
         ("network.receive_queue", "network.link_latency", 1),
         ("setup.queue", "setup.latency", 1),
         ("traverse.queue", "traverse.latency", 1),
