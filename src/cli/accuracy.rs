@@ -3,7 +3,7 @@
 use anyhow::{Context, Result};
 
 use super::threads::MOST;
-use super::{Verdict, attila, card, pareto, runs, scenes, shortcuts, skips};
+use super::{Verdict, attila, card, estimates, pareto, runs, scenes, shortcuts, skips};
 use crate::accuracy::{self, Outcome, Setting, Size, Target};
 
 /// Measure what a correct model must reproduce: identities, rules of specifications, closed forms
@@ -48,6 +48,7 @@ pub struct Arguments {
 enum Command {
     Attila(attila::Arguments),
     Card(card::Arguments),
+    Estimates(estimates::Arguments),
     Pareto(pareto::Arguments),
     Runs(runs::Arguments),
     Scenes(scenes::Arguments),
@@ -69,6 +70,7 @@ pub fn run(arguments: &Arguments) -> Result<Verdict> {
     match &arguments.command {
         Some(Command::Attila(arguments)) => return attila::run(arguments),
         Some(Command::Card(arguments)) => return card::run(arguments),
+        Some(Command::Estimates(arguments)) => return estimates::run(arguments),
         Some(Command::Pareto(arguments)) => return pareto::run(arguments),
         Some(Command::Runs(arguments)) => return runs::run(arguments),
         Some(Command::Scenes(arguments)) => return scenes::run(arguments),

@@ -20,6 +20,7 @@ mod attila;
 mod card;
 mod compare;
 mod configs;
+mod estimates;
 mod import;
 mod inspect;
 mod pareto;

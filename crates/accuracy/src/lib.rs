@@ -12,6 +12,7 @@ pub mod card;
 pub mod classes;
 mod depth;
 mod draws;
+pub mod estimates;
 pub(crate) mod exact;
 pub mod gl;
 mod harness;

@@ -409,7 +409,7 @@ impl Machine {
     fn reads_ahead(&self) -> bool {
         let events = &self.card.events;
         let open = || {
-            let edge = events.iter().rev().find(|event| matches!(event, Event::BeginPass(_) | Event::EndPass));
+            let edge = events.iter().rev().find(|event| matches!(event, Event::BeginPass(_) | Event::EndPass(_)));
             matches!(edge, Some(Event::BeginPass(_)))
         };
         events.len() < AHEAD || self.card.class_state.chunks && open()

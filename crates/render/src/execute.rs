@@ -73,6 +73,8 @@ pub struct Options {
     pub begins: Option<FrameSet>,
     /// What has to be run; none: everything.
     pub needs: Option<Arc<Needs>>,
+    /// Whether passes that are recorded end with what the blocks of their attachments take in memory.
+    pub stored: bool,
     /// Whether segments carry what their primitives are expected to cover by their areas.
     pub areas: bool,
     /// Whether frames end with the picture that is shown; if not, with its size and format only.
@@ -95,6 +97,7 @@ impl Default for Options {
             recorded: None,
             begins: None,
             needs: None,
+            stored: false,
             areas: false,
             pictures: true,
             frames: (0..u32::MAX).into(),

@@ -22,6 +22,7 @@ mod queued;
 mod resources;
 mod sprites;
 mod state;
+mod stored;
 mod transfer;
 
 pub mod draw;

@@ -8,7 +8,7 @@ use gfx::texel;
 use num::QuerySetId;
 use shader::{self, BuiltIn, Interface, Program};
 use trace::command::*;
-use work::{Aspects, Attachment, Event, Funnel, Load, Pass, Segment, Signature, Surface};
+use work::{Aspects, Attachment, Event, Funnel, Load, Pass, Segment, Signature, Stored, Surface};
 
 use super::attachments::{Clearing, Place, announce, clear_bits, discard, lost, place_of, put_tiles, take_tiles};
 use super::bind::ResolvedBindings;
@@ -21,6 +21,7 @@ use super::pipeline::RenderPipeline;
 use super::queued::{self, Charges, QueuedDraw, Shared};
 use super::resources::Buffer;
 use super::state::{DrawState, IndexSlot, MAX_VERTEX_BUFFERS, VertexSlot};
+use super::stored::stored_blocks;
 use super::surface::Shape;
 
 /// One attachment while the pass runs.
@@ -569,6 +570,14 @@ impl ActivePass {
             Way::Away(departure) => departure.end().into_iter().map(|away| away.map(Tiles::Away)).collect(),
             Way::Over => Vec::new(),
         };
+        let stored = (renderer.recording() && renderer.options.stored).then(|| {
+            let of = |tiles: &Option<Tiles>| match tiles {
+                Some(Tiles::Here(tiles)) => Some(stored_blocks(tiles)),
+                _ => None,
+            };
+            let (color, depth) = images.split_at(self.color.len().min(images.len()));
+            Arc::new(Stored { color: color.iter().map(of).collect(), depth: depth.first().and_then(of) })
+        });
         if !renderer.recording() {
             // A machine does not see what this pass has written.
             let places = self.color.iter().chain([&self.depth]).flatten().filter(|bound| !bound.read_only);
@@ -603,7 +612,7 @@ impl ActivePass {
         if let Some(PassTimestamps { set, end: Some(index), .. }) = self.timestamps {
             renderer.write_timestamp(set, index)?;
         }
-        renderer.emit(Event::EndPass)
+        renderer.emit(Event::EndPass(stored))
     }
 }
 

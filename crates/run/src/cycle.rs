@@ -65,6 +65,6 @@ pub fn simulate<'r>(
         *out = Simulated { cycles: run.cycles, total: run.total, machine_time, display: run.shown, ..Simulated::default() };
         Ok(())
     };
-    rendering.consume(config.render_key(), Consumer { memory, recorded: true, run: Box::new(run) });
+    rendering.consume(config.render_key(), Consumer { memory, recorded: true, stored: false, run: Box::new(run) });
     Ok(())
 }

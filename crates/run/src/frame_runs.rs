@@ -364,7 +364,7 @@ fn consume<'r>(
         done(totals, [time + warming, warming]);
         Ok(())
     };
-    rendering.consume(config.render_key(), Consumer { memory, recorded: true, run: Box::new(read) });
+    rendering.consume(config.render_key(), Consumer { memory, recorded: true, stored: false, run: Box::new(read) });
 }
 
 /// Hands the work of each run to a machine that begins with nothing.

@@ -30,7 +30,7 @@ pub(super) fn counting<'c>(mut sink: FrameSink<'c>, total: &'c mut Funnel) -> Co
         }
         Ok(())
     };
-    Consumer { memory, recorded: false, run: Box::new(run) }
+    Consumer { memory, recorded: false, stored: false, run: Box::new(run) }
 }
 
 /// The statistics of a functional run.

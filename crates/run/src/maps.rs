@@ -328,7 +328,7 @@ fn noting<'c>(config: &Config, limits: &Limits, out: &'c mut (Vec<PassNotes>, Op
         *out = (machine.take_notes(), Some(timeline));
         Ok(())
     };
-    Ok(Consumer { memory, recorded: true, run: Box::new(run) })
+    Ok(Consumer { memory, recorded: true, stored: false, run: Box::new(run) })
 }
 
 /// Counts the maps of the frame that the events are of.
@@ -345,14 +345,14 @@ fn counting<'c>(out: &'c mut Maps) -> Consumer<'c> {
                     growing.draw = Some(draw);
                 }
                 Event::Segment(segment) => growing.segment(&segment),
-                Event::EndPass => growing.open = None,
+                Event::EndPass(_) => growing.open = None,
                 Event::EndFrame(end) => *out = std::mem::take(&mut growing).end(&end),
                 _ => {}
             }
         }
         Ok(())
     };
-    Consumer { memory: ConsumerMemory::default(), recorded: true, run: Box::new(run) }
+    Consumer { memory: ConsumerMemory::default(), recorded: true, stored: false, run: Box::new(run) }
 }
 
 /// What one more rendering of a frame finds about it.

@@ -72,5 +72,5 @@ pub(super) fn consumer<'c>(shade: Shade, mut readers: Vec<Reader<'c>>, time: &'c
         *time = watch.elapsed().saturating_sub(read);
         Ok(())
     };
-    Consumer { memory, recorded: true, run: Box::new(run) }
+    Consumer { memory, recorded: true, stored: true, run: Box::new(run) }
 }

@@ -28,6 +28,8 @@ pub struct Consumer<'c> {
     pub memory: ConsumerMemory,
     /// Whether it needs more of a draw than its counts.
     pub recorded: bool,
+    /// Whether it needs what blocks of attachments take in memory when a pass ends.
+    pub stored: bool,
     /// Reads all events. One that returns an error gets no more of them; the others do.
     pub run: Box<dyn FnOnce(Work) -> Result<()> + Send + 'c>,
 }
@@ -192,7 +194,8 @@ impl<'r> Rendering<'r> {
                 frames: consumers.iter().any(|consumer| consumer.memory.frames),
             };
             let record = consumers.iter().any(|consumer| consumer.recorded);
-            let options = render::Options { key, record, consumer_memory: memory, ..self.options.clone() };
+            let stored = consumers.iter().any(|consumer| consumer.stored);
+            let options = render::Options { key, record, stored, consumer_memory: memory, ..self.options.clone() };
             rendered.time += render(self.trace, &options, consumers, self.turns, self.pool)?;
             rendered.profiling += profiling;
         }
@@ -286,7 +289,7 @@ mod tests {
     }
 
     fn counts<'c>(run: impl FnOnce(Work) -> Result<()> + Send + 'c) -> Consumer<'c> {
-        Consumer { memory: ConsumerMemory::default(), recorded: false, run: Box::new(run) }
+        Consumer { memory: ConsumerMemory::default(), recorded: false, stored: false, run: Box::new(run) }
     }
 
     #[test]

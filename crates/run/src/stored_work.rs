@@ -51,7 +51,7 @@ impl StoredWork {
             Ok(())
         };
         let memory = ConsumerMemory { images: machines, ..ConsumerMemory::default() };
-        rendering.consume(key, Consumer { memory, recorded: true, run: Box::new(run) });
+        rendering.consume(key, Consumer { memory, recorded: true, stored: false, run: Box::new(run) });
         rendering.run()?;
         Ok((bytes <= most).then_some(StoredWork { events, bytes, limits: *trace.limits() }))
     }
@@ -136,7 +136,7 @@ fn stream<R: Send>(
             *result = time(machine, trace.limits(), work, read);
             Ok(())
         };
-        rendering.consume(config.render_key(), Consumer { memory, recorded: true, run: Box::new(run) });
+        rendering.consume(config.render_key(), Consumer { memory, recorded: true, stored: false, run: Box::new(run) });
     }
     rendering.run()?;
     Ok(results)

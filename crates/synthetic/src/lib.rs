@@ -210,7 +210,7 @@ pub fn events(scene: &Scene) -> Vec<Event> {
         for number in 0..scene.draws {
             draw(scene, number, &mut random, &mut reference, &mut out);
         }
-        out.push(Event::EndPass);
+        out.push(Event::EndPass(None));
         let shown = resolve.unwrap_or(color);
         let bytes: Vec<u8> = if scene.samples == 1 {
             reference.color.iter().flat_map(|code| code.to_le_bytes()).collect()
@@ -349,7 +349,7 @@ pub fn in_two_passes(scene: &Scene) -> Vec<Event> {
                 second = Some(pass);
             }
             Event::Draw(draw) if draw.number == 1 => {
-                out.extend(second.take().into_iter().flat_map(|pass| [Event::EndPass, Event::BeginPass(Arc::new(pass))]));
+                out.extend(second.take().into_iter().flat_map(|pass| [Event::EndPass(None), Event::BeginPass(Arc::new(pass))]));
             }
             _ => {}
         }

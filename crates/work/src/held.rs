@@ -163,7 +163,7 @@ impl Holdings {
                 }
                 self.pass = Some(pass.clone());
             }
-            Event::EndPass => {
+            Event::EndPass(_) => {
                 let Some(pass) = self.pass.take() else { return Ok(()) };
                 for Attachment { surface, keeps, resolve, .. } in pass.attachments() {
                     self.hold(surface, keeps.and(Aspects::of(surface.format)), true);
@@ -232,7 +232,7 @@ mod tests {
         let color = if depth.is_some() { Vec::new() } else { vec![Some(attachment)] };
         let (width, height, samples) = (8, 8, surface.samples);
         let pass = Pass { number: 3, label: String::new(), width, height, samples, color, depth };
-        [Event::BeginPass(Arc::new(pass)), Event::EndPass]
+        [Event::BeginPass(Arc::new(pass)), Event::EndPass(None)]
     }
 
     fn copy(from: Surface, to: Surface) -> Event {

@@ -19,6 +19,8 @@ mod segment;
 
 use std::sync::Arc;
 
+use gfx::codec::CODECS;
+
 pub use cost::{Class, Cost, CostId, CostTable, InFlight, Point, RequestKind, Span, Step};
 pub use draw::{AttributeFetch, Culling, Draw, ShaderShape, Target};
 pub use funnel::{FUNNEL, Funnel};
@@ -39,6 +41,16 @@ pub const BLOCK: u32 = 8;
 /// Width and height in pixels of the screen tiles in which work is grouped.
 pub const TILE: u32 = 64;
 
+/// What the blocks of a pass's attachments take in memory as the pass leaves them: memory lines by each codec ([`gfx::codec::lines`]), block
+/// after block, row by row.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct Stored {
+    /// Of colour attachments by location.
+    pub color: Vec<Option<Vec<[u8; CODECS]>>>,
+    /// Of depth and stencil.
+    pub depth: Option<Vec<[u8; CODECS]>>,
+}
+
 /// One step of the stream.
 #[derive(Clone, Debug)]
 pub enum Event {
@@ -54,8 +66,8 @@ pub enum Event {
     /// A piece of the current draw for functional warming: it changes pixels, caches and hierarchical Z and takes no cycles, where a run
     /// simulates only some frames. Rendering makes none of these.
     Applied(Arc<Segment>),
-    /// The render pass ends: attachments are stored and resolved.
-    EndPass,
+    /// The render pass ends: attachments are stored and resolved. With what their blocks take, where somebody wants to know.
+    EndPass(Option<Arc<Stored>>),
     /// A compute dispatch begins.
     Dispatch(Arc<Dispatch>),
     /// A run of workgroups of the current dispatch.

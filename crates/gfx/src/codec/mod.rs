@@ -53,6 +53,21 @@ pub fn stored_bytes_by_references(format: Format, samples: usize, codes: &[u32],
     references::bytes(codes, most).map_or(raw, |bytes| bytes.min(raw))
 }
 
+/// Codecs of which [`lines`] tells.
+pub const CODECS: usize = 3;
+
+/// Memory lines of 64 bytes that a block takes by each codec: that of [`stored_bytes`]; of [`stored_bytes_by_references`]; and of the same
+/// with at most half of the raw size. The arguments are those of [`stored_bytes`].
+///
+/// # Panics
+/// If the number of codes is not that of a block.
+pub fn lines(format: Format, samples: usize, codes: &[u32]) -> [u8; CODECS] {
+    let raw = raw_bytes(format, samples);
+    let by_references = |most| stored_bytes_by_references(format, samples, codes, most);
+    // A block of 8 samples of 16 bytes has 128 lines.
+    [stored_bytes(format, samples, codes), by_references(raw), by_references(raw / 2)].map(|bytes| bytes.div_ceil(LINE) as u8)
+}
+
 /// Compresses a block; the arguments are those of [`stored_bytes`]. Not more than one byte longer than the raw block.
 ///
 /// # Panics

@@ -72,7 +72,7 @@ fn seen(trace: &Trace, threads: usize, pictures: bool) -> Seen {
             events.push(match event {
                 Event::Segment(segment) => ("segment", segment.funnel),
                 Event::BeginPass(_) => ("begin", Funnel::default()),
-                Event::EndPass => ("end", Funnel::default()),
+                Event::EndPass(_) => ("end", Funnel::default()),
                 Event::EndFrame(end) => {
                     images.push(end.reference.to_vec());
                     ("frame", Funnel::default())

@@ -6,6 +6,7 @@ use std::ops::Range;
 use super::flow::{Pipeline, Rates, UNITS, Work, work_of};
 use super::{BLOCKS, Bound, Roofs, compressed};
 use mem::REQUEST_BYTES;
+use unit::compression::Codec;
 use unit::distribute::Overlap;
 use work::profile::{AttachmentProfile, BINS, Cell, DrawProfile, Window};
 use work::{LINE, TILE};
@@ -198,7 +199,7 @@ impl Bound<'_> {
         followed
     }
 
-    /// Cycles of binning a pass, and then of drawing its tiles, round after round. `latency` is that of reads of lists.
+    /// Cycles of binning a pass, and then of drawing its tiles, round after round. Reads of lists take `latency`, and the first item of a round `fill`.
     pub(super) fn tiles(
         &self,
         roofs: &mut [Roofs; 2],
@@ -207,7 +208,7 @@ impl Bound<'_> {
         (owners, size): (&[Option<u8>], [u32; 2]),
         (windows, cells): (&[Window], &[Cell]),
         (color, depth): (&[AttachmentProfile], Option<&AttachmentProfile>),
-        latency: f64,
+        [latency, fill]: [f64; 2],
     ) -> [f64; 2] {
         let grid = size.map(|pixels| pixels.div_ceil(TILE) as usize);
         let (config, pipelines) = (self.config, self.config.card.pipelines as usize);
@@ -226,12 +227,12 @@ impl Bound<'_> {
             + lists.entry / CHUNK * latency / f64::from(bin.misses);
         // 3. At the end of a tile its blocks leave one a cycle, and over the port; meanwhile nothing goes on.
         let subtiles = f64::from((TILE / bin.tile).pow(2));
-        let leave = |attachment: &AttachmentProfile, compression: bool| {
-            let part = if compression { compressed(attachment) } else { 1.0 };
+        let leave = |attachment: &AttachmentProfile, codec: Option<Codec>| {
+            let part = compressed(attachment, codec);
             if attachment.stores { (attachment.block_bytes as f64 * part / port).max(1.0) } else { 0.0 }
         };
-        let color_block: f64 = color.iter().map(|target| leave(target, config.color.compression)).sum();
-        let depth_block = depth.map_or(0.0, |depth| leave(depth, config.depth.compression));
+        let color_block: f64 = color.iter().map(|target| leave(target, self.color_codec())).sum();
+        let depth_block = depth.map_or(0.0, |depth| leave(depth, self.depth_codec()));
 
         let mut time = [0.0; 2];
         let waiting = self.waiting()[1];
@@ -304,8 +305,7 @@ impl Bound<'_> {
             roofs[1].add(unit, sums.iter().map(|sums| sums[at]).fold(0.0, f64::max));
         }
         // Between two rounds everything is drained.
-        let between =
-            (lists.rounds.len() - 1) as f64 * (self.fill() + rates.iter().map(|rates| rates.shaded).fold(0.0, f64::max));
+        let between = (lists.rounds.len() - 1) as f64 * (fill + rates.iter().map(|rates| rates.shaded).fold(0.0, f64::max));
         [time[0], time[1] + between]
     }
 }

@@ -92,7 +92,7 @@ pub fn limits<'r>(rendering: &mut Rendering<'r>, config: &'r Config, out: &'r mu
         }
         Ok(())
     };
-    rendering.consume(config.render_key(), Consumer { memory, recorded: true, run: Box::new(run) });
+    rendering.consume(config.render_key(), Consumer { memory, recorded: true, stored: true, run: Box::new(run) });
 }
 
 /// Adds estimates for a configuration to a rendering.

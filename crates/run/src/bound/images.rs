@@ -3,6 +3,7 @@
 use super::memory::Traffic;
 use super::{Bound, compressed};
 use unit::compose::steps;
+use unit::compression::Codec;
 use work::profile::{APART, AttachmentProfile, DrawProfile};
 use work::{BLOCK, LINE};
 
@@ -65,20 +66,20 @@ impl Bound<'_> {
             return Composed::default();
         }
         let depth = depth.filter(|_| draws.iter().any(|draw| draw.writes_depth));
-        let plane = |attachment: &AttachmentProfile, compression: bool| {
-            let whole = |on: bool| (attachment.block_bytes as f64 * if on { compressed(attachment) } else { 1.0 }) as u64;
+        let plane = |attachment: &AttachmentProfile, codec: Option<Codec>| {
+            let whole = |codec| (attachment.block_bytes as f64 * compressed(attachment, codec)) as u64;
             Plane {
                 line: attachment.line,
                 raw: attachment.block_bytes,
-                drawn: whole(compression),
-                composed: whole(c.compose.compression),
+                drawn: whole(codec),
+                composed: whole(self.composed_codec()),
                 loads: attachment.loads || !c.color.fast_clear,
                 stores: attachment.stores,
             }
         };
         let mut planes: Vec<Plane> =
-            color.iter().filter(|target| target.stores).map(|target| plane(target, c.color.compression)).collect();
-        planes.extend(depth.map(|depth| plane(depth, c.depth.compression)));
+            color.iter().filter(|target| target.stores).map(|target| plane(target, self.color_codec())).collect();
+        planes.extend(depth.map(|depth| plane(depth, self.depth_codec())));
         let across = size[0].div_ceil(BLOCK);
         let blocks = across * size[1].div_ceil(BLOCK);
         if planes.is_empty() || blocks == 0 {

@@ -33,20 +33,18 @@ use machine::config::MemoryKind;
 use machine::{Config, PhaseReport};
 use mem::REQUEST_BYTES;
 use num::Cycle;
+use unit::compression::Codec;
 use unit::phase::{Phase, PhaseKind};
 use work::profile::{AttachmentProfile, FrameProfile, PhaseProfile, Sampled, Touch, Toucher};
 use work::{BLOCK, LINE, TILE};
 
-/// The share of its raw size that a colour or depth block takes when it leaves its cache, where compression is on: between flat blocks
-/// (an eighth) and blocks that cannot be compressed. Measured over the traces of the repository.
-const COMPRESSED: f64 = 0.5;
-
-/// That share where pixels have several samples, most of which are equal.
-const COMPRESSED_SAMPLES: f64 = 0.36;
-
-/// The share of its raw size that a block of an attachment takes in memory.
-fn compressed(attachment: &AttachmentProfile) -> f64 {
-    if attachment.multisampled { COMPRESSED_SAMPLES } else { COMPRESSED }
+/// The share of its raw size that a block of an attachment takes in memory on average where that codec compresses it; none: raw.
+fn compressed(attachment: &AttachmentProfile, codec: Option<Codec>) -> f64 {
+    codec
+        .map_or(1.0, |codec| {
+            f64::from(attachment.lines[codec as usize]) * LINE as f64 / (attachment.block_bytes as f64).max(1.0)
+        })
+        .min(1.0)
 }
 
 /// Blocks along the edge of a screen tile.
@@ -160,6 +158,21 @@ impl<'c> Bound<'c> {
     /// [`Profiler::whole`](work::profile::Profiler::whole) leaves out.
     pub fn deals(&self) -> bool {
         self.sorted.own_geometry()
+    }
+
+    /// How colours leave their caches; none: raw.
+    fn color_codec(&self) -> Option<Codec> {
+        self.config.color.compression.then_some(self.config.color.codec)
+    }
+
+    /// How depths leave their caches; none: raw.
+    fn depth_codec(&self) -> Option<Codec> {
+        self.config.depth.compression.then_some(self.config.depth.codec)
+    }
+
+    /// How composed blocks are written; none: raw.
+    fn composed_codec(&self) -> Option<Codec> {
+        self.config.compose.compression.then_some(Codec::Planes)
     }
 
     /// Estimates without knobs that have an effect which is not estimated: near enough to tell frames apart, not to be reported.

@@ -10,6 +10,7 @@ use super::{BLOCKS, Bound, PhaseEstimate, Roofs, Touched, compressed};
 use machine::class::Sorted;
 use machine::config::MemoryKind;
 use mem::REQUEST_BYTES;
+use unit::compression::Codec;
 use unit::fetch::Reuse;
 use unit::interleave::Interleave;
 use unit::phase::PhaseKind;
@@ -78,9 +79,10 @@ impl Bound<'_> {
         // Lines of indices that the second level has lost wait behind what is written meanwhile, the longer the sooner a pass is over. Where
         // geometry waits for pixels anyway, as in sort-middle, the trip without that is nearer to the truth.
         let index = self.latency(&traffic.indices);
+        let (attributes, fill) = (self.latency(&traffic.attributes), self.fill(&traffic));
         let first: f64 = draws
             .iter()
-            .map(|draw| self.rates(&mut Roofs::default(), draw, &requests, index))
+            .map(|draw| self.rates(&mut Roofs::default(), draw, &requests, [index, attributes, fill]))
             .zip(draws)
             .map(|(rates, draw)| rates.geometry * draw.primitives as f64)
             .sum();
@@ -88,7 +90,8 @@ impl Bound<'_> {
         let lines = f64::from(config.fetch.index_lines) * traffic.indices.miss_rate();
         let waits = index + self.behind_writes(meanwhile, lines, first.max(self.dram(meanwhile)));
         let index = if self.sorted == Sorted::Triangles && !binned { index } else { waits };
-        let mut rates: Vec<Rates> = draws.iter().map(|draw| self.rates(&mut roofs, draw, &requests, index)).collect();
+        let mut rates: Vec<Rates> =
+            draws.iter().map(|draw| self.rates(&mut roofs, draw, &requests, [index, attributes, fill])).collect();
         // Indices and attributes have ports of their own. The cache of attributes has at most what is not read from DRAM.
         if self.sorted != Sorted::Primitives {
             let fronts = if self.sorted.own_geometry() { self.pipelines } else { 1.0 };
@@ -116,7 +119,7 @@ impl Bound<'_> {
                 let (work, attachments) = ((&windows[..], &cells[..]), (&color[..], depth.as_ref()));
                 let mut both = [geometry, roofs];
                 let read = self.latency(&traffic.listed);
-                let [first, drawn] = self.tiles(&mut both, lists, &rates, (&owners, *size), work, attachments, read);
+                let [first, drawn] = self.tiles(&mut both, lists, &rates, (&owners, *size), work, attachments, [read, fill]);
                 [geometry, roofs] = both;
                 geometry.add("dram", self.dram(&traffic.binned));
                 binning = first.max(geometry.slowest().1);
@@ -145,7 +148,7 @@ impl Bound<'_> {
         most += binning;
         geometry.units.iter().for_each(|&(unit, cycles)| roofs.add(unit, cycles));
         let latency = rates.iter().map(|rates| rates.latency).fold(0.0, f64::max);
-        let first_and_last = if draws.iter().any(|draw| draw.primitives > 0) { latency + self.fill() } else { 0.0 };
+        let first_and_last = if draws.iter().any(|draw| draw.primitives > 0) { latency + fill } else { 0.0 };
         // Copies are composed when all is drawn.
         let composed = if images && !draws.is_empty() {
             self.composed(draws, (color, depth.as_ref()), *size, blocks[1] as f64 * copies)
@@ -175,8 +178,7 @@ impl Bound<'_> {
     pub(super) fn left(&self, attachment: &AttachmentProfile) -> f64 {
         let c = self.config;
         let composed = self.sorted == Sorted::Images && c.card.pipelines > 1;
-        let compression = if composed { c.compose.compression } else { c.color.compression };
-        if compression { compressed(attachment) } else { 1.0 }
+        compressed(attachment, if composed { self.composed_codec() } else { self.color_codec() })
     }
 
     /// Cycles of resolving what is resolved, block after block: one that nothing was drawn into is only written; others are read too, over
@@ -261,8 +263,11 @@ impl Bound<'_> {
         (1.0 - libm::pow(1.0 - writing, reads)) * wait.max(0.0) / fifo
     }
 
-    /// Cycles of the first item from the command processor to the ROPs, without what shaders take, and of the last block to memory.
-    pub(super) fn fill(&self) -> f64 {
+    /// Cycles of the first item from the command processor to the ROPs, without what shaders take, and of the last block to the second level.
+    /// Indices come first, then attributes.
+    pub(super) fn fill(&self, traffic: &PassTraffic) -> f64 {
+        let trip = |traffic: &Traffic| if traffic.lookups > 0.0 { self.latency(traffic) } else { 0.0 };
+        let trips = trip(&traffic.indices) + trip(&traffic.attributes) + self.hit_latency;
         let c = self.config;
         let ways = [
             c.command.command_cycles,
@@ -279,11 +284,11 @@ impl Bound<'_> {
             c.dispatch.output_latency,
             c.color.latency,
         ];
-        ways.iter().map(|&n| f64::from(n)).sum::<f64>() + 2.0 * self.memory_latency
+        ways.iter().map(|&n| f64::from(n)).sum::<f64>() + trips
     }
 
     /// What the units take for an item of a draw; adds what its geometry takes in all.
-    fn rates(&self, roofs: &mut Roofs, draw: &DrawProfile, requests: &Requests, index: f64) -> Rates {
+    fn rates(&self, roofs: &mut Roofs, draw: &DrawProfile, requests: &Requests, [index, attributes, fill]: [f64; 3]) -> Rates {
         let c = self.config;
         let per = |n: u64, rate: u32| n as f64 / f64::from(rate);
         // Fronts that fetch and assemble, and units that clip, for all primitives or for those of one pipeline.
@@ -306,7 +311,7 @@ impl Bound<'_> {
             &Requests { missed: 1.0, slow: 1.0, latency: self.memory_latency, ..Requests::default() },
         );
         // A batch is in flight from its indices to the assembly of its last primitive.
-        let stay = shading.latency + self.memory_latency + f64::from(c.fetch.latency + c.assembly.latency);
+        let stay = shading.latency + attributes + f64::from(c.fetch.latency + c.assembly.latency);
         // The last batch of a segment is half full on average.
         let full = f64::from(c.core.warp_width).min(if self.sorted == Sorted::Primitives { ROUTED } else { f64::INFINITY });
         let batches = vertices / full + 0.5 * draw.segments as f64;
@@ -323,7 +328,7 @@ impl Bound<'_> {
             per(draw.primitives, c.clip.primitives_per_cycle) + (draw.clipped * u64::from(c.clip.clip_cycles)) as f64;
         let fragment = self.shading(&draw.fragment, 4.0, draw.registers[1], requests);
         // A segment has its place until the last of it is written.
-        let held = draw.segments as f64 * (shading.latency + fragment.latency + self.fill());
+        let held = draw.segments as f64 * (shading.latency + fragment.latency + fill);
         let held = held / f64::from(c.command.segments);
         let geometry = [
             ("command", if own { 0.0 } else { held }),
@@ -386,39 +391,42 @@ impl Bound<'_> {
         let groups = sum(|cell| cell.groups) / sum(|cell| cell.seen).max(1.0);
         let uses = [sum(|cell| cell.pins), sum(|cell| cell.seen)];
         let mut least = [0.0; 2];
-        let mut rop =
-            |unit: &'static str, attachment: &AttachmentProfile, side: usize, cache: f64, knobs: (bool, u32, u32, u32)| {
-                let (compression, fifo, requests, latency) = knobs;
-                let part = if compression { compressed(attachment) } else { 1.0 };
-                let bytes = attachment.block_bytes as f64;
-                let distinct = blocks[1 - side] as f64;
-                let missed = interpolated(&BLOCK_CACHES, &misses[1 - side], (cache * self.pipelines) as usize);
-                // What is not cleared by flag is read at the first touch; what came back is read again.
-                let first = if attachment.loads || !c.color.fast_clear { distinct } else { 0.0 };
-                let filled = first + (missed - distinct).max(0.0);
-                let (read, written) = (filled * bytes * part, missed * bytes * part);
-                roofs.add(unit, read.max(written) / self.pipelines / port);
-                // Blocks between lookup and use stay in their sets, and go on in order: of as many as find room at once, all wait for one
-                // that is missed.
-                let at_once = self.in_use[side].min(f64::from(fifo) / groups.max(1.0)).max(1.0);
-                // A block that is in use already takes no further place.
-                let others = interpolated(&BLOCK_CACHES, &misses[1 - side], (at_once * self.pipelines) as usize).max(1.0);
-                let again = (others / uses[side].max(1.0)).min(1.0);
-                let filled = (filled / others).min(1.0);
-                // What leaves goes first, and what comes takes its time on the wires.
-                let moved = 2.0 * bytes * part / port + bytes * part / f64::from(c.l2.width);
-                let nearer = 2.0 * (f64::from(c.memory.port_latency) - f64::from(c.memory.rop_latency));
-                let wait = self.latency(&traffic.fills[side]) - nearer + f64::from(latency) + moved;
-                let turn = again * (1.0 - libm::pow(1.0 - filled, at_once)) * wait / at_once;
-                let in_flight = again * filled * (bytes * part / REQUEST_BYTES as f64).ceil() * wait / f64::from(requests);
-                least[side] += turn.max(in_flight);
-            };
+        let mut rop = |unit: &'static str,
+                       attachment: &AttachmentProfile,
+                       side: usize,
+                       cache: f64,
+                       knobs: (Option<Codec>, u32, u32, u32)| {
+            let (codec, fifo, requests, latency) = knobs;
+            let part = compressed(attachment, codec);
+            let bytes = attachment.block_bytes as f64;
+            let distinct = blocks[1 - side] as f64;
+            let missed = interpolated(&BLOCK_CACHES, &misses[1 - side], (cache * self.pipelines) as usize);
+            // What is not cleared by flag is read at the first touch; what came back is read again.
+            let first = if attachment.loads || !c.color.fast_clear { distinct } else { 0.0 };
+            let filled = first + (missed - distinct).max(0.0);
+            let (read, written) = (filled * bytes * part, missed * bytes * part);
+            roofs.add(unit, read.max(written) / self.pipelines / port);
+            // Blocks between lookup and use stay in their sets, and go on in order: of as many as find room at once, all wait for one
+            // that is missed.
+            let at_once = self.in_use[side].min(f64::from(fifo) / groups.max(1.0)).max(1.0);
+            // A block that is in use already takes no further place.
+            let others = interpolated(&BLOCK_CACHES, &misses[1 - side], (at_once * self.pipelines) as usize).max(1.0);
+            let again = (others / uses[side].max(1.0)).min(1.0);
+            let filled = (filled / others).min(1.0);
+            // What leaves goes first, and what comes takes its time on the wires.
+            let moved = 2.0 * bytes * part / port + bytes * part / f64::from(c.l2.width);
+            let nearer = 2.0 * (f64::from(c.memory.port_latency) - f64::from(c.memory.rop_latency));
+            let wait = self.latency(&traffic.fills[side]) - nearer + f64::from(latency) + moved;
+            let turn = again * (1.0 - libm::pow(1.0 - filled, at_once)) * wait / at_once;
+            let in_flight = again * filled * (bytes * part / REQUEST_BYTES as f64).ceil() * wait / f64::from(requests);
+            least[side] += turn.max(in_flight);
+        };
         for attachment in color {
-            let knobs = (c.color.compression, c.color.fifo, c.color.misses, c.color.latency);
+            let knobs = (self.color_codec(), c.color.fifo, c.color.misses, c.color.latency);
             rop("color port", attachment, 0, f64::from(c.color.cache_blocks) / color.len() as f64, knobs);
         }
         if let Some(depth) = depth {
-            let knobs = (c.depth.compression, c.depth.fifo, c.depth.misses, c.depth.latency);
+            let knobs = (self.depth_codec(), c.depth.fifo, c.depth.misses, c.depth.latency);
             rop("depth port", depth, 1, f64::from(c.depth.cache_blocks), knobs);
         }
         least

@@ -4,10 +4,10 @@ use super::binned::{Followed, Lists};
 use super::images::copy;
 use super::memory::Traffic;
 use super::texture::Missed;
-use super::{Bound, Touched, compressed};
+use super::{Bound, Touched};
 use machine::class::Sorted;
 use work::LINE;
-use work::profile::{AttachmentProfile, BLOCK_CACHES, FIRST, FLAT, Touch, Toucher};
+use work::profile::{AttachmentProfile, BLOCK_CACHES, FIRST, Touch, Toucher};
 
 /// What a pass does to the second-level cache.
 #[derive(Clone, Copy, Debug, Default)]
@@ -140,7 +140,7 @@ impl Bound<'_> {
                 return;
             }
             Toucher::Color => {
-                let target = blocks.color[usize::from(touch.step & !FLAT).min(7)].or(blocks.color[0]);
+                let target = blocks.color[usize::from(touch.step).min(7)].or(blocks.color[0]);
                 (target, blocks.levels[0], c.color.compression, c.color.fast_clear)
             }
             Toucher::Depth => (blocks.depth, blocks.levels[1], c.depth.compression, c.color.fast_clear),
@@ -164,9 +164,8 @@ impl Bound<'_> {
         if hidden && touch.by == Toucher::Color {
             return;
         }
-        let part = if compression { compressed(attachment) } else { 1.0 };
-        let flat = compression && touch.step & FLAT != 0;
-        let bytes = if flat { LINE } else { (attachment.block_bytes as f64 * part) as u64 };
+        let codec = if touch.by == Toucher::Color { c.color.codec } else { c.depth.codec };
+        let bytes = if compression { u64::from(touch.stored[codec as usize]) * LINE } else { attachment.block_bytes };
         // Each of its copies is touched for a first time.
         let apart = self.sorted == Sorted::Images && self.pipelines > 1.0;
         let mut copies = 1.0;
@@ -186,7 +185,7 @@ impl Bound<'_> {
                 traffic += fill;
             }
             // What is read only leaves without a trace, and so does what is not wanted of a tile.
-            if left && !hidden && (touch.by == Toucher::Color || touch.step & !FLAT != 0) {
+            if left && !hidden && (touch.by == Toucher::Color || touch.step != 0) {
                 traffic += self.shared.access(own, bytes, true);
             }
         }

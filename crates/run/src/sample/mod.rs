@@ -284,7 +284,8 @@ fn simulated(
             Ok(())
         };
         let key = options.config.render_key();
-        rendering.consume(key, Consumer { memory: ConsumerMemory::default(), recorded: false, run: Box::new(first) });
+        rendering
+            .consume(key, Consumer { memory: ConsumerMemory::default(), recorded: false, stored: false, run: Box::new(first) });
     }
     rendering.run()?;
     machine_time += by_estimate.time;

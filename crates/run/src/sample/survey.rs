@@ -336,7 +336,7 @@ fn read_part(
         }
         Ok(())
     };
-    rendering.consume(key, Consumer { memory: ConsumerMemory::default(), recorded: true, run: Box::new(run) });
+    rendering.consume(key, Consumer { memory: ConsumerMemory::default(), recorded: true, stored: true, run: Box::new(run) });
     rendering.run()?;
     Ok(read)
 }
@@ -418,7 +418,7 @@ impl Counts {
                     add(14, u64::from(shown.width) * u64::from(shown.height) * u64::from(shown.format.block_bytes()));
                 }
             }
-            Event::Contents(_) | Event::EndPass | Event::Groups(_) => {}
+            Event::Contents(_) | Event::EndPass(_) | Event::Groups(_) => {}
         }
     }
 }

@@ -16,7 +16,7 @@ impl Command {
         let drained = self.free.len() == self.reports.len() && self.pieces.is_empty();
         let in_pass = card.pass.is_some();
         let wrong = match card.events.front()? {
-            Event::Draw(_) | Event::Segment(_) | Event::Applied(_) | Event::EndPass if !in_pass => Some("outside a pass"),
+            Event::Draw(_) | Event::Segment(_) | Event::Applied(_) | Event::EndPass(_) if !in_pass => Some("outside a pass"),
             Event::Segment(_) | Event::Applied(_) if self.draw.is_none() => Some("a segment without a draw"),
             Event::Groups(_) if self.dispatch.is_none() => Some("workgroups without a dispatch"),
             Event::BeginPass(_) | Event::Dispatch(_) | Event::Groups(_) | Event::Contents(_) | Event::EndFrame(_)
@@ -85,7 +85,7 @@ impl Command {
                 if skips && next.is_none() && !card.closed {
                     return None;
                 }
-                let skipped = skips && matches!(next, Some(Event::EndPass));
+                let skipped = skips && matches!(next, Some(Event::EndPass(_)));
                 card.phases.begin(PhaseKind::Pass, pass.number, &pass.label, now);
                 if skipped {
                     cycles += self.skip_pass(card, &pass);
@@ -96,7 +96,7 @@ impl Command {
                 card.epoch += 1;
                 self.state = State::Clearing;
             }
-            Event::EndPass => {
+            Event::EndPass(_) => {
                 self.pieces.push_back(Piece { slot: 0, kind: Kind::PASS });
                 self.state = State::Ending(2 * self.pipelines);
                 self.draw = None;

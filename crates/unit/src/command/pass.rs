@@ -169,7 +169,7 @@ fn cleared_depths(attachment: &Attachment) -> Option<(u32, u32)> {
 
 /// Primitives up to the end of the pass, of the events that are here.
 fn primitives_ahead(card: &Card) -> u64 {
-    let pass = card.events.iter().skip(1).take_while(|event| !matches!(event, Event::EndPass));
+    let pass = card.events.iter().skip(1).take_while(|event| !matches!(event, Event::EndPass(_)));
     let primitives = |event: &Event| if let Event::Segment(segment) = event { segment.primitives.len() as u64 } else { 0 };
     pass.map(primitives).sum()
 }

@@ -245,7 +245,7 @@ fn end() -> Event {
 
 /// A pass with so many segments of one draw, and the end of the frame.
 fn frame(load: Load, resolve: bool, segments: usize) -> Vec<Event> {
-    [vec![begin(load, resolve)], draws(segments), vec![Event::EndPass, end()]].concat()
+    [vec![begin(load, resolve)], draws(segments), vec![Event::EndPass(None), end()]].concat()
 }
 
 #[test]
@@ -285,7 +285,7 @@ fn draws_are_rasterised_in_turn() {
     // Draws of two segments and of one, 8 cycles apart. The first one's turn is told in the cycle after the one in which its segment is read, 10,
     // and is a cycle on the way. Its second segment comes to the pipeline in 20, and is reported in 50: then it is the turn of the second.
     let drain = CommandConfig { drain: true, ..config() };
-    let events = [vec![begin(Load::Load, false)], draws(2), draws(1), vec![Event::EndPass, end()]].concat();
+    let events = [vec![begin(Load::Load, false)], draws(2), draws(1), vec![Event::EndPass(None), end()]].concat();
     let got = commanded(&drain, PLAIN, &events);
     assert_eq!(got.turns, [(12, 1), (20 + REPLY + 1 + 1, 2)]);
     let plain = commanded(&config(), PLAIN, &events);
@@ -298,7 +298,7 @@ fn a_change_of_state_takes_cycles_and_waits_for_a_free_state() {
     let drawn = |states: &[u32]| {
         let one =
             |&state: &u32| [Event::Draw(Arc::new(Draw { state, ..draw() })), Event::Segment(Arc::new(Segment::default()))];
-        [vec![begin(Load::Load, false)], states.iter().flat_map(one).collect(), vec![Event::EndPass, end()]].concat()
+        [vec![begin(Load::Load, false)], states.iter().flat_map(one).collect(), vec![Event::EndPass(None), end()]].concat()
     };
     let data = |config: &CommandConfig, states: &[u32]| -> Vec<Cycle> {
         let got = commanded(config, PLAIN, &drawn(states));
@@ -412,7 +412,7 @@ fn events_out_of_order_are_refused_by_number() {
     let clear = Load::Clear([0; 4]);
     let cases: [(Vec<Event>, &str); 6] = [
         (draws(0), "event 0 of the work comes where it cannot: outside a pass"),
-        (vec![Event::EndPass], "event 0 of the work comes where it cannot: outside a pass"),
+        (vec![Event::EndPass(None)], "event 0 of the work comes where it cannot: outside a pass"),
         (vec![begin(clear, false), segment()], "event 1 of the work comes where it cannot: a segment without a draw"),
         (vec![begin(clear, false), end()], "event 1 of the work comes where it cannot: inside a pass"),
         (
@@ -446,7 +446,7 @@ fn what_no_store_holds_stops_the_run_and_is_called_our_fault() {
             "{what} takes the colours of texture {texture}, level 0, layer 0 from the machine's stores, which do not hold them. {OUR_FAULT}"
         )
     };
-    assert_eq!(fault(&[begin(Load::Load, false), Event::EndPass, end()]), lacks("pass 0", 1));
+    assert_eq!(fault(&[begin(Load::Load, false), Event::EndPass(None), end()]), lacks("pass 0", 1));
     let copy = Transfer {
         kind: TransferKind::Copy,
         from: Some(1 << 24),
@@ -460,7 +460,7 @@ fn what_no_store_holds_stops_the_run_and_is_called_our_fault() {
 #[test]
 fn passes_without_draws_only_clear() {
     let clear = Load::Clear([0; 4]);
-    let empty = |load, resolve| vec![begin(load, resolve), Event::EndPass, end()];
+    let empty = |load, resolve| vec![begin(load, resolve), Event::EndPass(None), end()];
     // Read in cycle 0 and decoded by 8; sixteen flags at four a cycle; a cycle to find nothing more to be cleared, and the frame's end.
     let got = commanded(&config(), PLAIN, &empty(clear, false));
     assert_eq!((got.pieces.len(), got.over), (0, 8 + 4 + 1 + 1));
@@ -484,7 +484,7 @@ fn tests_of_bounds_take_their_time_one_by_one() {
         let culling = Culling { tests, draws: 1, instances: 3, primitives: 12, vertices: 36 };
         let drawn = Event::Draw(Arc::new(Draw { culling, ..draw() }));
         let mut events = vec![begin(Load::Load, false), drawn];
-        events.extend([Event::Segment(Arc::new(Segment::default())), Event::EndPass, end()]);
+        events.extend([Event::Segment(Arc::new(Segment::default())), Event::EndPass(None), end()]);
         let config = CommandConfig { cull_cycles, ..config() };
         let counts = settle(
             || loaded(&config, PLAIN, &events),

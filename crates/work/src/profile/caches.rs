@@ -59,6 +59,8 @@ pub(super) struct BlockCaches {
     across: usize,
     /// When each block was put in, counted in misses of that cache.
     put: Vec<[i32; LANES]>,
+    /// How often each was touched.
+    pub touches: Vec<u32>,
     missed: [i32; LANES],
     pub distinct: u64,
 }
@@ -67,7 +69,7 @@ impl BlockCaches {
     pub fn new(pass: &Pass) -> BlockCaches {
         let across = pass.width.div_ceil(BLOCK) as usize;
         let blocks = across * pass.height.div_ceil(BLOCK) as usize;
-        BlockCaches { across, put: vec![[NEVER_IN; LANES]; blocks], missed: [0; LANES], distinct: 0 }
+        BlockCaches { across, put: vec![[NEVER_IN; LANES]; blocks], touches: vec![0; blocks], missed: [0; LANES], distinct: 0 }
     }
 
     /// Misses of each.
@@ -75,15 +77,12 @@ impl BlockCaches {
         std::array::from_fn(|at| self.missed[at] as u64)
     }
 
-    /// Whether each block was touched.
-    pub fn touched(&self) -> impl Iterator<Item = bool> {
-        self.put.iter().map(|put| put[0] != NEVER_IN)
-    }
-
     /// How many caches have lost a block since, [`FIRST`] if it was never in one.
     pub fn touch(&mut self, x: u16, y: u16) -> u8 {
-        let put = &mut self.put[usize::from(y) * self.across + usize::from(x)];
+        let at = usize::from(y) * self.across + usize::from(x);
+        let put = &mut self.put[at];
         let first = put[0] == NEVER_IN;
+        self.touches[at] += 1;
         self.distinct += u64::from(first);
         let gone = ask(&mut self.missed, put, &const { lanes(BLOCK_CACHES) });
         let near = gone.iter().fold(0_i32, |near, gone| near - gone);

@@ -14,12 +14,14 @@ pub use apart::{APART, ApartProfile, DEALT};
 pub use caches::BLOCK_CACHES;
 pub use lines::{FOLLOWED as LINES_FOLLOWED, GAPS, LineProfile, SPANS, gaps_of, span};
 pub use shader::{PIECE, ShaderProfile, TOGETHER};
-pub use touch::{BUNDLE, FIRST, FLAT, Sampled, Touch, Toucher};
+pub use touch::{BUNDLE, FIRST, Sampled, Touch, Toucher};
 
 use pass::OpenPass;
 use touch::Touches;
 
 use std::collections::HashSet;
+
+use gfx::codec::CODECS;
 
 use super::{Dispatch, Event, Groups, Pass, Shade, Surface, Transfer};
 
@@ -130,7 +132,7 @@ pub struct Cell {
 }
 
 /// An attachment of a pass.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct AttachmentProfile {
     /// Its first line in memory: address by [`LINE`](super::LINE).
     pub line: u32,
@@ -144,6 +146,9 @@ pub struct AttachmentProfile {
     pub stores: bool,
     /// Bytes resolved to another surface; 0 where none.
     pub resolved: u64,
+    /// Memory lines that a block takes as the pass leaves it, by each codec ([`gfx::codec::lines`]): the mean of its blocks, each as often as it is
+    /// touched. Raw where the work does not say.
+    pub lines: [f32; CODECS],
 }
 
 /// What a phase is about.
@@ -278,9 +283,9 @@ impl Profiler {
                     pass.segment(segment, &mut self.touches);
                 }
             }
-            Event::EndPass => {
+            Event::EndPass(stored) => {
                 if let Some(pass) = self.pass.take() {
-                    let phase = pass.end(&mut self.touches, &self.resolves);
+                    let phase = pass.end(&mut self.touches, &self.resolves, stored.as_deref());
                     self.push(phase);
                 }
             }

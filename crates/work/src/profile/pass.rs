@@ -6,12 +6,13 @@ use super::apart::{APART, Apart, DEALT, Test};
 use super::caches::{BLOCK_CACHES, Caches, batched_vertices, dealt_vertices, shaded_vertices};
 use super::lines::{Lines, Place};
 use super::shader::asking;
-use super::touch::{BUNDLE, FLAT, Touch, Toucher, Touches};
+use super::touch::{BUNDLE, Touch, Toucher, Touches};
 use super::{ApartProfile, AttachmentProfile, BINS, Cell, DrawProfile, PhaseProfile, WINDOW, Window};
 use crate::{
-    Attachment, AttributeFetch, BLOCK, Block, Draw, LINE, Load, Pass, QUAD_SHADED, Quad, RequestKind, Segment, Surface, TILE,
-    TileWork, Triangle, Vertex, Visit,
+    Attachment, AttributeFetch, BLOCK, Block, Draw, LINE, Load, Pass, QUAD_SHADED, Quad, RequestKind, Segment, Stored, Surface,
+    TILE, TileWork, Triangle, Vertex, Visit,
 };
+use gfx::codec::CODECS;
 use gfx::state::{DepthStencil, StencilFace, StepMode};
 
 /// A pass of which not all is known yet.
@@ -44,8 +45,6 @@ struct Memory {
     /// Colour targets that the draw writes, whether it tests depth or stencil, and whether it may write them.
     written: Vec<u8>,
     tests: bool,
-    /// Words of a shaded quad's payload.
-    payload: usize,
     writes_depth: bool,
     /// Blocks can be hidden.
     hides: bool,
@@ -73,6 +72,7 @@ impl OpenPass {
                 loads: !clears,
                 stores: attachment.store || attachment.stencil_store || attachment.resolve.is_some(),
                 resolved: attachment.resolve.as_ref().map_or(0, resolved),
+                lines: [texel_bytes(&attachment.surface) as f32; CODECS],
             }
         };
         let clears = |load: Load| matches!(load, Load::Clear(_));
@@ -143,7 +143,6 @@ impl OpenPass {
         let plain = draw.depth_stencil.as_ref().is_some_and(no_stencil);
         self.memory.hides = draw.early && draw.hierarchical_z && draw.fragment.is_some() && plain;
         self.memory.test = Test::new(draw.depth_stencil.as_ref(), draw.early);
-        self.memory.payload = usize::from(draw.payload_words);
         self.memory.tests = draw.depth_stencil.is_some();
         draws.push(DrawProfile {
             number: draw.number,
@@ -231,14 +230,15 @@ impl OpenPass {
         }
     }
 
-    /// The whole, resolved.
-    pub fn end(mut self, touches: &mut Touches, resolves: &[(Surface, Surface)]) -> PhaseProfile {
+    /// The whole, resolved; with what its blocks take in memory.
+    pub fn end(mut self, touches: &mut Touches, resolves: &[(Surface, Surface)], stored: Option<&Stored>) -> PhaseProfile {
+        self.learn_stored(touches, stored);
         for (from, to) in resolves {
             let [read, written] = [from, to].map(|surface| 64 * texel_bytes(surface));
             // Only blocks that were drawn are read.
-            for (block, touched) in (0..).zip(self.caches.blocks[1].touched()) {
+            for (block, &drawn) in (0..).zip(&self.caches.blocks[1].touches) {
                 let line = ((from.address + block * read) / LINE) as u32;
-                if touched && touches.follows(line) {
+                if drawn > 0 && touches.follows(line) {
                     touches.push(Touch { line, by: Toucher::Resolve, ..Touch::default() });
                 }
                 touches.run(to.address + block * written, written, written, Toucher::Write);
@@ -252,6 +252,49 @@ impl OpenPass {
             }
         }
         self.phase
+    }
+
+    /// Takes over what blocks take in memory.
+    fn learn_stored(&mut self, touches: &mut Touches, stored: Option<&Stored>) {
+        let PhaseProfile::Pass { color, depth, .. } = &mut self.phase else { return };
+        let Some(stored) = stored else {
+            return touches.of_phase().for_each(|touch| {
+                let place = match touch.by {
+                    Toucher::Color => self.memory.color.get(usize::from(touch.step)).copied().flatten(),
+                    _ => self.memory.depth,
+                };
+                touch.stored = [place.map_or(0, |(_, bytes)| (bytes / LINE) as u8); CODECS];
+            });
+        };
+        let mean = |stored: &[[u8; CODECS]], touched: &[u32]| {
+            let all: u64 = touched.iter().map(|&n| u64::from(n)).sum();
+            let lines = |codec: usize| {
+                stored.iter().zip(touched).map(|(lines, &n)| u64::from(lines[codec]) * u64::from(n)).sum::<u64>()
+            };
+            (all > 0).then(|| std::array::from_fn(|codec| (lines(codec) as f64 / all as f64) as f32))
+        };
+        let places = self.memory.color.iter().zip(&stored.color).filter(|(place, _)| place.is_some());
+        for (attachment, (_, stored)) in color.iter_mut().zip(places) {
+            let found = stored.as_ref().and_then(|stored| mean(stored, &self.caches.blocks[1].touches));
+            attachment.lines = found.unwrap_or(attachment.lines);
+        }
+        if let (Some(attachment), Some(stored)) = (depth, &stored.depth) {
+            attachment.lines = mean(stored, &self.caches.blocks[0].touches).unwrap_or(attachment.lines);
+        }
+        for touch in touches.of_phase() {
+            let (place, stored) = match touch.by {
+                Toucher::Color => {
+                    let at = usize::from(touch.step);
+                    (self.memory.color.get(at).copied().flatten(), stored.color.get(at).and_then(Option::as_ref))
+                }
+                Toucher::Depth => (self.memory.depth, stored.depth.as_ref()),
+                _ => continue,
+            };
+            let Some((address, bytes)) = place else { continue };
+            let block = (u64::from(touch.line) * LINE).saturating_sub(address) / bytes;
+            let lines = stored.and_then(|stored| stored.get(block as usize)).copied();
+            touch.stored = lines.unwrap_or([(bytes / LINE) as u8; CODECS]);
+        }
     }
 }
 
@@ -371,28 +414,15 @@ impl Followed<'_> {
     }
 
     /// A block's colours are written.
-    fn colors(&mut self, tile: &TileWork, block: &Block, near: u8) {
-        let mut flat = None;
+    fn colors(&mut self, block: &Block, near: u8) {
         for &target in &self.memory.written {
             let Some((address, bytes)) = self.memory.color.get(usize::from(target)).copied().flatten() else { continue };
             let at = address + (u64::from(block.y) * self.memory.across + u64::from(block.x)) * bytes;
             let line = (at / LINE) as u32;
             if self.touches.follows(line) {
-                let flat = *flat.get_or_insert_with(|| self.flat(tile, block));
-                let step = target | if flat { FLAT } else { 0 };
-                self.touches.push(Touch { line, near, step, by: Toucher::Color, ..Touch::default() });
+                self.touches.push(Touch { line, near, step: target, by: Toucher::Color, ..Touch::default() });
             }
         }
-    }
-
-    /// Whether what is drawn into a block is of one colour.
-    fn flat(&self, tile: &TileWork, block: &Block) -> bool {
-        let words = |quad: &Quad| &tile.payload[quad.payload as usize..][..self.memory.payload];
-        let quads = &tile.quads[block.first_quad as usize..][..usize::from(block.quads)];
-        let mut shaded = quads.iter().filter(|quad| quad.flags & QUAD_SHADED != 0);
-        let Some(first) = shaded.next().map(words) else { return false };
-        let one = |words: &[u32]| words.chunks_exact(4).zip(first.chunks_exact(4)).all(|(w, f)| w.iter().all(|w| *w == f[0]));
-        block.full && one(first) && shaded.all(|quad| one(words(quad)))
     }
 }
 
@@ -429,8 +459,7 @@ impl Cell {
             self.groups += u32::from(block.quads).div_ceil(4);
             let near = caches.blocks[0].touch(block.x, block.y);
             if let Some(depth) = memory.depth.filter(|_| memory.tests && near > 0) {
-                // The depths of a triangle are a plane.
-                let step = u8::from(memory.writes_depth) | if block.full { FLAT } else { 0 };
+                let step = u8::from(memory.writes_depth);
                 let touch = Touch { near, step, by: Toucher::Depth, ..Touch::default() };
                 memory.block(depth, [block.x, block.y], touch, followed.touches);
             }
@@ -444,7 +473,7 @@ impl Cell {
                 self.pins += 1;
                 let near = caches.blocks[1].touch(block.x, block.y);
                 if near > 0 {
-                    followed.colors(tile, block, near);
+                    followed.colors(block, near);
                 }
             }
         }

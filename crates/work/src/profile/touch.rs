@@ -5,13 +5,15 @@
 //! Modeling and Optimization using Miniature Simulations, 2017). A frame begins with all groups, and halves their number
 //! whenever more has come together than is to be kept; what follows later in the trace never has more than what came before.
 
+use gfx::codec::CODECS;
+
 use super::super::LINE;
 
 /// Lines of a group, as a power of two.
 const GROUP: u32 = 2;
 
 /// Touches of a frame that are kept at most.
-const MOST: usize = 1536;
+const MOST: usize = 12288;
 
 /// Who touches memory.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -46,17 +48,16 @@ pub struct Touch {
     pub class: u16,
     /// Of blocks: how many of [`BLOCK_CACHES`](super::BLOCK_CACHES) have lost it since, and [`FIRST`] where the pass has not touched it before.
     pub near: u8,
-    /// Of depth: 1 if it is written; of colour: the attachment. Bit 7: all that is drawn into it is one colour, or one plane.
+    /// Of depth: 1 if it is written; of colour: the attachment.
     pub step: u8,
+    /// Of blocks: memory lines that it takes as the pass leaves it, by each codec ([`gfx::codec::lines`]).
+    pub stored: [u8; CODECS],
     /// By whom.
     pub by: Toucher,
 }
 
 /// A block that its pass has not touched before.
 pub const FIRST: u8 = u8::MAX;
-
-/// Of [`Touch::step`]: what is drawn is flat.
-pub const FLAT: u8 = 0x80;
 
 /// Shaded quads that are taken together.
 pub const BUNDLE: u32 = 8;
@@ -96,6 +97,13 @@ impl Touches {
         if self.all.len() > MOST {
             self.thin();
         }
+    }
+
+    /// The touches of the phase under way.
+    pub fn of_phase(&mut self) -> impl Iterator<Item = &mut Touch> {
+        let phase = self.phase;
+        let begin = self.all.partition_point(|touch| touch.phase < phase);
+        self.all[begin..].iter_mut()
     }
 
     /// Takes a touch unless it is like one just before.
