@@ -5,7 +5,8 @@ use work::BLOCK;
 knob::choices! {
     /// How screen tiles are dealt to pipelines.
     pub enum Pattern {
-        /// Each row of tiles goes on where a skewed step from the row above starts, so that no column belongs to few pipelines.
+        /// Rows of tiles in turn, each shifted against the others, so that every rectangle of as many tiles as there are pipelines belongs to
+        /// most of them, and an aligned one whose sides divide their number belongs to all.
         Skewed "skewed",
         /// Whole rows of tiles in turn.
         Rows "rows",
@@ -28,7 +29,8 @@ pub struct Interleave {
     pattern: Pattern,
     pipelines: u32,
     shift: u32,
-    skew: u32,
+    /// By row, modulo the pipelines, the owner of the first tile.
+    skews: Vec<u32>,
     /// Tiles across and down the pass.
     across: u32,
     down: u32,
@@ -44,14 +46,12 @@ pub struct Interleave {
 impl Interleave {
     /// Tiles of `tile` x `tile` pixels (a power of two, at least 8) dealt to `pipelines`.
     pub fn new(pattern: Pattern, pipelines: u32, tile: u32) -> Interleave {
-        // A step near half the pipelines and coprime to them visits all of them down a column.
-        let skew = (1..=pipelines).rev().find(|&s| s <= pipelines / 2 + 1 && gcd(s, pipelines) == 1).unwrap_or(1);
         let columns = (1..=pipelines).filter(|c| pipelines.is_multiple_of(*c)).find(|c| c * c >= pipelines).unwrap_or(1);
         Interleave {
             pattern,
             pipelines,
             shift: tile.trailing_zeros() - BLOCK.trailing_zeros(),
-            skew,
+            skews: (0..pipelines).map(|row| skew(row, pipelines)).collect(),
             across: 1,
             down: 1,
             columns,
@@ -108,7 +108,7 @@ impl Interleave {
         }
         let (x, y) = (block_x >> self.shift, block_y >> self.shift);
         let number = match self.pattern {
-            Pattern::Skewed => x + y * self.skew,
+            Pattern::Skewed => x + self.skews[(y % self.pipelines) as usize],
             Pattern::Rows => y,
             Pattern::Morton => spread(x) | spread(y) << 1,
             Pattern::Hashed => {
@@ -141,6 +141,25 @@ fn borders(load: &[u64], bands: u32) -> Vec<u32> {
     }
     borders.resize(bands as usize - 1, load.len() as u32);
     borders
+}
+
+/// How far a row of tiles is shifted: by its number with the digits reversed, in a mixed base of the prime factors of the pipelines. So
+/// rows that are near each other are shifted far apart, and any as many rows as there are pipelines are shifted differently. A single digit
+/// has no reverse: there each row takes a step near half the pipelines.
+fn skew(row: u32, pipelines: u32) -> u32 {
+    let smallest = |n: u32| (2..=n).find(|&factor| n.is_multiple_of(factor)).unwrap_or(1);
+    if smallest(pipelines) == pipelines {
+        let step = (1..=pipelines).rev().find(|&s| s <= pipelines / 2 + 1 && gcd(s, pipelines) == 1).unwrap_or(1);
+        return row * step % pipelines;
+    }
+    let (mut row, mut left, mut shift) = (row, pipelines, 0);
+    while left > 1 {
+        let base = smallest(left);
+        left /= base;
+        shift += row % base * left;
+        row /= base;
+    }
+    shift
 }
 
 fn gcd(a: u32, b: u32) -> u32 {
@@ -184,6 +203,42 @@ mod tests {
                 assert!(far <= allowed, "{pattern:?} {pipelines}: {count:?}");
             }
         }
+    }
+
+    #[test]
+    fn small_targets_belong_to_all_pipelines() {
+        // Targets of 64, 128, 256 and 512 pixels in tiles of 64: as many tiles of each pipeline as of every other.
+        for (pipelines, across, down) in [
+            (4, 2, 2),
+            (4, 4, 1),
+            (4, 1, 4),
+            (4, 4, 4),
+            (16, 4, 4),
+            (16, 2, 8),
+            (16, 8, 2),
+            (16, 8, 8),
+            (6, 3, 2),
+            (8, 4, 2),
+            (9, 3, 3),
+        ] {
+            let interleave = Interleave::new(Pattern::Skewed, pipelines, 64);
+            // Wherever the columns begin.
+            for left in 0..pipelines {
+                let mut count = vec![0; pipelines as usize];
+                for (x, y) in (0..down).flat_map(|y| (left..left + across).map(move |x| (x, y))) {
+                    count[usize::from(interleave.owner(x * 8, y * 8))] += 1;
+                }
+                assert_eq!(
+                    count,
+                    vec![across * down / pipelines; pipelines as usize],
+                    "{pipelines}: {across}x{down} at {left}"
+                );
+            }
+        }
+        // Neighbours in both directions have different owners, and five tiles in a row or a column have five.
+        let interleave = Interleave::new(Pattern::Skewed, 5, 8);
+        let owners = |of: &dyn Fn(u32) -> (u32, u32)| (0..5).map(of).map(|(x, y)| 1 << interleave.owner(x, y)).sum::<u32>();
+        assert_eq!((owners(&|n| (n, 3)), owners(&|n| (3, n))), (31, 31));
     }
 
     #[test]
