@@ -358,7 +358,7 @@ mod tests {
         assert_eq!(
             options(&list, "traverse: twice as fast"),
             "--set traverse.blocks_per_cycle=2 --set traverse.tests_per_cycle=8 --set traverse.pixel_tests_per_cycle=512 \
-             --set traverse.quads_per_cycle=8"
+             --set traverse.quads_per_cycle=8 --set traverse.depth_quads_per_cycle=16"
         );
         assert_eq!(options(&list, "texture: twice as large a cache"), "--set texture.cache_lines=512");
         assert_eq!(options(&list, "twice the cores"), "--set core.per_pipeline=2");

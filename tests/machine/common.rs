@@ -97,7 +97,7 @@ pub fn dispatch_of(groups: u32, invocations: u32, shared_bytes: u32, barrier: bo
     for packet in 0..groups * invocations.div_ceil(4) {
         work.packets.push(Packet { cost: 0, first_request: work.requests.len() as u32, first_shared: 0 });
         for place in 0..3 {
-            work.requests.push(Request { first_line: work.lines.len() as u32, lines: 1, operations: 4 });
+            work.requests.push(Request { first_line: work.lines.len() as u32, lines: 1, operations: 4, ..Request::default() });
             work.lines.push((1 << 21) + place * 4096 + packet / 4);
         }
     }

@@ -99,24 +99,24 @@ const CLASSES: &Held = &[
             ("triangle", [0.03, 0.08]),
             ("cube", [0.05, 0.06]),
             ("town.zip", [0.29, 0.14]),
-            // Routing is taken for more vertices than it transforms.
-            ("viewer.zip", [0.32, 0.04]),
-            ("spokes-msaa", [0.14, 0.05]),
+            ("viewer.zip", [0.05, 0.04]),
+            ("spokes-msaa", [0.14, 0.09]),
         ],
     ),
     (
         "sort-last-fragment",
         &[
             ("triangle", [0.04, 0.08]),
-            ("cube", [0.04, 0.05]),
-            ("town.zip", [0.11, 0.18]),
-            ("viewer.zip", [0.10, 0.04]),
-            ("spokes-msaa", [0.17, 0.05]),
+            ("cube", [0.07, 0.05]),
+            ("town.zip", [0.15, 0.18]),
+            // A triangle that goes to all pipelines is drawn by those that own its tiles, and some of them own more.
+            ("viewer.zip", [0.18, 0.04]),
+            ("spokes-msaa", [0.17, 0.07]),
         ],
     ),
     (
         "sort-last-image",
-        &[("triangle", [0.05, 0.06]), ("cube", [0.03, 0.04]), ("town.zip", [0.04, 0.19]), ("viewer.zip", [0.12, 0.80])],
+        &[("triangle", [0.06, 0.06]), ("cube", [0.03, 0.04]), ("town.zip", [0.08, 0.24]), ("viewer.zip", [0.19, 0.80])],
     ),
 ];
 
@@ -147,7 +147,7 @@ fn bounds_of_every_class_are_near_the_cycles_that_they_stand_for() {
 
 #[test]
 fn bounds_know_how_far_blocks_are_compressed() {
-    // Layers of noise cannot be compressed, and one colour takes a line for each block: bytes of DRAM differ by a factor of 2.7.
+    // Layers of noise cannot be compressed, and one colour takes a line for each block: bytes of DRAM differ by a factor of 2.3.
     let scene = |color: &str| {
         let mut card = Recorder::new("layers");
         let target = card.create_texture("", record::texture_2d(1024, 768, Format::Rgba8Unorm));
@@ -186,7 +186,7 @@ fn bounds_know_how_far_blocks_are_compressed() {
         assert!((bound / cycle - 1.0).abs() < allowed, "{color}: {bound} for {cycle}");
         bound
     });
-    assert!(bytes[0] > 2.5 * bytes[1], "{bytes:?}");
+    assert!(bytes[0] > 2.2 * bytes[1], "{bytes:?}");
 }
 
 /// Recorded wgpu traces for which it is known how far a bound may be off.
@@ -387,7 +387,7 @@ fn some_frames_stand_for_all() {
     let margin = some.total.number("sampled.margins.cycles").expect("a margin");
     let (told, truth) = (cycles(&some), cycles(&whole));
     assert!((told - truth).abs() <= margin && margin < 0.2 * truth, "{told} +- {margin} for {truth}");
-    assert!((told / truth - 1.0).abs() < 0.03, "{told} for {truth}");
+    assert!((told / truth - 1.0).abs() < 0.05, "{told} for {truth}");
     // The first is among those simulated.
     assert_eq!((some.frames.len(), some.frames[0].number), (5, 0));
     same_frames(&some, &whole);

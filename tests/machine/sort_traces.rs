@@ -47,7 +47,7 @@ fn work(trace: &Path, shade: Shade) -> Vec<Event> {
     events
 }
 
-/// Draws each trace on every machine, or in the usual suite on every second one and by images; gives those whose passes need an order that sort-last-image does not keep, with their wrong pixels.
+/// Draws each trace on every machine, or in the usual suite on every third one and by images; gives those whose passes need an order that sort-last-image does not keep, with their wrong pixels.
 fn drawn(traces: &[PathBuf]) -> Vec<(String, u64, u64)> {
     let each = |(number, trace): (usize, &PathBuf)| {
         let name = trace.file_stem().expect("a name").to_string_lossy().into_owned();
@@ -58,7 +58,7 @@ fn drawn(traces: &[PathBuf]) -> Vec<(String, u64, u64)> {
         if large {
             machines.dedup_by_key(|&mut (class, _)| class);
         }
-        let chosen = |&(at, (class, _)): &(usize, &(&str, &[&str]))| *class == "sort-last-image" || is_chosen(2, &[number, at]);
+        let chosen = |&(at, (class, _)): &(usize, &(&str, &[&str]))| *class == "sort-last-image" || is_chosen(3, &[number, at]);
         let machines: Vec<Config> = machines
             .iter()
             .enumerate()

@@ -301,7 +301,7 @@ fn traces_in_several_orders_are_an_axis() {
         "`share of fragments shaded` is least",
         "By `depth order`: layers-front-first: from 1 at false to 0.1000 at true (-90.0 %); \
          layers-random: from 1 at false to 0.2969 at true (-70.3 %); layers-back-first: 1 at all values.",
-        "layers-front-first: from 0 at false to 0.6000 at true",
+        "layers-front-first: from 0 at false to 0.8674 at true",
         "### Cycles by `depth.early` and depth order\n\n| | layers-front-first | layers-random | layers-back-first |",
         "* measure `share of fragments shaded = funnel.fragments_shaded/funnel.fragments_covered`",
     ] {

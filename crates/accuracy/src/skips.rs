@@ -151,8 +151,8 @@ pub const SKIPS: &[Skip] = &[
     Skip {
         name: "overwritten blocks",
         what: "colours of a block that is overwritten whole are not read before",
-        switch: "--set color.skip_reads=true turns it on",
-        how: Switch::Machine { base: &["color.skip_reads=true"], off: &["color.skip_reads=false"] },
+        switch: "--set color.skip_reads=false",
+        how: Switch::Machine { base: &[], off: &["color.skip_reads=false"] },
         changes: nothing,
         work: Work::Machine(measure::COLOR_READ),
     },

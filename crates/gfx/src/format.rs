@@ -15,6 +15,31 @@ pub enum TexelKind {
     Depth,
 }
 
+/// How wide the texels of a format are for a unit that works on them: by the bits of a component, and of all of them.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
+#[repr(u8)]
+pub enum TexelClass {
+    /// Components of up to 8 bits; compressed blocks too.
+    #[default]
+    Bytes,
+    /// Wider components, in up to 32 bits.
+    Packed,
+    /// One component of 32 bits.
+    Single,
+    /// 64 bits of several narrower components.
+    Halves,
+    /// Two components of 32 bits, or one of 64.
+    Pair,
+    /// Four components of 32 bits.
+    Full,
+}
+
+impl TexelClass {
+    /// All classes, in declaration order: a class as a number is its place here.
+    pub const ALL: [TexelClass; 6] =
+        [TexelClass::Bytes, TexelClass::Packed, TexelClass::Single, TexelClass::Halves, TexelClass::Pair, TexelClass::Full];
+}
+
 macro_rules! formats {
     ($($name:ident $label:literal $bytes:literal $block:literal $comps:literal $kind:ident $srgb:literal),* $(,)?) => {
         /// A texture format; names and meanings are WebGPU's (`GPUTextureFormat`), which are also the names in a trace.
@@ -155,8 +180,51 @@ impl Format {
         matches!(self.kind(), TexelKind::Depth)
     }
 
+    /// How wide its texels are for a unit that works on them.
+    pub const fn texel_class(self) -> TexelClass {
+        let (bytes, components) = (self.block_bytes(), self.components());
+        match self {
+            _ if self.is_compressed() => TexelClass::Bytes,
+            Format::Rgb10a2Unorm | Format::Rgb10a2Uint | Format::Rgb9e5Ufloat | Format::Rg11b10Ufloat => TexelClass::Packed,
+            Format::Depth32FloatStencil8 => TexelClass::Single,
+            _ if bytes == components => TexelClass::Bytes,
+            _ => match (bytes, components) {
+                (0..4, _) | (4, 2..) => TexelClass::Packed,
+                (4, _) => TexelClass::Single,
+                (5..=8, 4) => TexelClass::Halves,
+                (5..=8, _) => TexelClass::Pair,
+                _ => TexelClass::Full,
+            },
+        }
+    }
+
     /// Whether it is block-compressed.
     pub const fn is_compressed(self) -> bool {
         self.block_dim() > 1
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::{Format, TexelClass};
+
+    #[test]
+    fn texels_are_as_wide_as_their_components() {
+        use TexelClass::{Bytes, Full, Halves, Packed, Pair, Single};
+        let expected = [
+            (Bytes, "r8unorm rg8unorm rgba8unorm-srgb bgra8unorm stencil8 bc1-rgba-unorm bc5-rg-snorm bc6h-rgb-ufloat"),
+            (Packed, "r16float rg16float rgb9e5ufloat rgb10a2unorm rg11b10ufloat depth16unorm"),
+            (Single, "r32float r32uint depth24plus depth24plus-stencil8 depth32float depth32float-stencil8"),
+            (Halves, "rgba16float rgba16unorm"),
+            (Pair, "rg32float r64uint"),
+            (Full, "rgba32float rgba32uint"),
+        ];
+        for (class, names) in expected {
+            for name in names.split(' ') {
+                let format = Format::from_name(name).expect("a format");
+                assert_eq!(format.texel_class(), class, "{name}");
+            }
+        }
+        assert!(TexelClass::ALL.iter().enumerate().all(|(at, &class)| class as usize == at));
     }
 }

@@ -122,7 +122,7 @@ sim::circuit! {
         /// Composes the frame buffers of pipelines that draw apart from each other.
         compose: Vec<Compose>,
         /// Turns samples into pixels.
-        resolve: One<Resolve> = one,
+        resolve: Vec<Resolve> = pipelines,
         /// Shows frames.
         scanout: One<Scanout> = one,
         /// Memory: from the units to the slices of the second-level cache,

@@ -25,7 +25,7 @@ pub use ideal::{Ideal, IdealConfig};
 pub use l2::{L2Config, L2Counts, L2Slice, SLICES};
 pub use misses::Misses;
 pub use port::{
-    Answer, DramAnswer, DramRequest, Kind, MemoryPort, REQUEST_BYTES, Request, SliceAnswer, SliceRequest, requests,
+    Answer, DramAnswer, DramRequest, HEADER, Kind, MemoryPort, REQUEST_BYTES, Request, SliceAnswer, SliceRequest, requests,
 };
 pub use system::{
     ChannelShare, Interleave, Memory, MemoryConfig, MemoryIds, MemoryKind, MemoryKnobs, MemoryPlan, MemoryUnits, PortShape,

@@ -98,7 +98,7 @@ pub struct MemoryPort {
 }
 
 /// Bytes of a request on a link in addition to the data it carries.
-pub(super) const HEADER: u32 = 8;
+pub const HEADER: u32 = 8;
 
 impl MemoryPort {
     /// Whether a request can be sent in this cycle.

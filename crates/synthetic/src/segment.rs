@@ -200,7 +200,7 @@ impl Painter<'_> {
                 let first_line = tile.lines.len() as u32;
                 let line = (1 << 20) + (y / 4) * 64 + x / 4;
                 tile.lines.extend([line, line + 1]);
-                tile.requests.push(Request { first_line, lines: 2, operations: 4 });
+                tile.requests.push(Request { first_line, lines: 2, operations: 4, ..Request::default() });
             }
             live = if self.early { live & kept } else { test(live & kept, self.reference) };
             let mut run = self.reference.run(&self.reference.color, x, y);

@@ -38,9 +38,14 @@ pub struct WarmedUnits<'u> {
 /// Functional warming of the segment in a slot, while nothing is in flight. `memory` gets what the caches would have asked of it.
 pub fn apply(card: &mut Card, slot: u16, units: &mut WarmedUnits, memory: &mut Touching) {
     let Card { work, pass, frame, interleave, epoch, fault, .. } = card;
-    let (Some(work), Some(pass)) = (&work[usize::from(slot)], pass) else { return };
+    let (Some(work), Some(pass)) = (&mut work[usize::from(slot)], pass) else { return };
+    for unit in &*units.deal {
+        work.shared = unit.too_large(work);
+    }
+    let work = &*work;
     geometry(work, memory);
     let pipelines = units.color.len();
+    let dealt: Vec<_> = units.deal.iter_mut().map(|unit| unit.visit(work)).collect();
     let mut noted = vec![false; units.traverse.len()];
     for (number, triangle) in (0..).zip(&work.segment.triangles) {
         for visit in work.visits(triangle) {
@@ -61,7 +66,8 @@ pub fn apply(card: &mut Card, slot: u16, units: &mut WarmedUnits, memory: &mut T
                     continue;
                 }
                 // A pipeline that draws on the whole screen shades the primitives that were dealt to it.
-                let shades = units.deal.first().filter(|_| screen).map_or(pipeline, |deal| deal.dealt(triangle.primitive));
+                let to = dealt.first().filter(|_| screen).and_then(|dealt| dealt[triangle.primitive as usize]);
+                let shades = to.unwrap_or(pipeline);
                 let place = Place { work, pass, tile, index: visit.tile, triangle: number, block, at, pipeline, shades };
                 if let Err(found) = place.draw(frame, *epoch, units, memory) {
                     fault.get_or_insert(found);
@@ -71,7 +77,6 @@ pub fn apply(card: &mut Card, slot: u16, units: &mut WarmedUnits, memory: &mut T
         }
     }
     let primitives = work.segment.primitives.len();
-    units.deal.iter_mut().for_each(|unit| unit.visit(primitives));
     if let [assembly] = units.assembly {
         assembly.visit(primitives);
     }
@@ -167,7 +172,7 @@ impl Place<'_> {
         if let Some((state, surface)) = tested.filter(|_| looked_up) {
             let written = state.writes_depth() || state.writes_stencil();
             let told = units.depth[self.pipeline].visit(frame, (surface, self.at), written, pass.number, memory);
-            if let Some(bounds) = told {
+            for bounds in told {
                 units.traverse[self.pipeline].learn(bounds);
             }
         }

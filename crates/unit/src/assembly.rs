@@ -45,6 +45,10 @@ knob::knobs! {
         /// Primitives that get one sequence number and go to one geometry unit before the next one's turn.
         batch: u32 ["primitives", Allowed::Range(1, 1024),
             "GPUs switch geometry engines every 16 to 64 primitives; small enough to balance, large enough to amortise marks"],
+        /// Whether a batch ends before it has more quads than a pipeline can send on ahead of its turn, and primitives with more than that
+        /// go to all pipelines, each of which draws its own tiles of them. Where quads or images are sorted only.
+        by_size: bool ["", Allowed::Switch,
+            "Pomegranate (Eldridge et al. 2000) bounds the work of rasterisers in fragments; assumed: sizes are known as primitives are dealt"],
         /// Which geometry unit, or which pipeline whose geometry is its own, gets the next batch.
         deal: Deal ["", Allowed::Choice(Deal::NAMES), "in turn, as cards do; the other is Molnar et al.'s dynamic assignment"],
         /// Cycles from here to the geometry units.
@@ -221,7 +225,9 @@ impl Assembly {
                             budget.take(count);
                             self.next += count;
                             self.items += u64::from(count);
-                            card.funnel[slot].primitives_in += if counts { u64::from(count) } else { 0 };
+                            // Those that go to all pipelines are counted where they are dealt.
+                            let counted = counts && !card.work(slot).is_shared(first);
+                            card.funnel[slot].primitives_in += if counted { u64::from(count) } else { 0 };
                             did = Tick::Moved;
                             if count < ready {
                                 return did;

@@ -59,6 +59,8 @@ struct Line {
     /// Users between lookup and use.
     pins: u32,
     dirty: bool,
+    /// Places of its set that it takes.
+    places: u32,
     /// Quads that are in memory only: the block has not been read, and they have not been written since.
     absent: u16,
 }
@@ -88,6 +90,8 @@ pub struct BlockCache {
     /// Gives a block's set by its place; none: the set is folded from the key.
     squares: Option<Squares>,
     tags: Tags<Line>,
+    /// Places of each set that blocks take.
+    taken: Vec<u32>,
     misses: Misses,
     outbox: VecDeque<Operation>,
     memory: MemoryPort,
@@ -97,6 +101,9 @@ pub struct BlockCache {
     flushing: usize,
     completing: usize,
 }
+
+/// Bytes of a place: a block of pixels of 32 bits.
+pub const PLACE: u32 = 4 * BLOCK * BLOCK;
 
 /// The quads of a block that lie in its surface.
 fn inside(store: &Store, block: u32) -> u16 {
@@ -110,12 +117,15 @@ fn inside(store: &Store, block: u32) -> u16 {
 const OUTBOX: usize = 48;
 
 impl BlockCache {
-    /// An empty one of `lines` blocks, `ways` to a set, with at most `misses` requests in flight.
+    /// An empty cache of `lines` places for blocks of pixels of 32 bits, `ways` to a set, with at most `misses` requests in flight. A block
+    /// with more bytes takes several places of its set, all of them at most.
     pub fn new(lines: u32, ways: u32, misses: u32, compression: Compression, memory: MemoryPort) -> BlockCache {
+        let tags = Tags::new(lines, ways);
         BlockCache {
             masked: false,
             squares: None,
-            tags: Tags::new(lines, ways),
+            taken: vec![0; tags.sets() as usize],
+            tags,
             misses: Misses::new(misses),
             outbox: VecDeque::with_capacity(OUTBOX),
             memory,
@@ -191,6 +201,38 @@ impl BlockCache {
     /// Reads in the outbox and so without a number yet.
     fn unsent(&self) -> u32 {
         self.outbox.iter().filter(|operation| !operation.write).count() as u32
+    }
+
+    /// Places of its set that a block of a surface takes.
+    #[inline(always)]
+    fn places(&self, store: &Store) -> u32 {
+        store.block_bytes().div_ceil(PLACE).min(self.tags.ways() as u32)
+    }
+
+    /// Forgets the block in a place.
+    fn forget_block(&mut self, place: usize) {
+        self.taken[place / self.tags.ways()] -= self.tags.data(place).places;
+        self.tags.forget(place);
+    }
+
+    /// Puts a block into a place, instead of what is there.
+    #[inline(always)]
+    fn replace(&mut self, place: usize, key: u64, line: Line) {
+        let taken = &mut self.taken[place / self.tags.ways()];
+        *taken = *taken - self.tags.data(place).places + line.places;
+        self.tags.replace(place, key, line);
+    }
+
+    /// The place that a missing block takes, or one that has to be given up before it finds room; and whether it finds room then.
+    #[inline(always)]
+    fn room(&mut self, key: u64, places: u32) -> Option<(usize, bool)> {
+        let (set, ways) = (self.tags.set_of(key), self.tags.ways() as u32);
+        if self.taken[set] + places <= ways {
+            return Some((self.tags.victim(key, |line| line.pins == 0)?, true));
+        }
+        let place = self.tags.oldest(key, |line| line.pins == 0)?;
+        let fits = self.taken[set] - self.tags.data(place).places + places <= ways;
+        Some((place, fits))
     }
 
     fn send(&mut self, address: u64, bytes: u32, write: bool) {
@@ -292,7 +334,8 @@ impl BlockCache {
             return Err(Tick::Blocked);
         }
         let key = self.key(&frame.stores[surface], surface, block);
-        let Some(place) = self.tags.victim(key, |line| line.pins == 0) else { return Err(Tick::Memory) };
+        let places = self.places(&frame.stores[surface]);
+        let Some((place, fits)) = self.room(key, places) else { return Err(Tick::Memory) };
         if let Some(old) = self.tags.key(place)
             && self.tags.data(place).dirty
         {
@@ -307,6 +350,11 @@ impl BlockCache {
             let (surface, block) = self.of_key(frame, old);
             self.write_back(frame, surface, block, absent);
             *left = Some((surface, block));
+        }
+        if !fits {
+            // A block goes in a cycle.
+            self.forget_block(place);
+            return Err(Tick::Moved);
         }
         let store = &frame.stores[surface];
         let mut absent = 0;
@@ -332,39 +380,47 @@ impl BlockCache {
                 needs = self.misses.issued().wrapping_add(self.unsent());
             }
         }
-        self.tags.replace(place, key, Line { needs, pins: 1, dirty: false, absent });
+        self.replace(place, key, Line { needs, pins: 1, dirty: false, places, absent });
         Ok(place)
     }
 
     /// Has a block used without any time, while none is pinned: it is here then, what had to leave is in memory, and nothing is
-    /// counted. Gives the number of a dirty block that had to leave.
+    /// counted. Gives the dirty blocks that had to leave.
     pub fn visit(
         &mut self,
         frame: &mut FrameBuffers,
         (surface, block): (usize, u32),
         written: bool,
         memory: &mut Touching,
-    ) -> Option<(usize, u32)> {
+    ) -> Vec<(usize, u32)> {
         let key = self.key(&frame.stores[surface], surface, block);
         let counts = self.tags.counts();
-        let mut left = None;
-        let place = self.tags.find(key).or_else(|| {
-            let place = self.tags.victim(key, |line| line.pins == 0)?;
-            if let Some(old) = self.tags.key(place).filter(|_| self.tags.data(place).dirty) {
-                let (surface, block) = self.of_key(frame, old);
-                let store = &mut frame.stores[surface];
-                let bytes = self.compression.bytes(store, block);
-                store.blocks[block as usize] = BlockState::Stored(bytes as u16);
-                memory.push(Touch { address: store.address(block), bytes, write: true });
-                left = Some((surface, block));
+        let mut left = Vec::new();
+        let mut place = self.tags.find(key);
+        if place.is_none() {
+            let places = self.places(&frame.stores[surface]);
+            while let Some((victim, fits)) = self.room(key, places) {
+                if let Some(old) = self.tags.key(victim).filter(|_| self.tags.data(victim).dirty) {
+                    let (surface, block) = self.of_key(frame, old);
+                    let store = &mut frame.stores[surface];
+                    let bytes = self.compression.bytes(store, block);
+                    store.blocks[block as usize] = BlockState::Stored(bytes as u16);
+                    memory.push(Touch { address: store.address(block), bytes, write: true });
+                    left.push((surface, block));
+                }
+                if !fits {
+                    self.forget_block(victim);
+                    continue;
+                }
+                if let Some((address, bytes)) = frame.stores[surface].stored(block) {
+                    memory.push(Touch { address, bytes, write: false });
+                }
+                let needs = self.misses.frontier();
+                self.replace(victim, key, Line { needs, places, ..Line::default() });
+                place = Some(victim);
+                break;
             }
-            if let Some((address, bytes)) = frame.stores[surface].stored(block) {
-                memory.push(Touch { address, bytes, write: false });
-            }
-            let needs = self.misses.frontier();
-            self.tags.replace(place, key, Line { needs, ..Line::default() });
-            Some(place)
-        });
+        }
         self.tags.recount(counts);
         if let Some(place) = place {
             let line = self.tags.data(place);
@@ -426,7 +482,7 @@ impl BlockCache {
                 if written {
                     self.write_back(frame, surface, block, absent);
                 }
-                self.tags.forget(place);
+                self.forget_block(place);
                 // One block a cycle goes through the compressor.
                 return Tick::Moved;
             }
@@ -447,7 +503,7 @@ impl BlockCache {
             }
             self.flushing += 1;
             if key.is_some() {
-                self.tags.forget(place);
+                self.forget_block(place);
             }
         }
         Tick::Memory
@@ -457,7 +513,7 @@ impl BlockCache {
     pub fn forget_surface(&mut self, surface: usize) {
         for place in 0..self.tags.len() {
             if self.tags.key(place).is_some_and(|key| key >> 32 == surface as u64) {
-                self.tags.forget(place);
+                self.forget_block(place);
             }
         }
     }
@@ -470,6 +526,7 @@ impl BlockCache {
     /// Forgets all blocks, none of which is in use or worth writing.
     pub fn forget(&mut self) {
         self.tags.clear();
+        self.taken.fill(0);
     }
 
     /// Whether a flush is complete, which resets it.

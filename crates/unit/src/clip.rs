@@ -11,6 +11,8 @@ knob::knobs! {
     pub struct ClipConfig {
         /// Primitives tested a cycle, those that end here and those that go on untouched.
         primitives_per_cycle: u32 ["primitives/cycle", Allowed::Range(1, 16), "ATTILA bGPU.ini CLIPPER TrianglesCycle = 2, two units"],
+        /// Cycles in which `primitives_per_cycle` primitives are tested: rates below a primitive a cycle.
+        interval: u32 ["cycles", Allowed::Range(1, 64), "pipelined; 2 in each of the 16 geometry units of the GeForce GTX 980"],
         /// Cycles that a primitive takes which has to be cut against a plane.
         clip_cycles: u32 ["cycles/primitive", Allowed::Range(1, 256),
             "Sutherland-Hodgman against one or two planes at a vertex a cycle; ATTILA bGPU.ini ExecLatency = 6"],
@@ -50,7 +52,7 @@ pub struct Clip {
     output: Out<Run>,
     /// Primitives of the run at the head that are done.
     done: u32,
-    /// The cycle from which on the clipper is free.
+    /// The cycle from which on the unit is free.
     busy_until: u64,
     /// Whether how primitives end is counted here, or where they come from.
     counts: bool,
@@ -66,12 +68,32 @@ impl Clip {
 
 impl Unit<Card> for Clip {
     fn tick(&mut self, wires: &mut Wires, card: &mut Card) -> Tick {
-        // 1. A primitive that is being cut holds the unit.
+        // 1. A primitive that is being cut, or the interval behind the last, holds the unit.
         if self.busy_until > wires.now() {
             wires.sleep_until(self.busy_until);
             return Tick::Working;
         }
 
+        let did = self.test(wires, card);
+        if did == Tick::Moved && self.busy_until > wires.now() {
+            wires.sleep_until(self.busy_until);
+            return wires.stop(did, Tick::Working);
+        }
+        did
+    }
+
+    fn items(&self) -> u64 {
+        self.items
+    }
+
+    fn resident(&self) -> u64 {
+        u64::from(self.done)
+    }
+}
+
+impl Clip {
+    /// The primitives of a cycle.
+    fn test(&mut self, wires: &mut Wires, card: &mut Card) -> Tick {
         let mut did = Tick::Starved;
         let mut budget = Budget::new(self.config.primitives_per_cycle);
         while budget.left() > 0 {
@@ -98,14 +120,16 @@ impl Unit<Card> for Clip {
             let primitives = &work.segment.primitives[first..first + most as usize];
             let start = primitives[0].first_triangle;
             let (mut tested, mut triangles, mut cut) = (0, 0, false);
+            // Primitives that go to all pipelines are counted where they are dealt.
+            let shared = work.is_shared(first as u32);
             let funnel = &mut { card.funnel[run.slot] };
             for primitive in primitives {
                 tested += 1;
                 triangles += u32::from(primitive.triangles);
-                if self.counts {
+                if self.counts && !shared {
                     funnel.end(primitive.outcome);
                 }
-                funnel.clipped += u64::from(primitive.clipped);
+                funnel.clipped += u64::from(primitive.clipped && !shared);
                 if primitive.clipped || primitive.cut_away {
                     cut = true;
                     break;
@@ -124,20 +148,14 @@ impl Unit<Card> for Clip {
                 wires.take(&self.input);
             }
             did = Tick::Moved;
+            if self.config.interval > 1 {
+                self.busy_until = wires.now() + u64::from(self.config.interval);
+            }
             if cut {
-                self.busy_until = wires.now() + u64::from(self.config.clip_cycles);
-                wires.sleep_until(self.busy_until);
-                return wires.stop(did, Tick::Working);
+                self.busy_until = self.busy_until.max(wires.now() + u64::from(self.config.clip_cycles));
+                break;
             }
         }
         did
-    }
-
-    fn items(&self) -> u64 {
-        self.items
-    }
-
-    fn resident(&self) -> u64 {
-        u64::from(self.done)
     }
 }

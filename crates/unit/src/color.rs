@@ -15,13 +15,14 @@ use super::tags::CacheCounts;
 use super::token::fragments;
 use super::token::{Ack, GroupToken, Kind};
 use super::touch::Touching;
+use gfx::format::TexelClass;
 use gfx::rop::{Colors, composes_over};
 use knob::Allowed;
 use mem::{CACHES, MemoryPort};
 use num::Cycle;
 use sim::{Counted, In, Out, Tick, Unit, Wires};
 use stats::Heading;
-use work::Quad;
+use work::{Quad, Surface};
 
 knob::knobs! {
     /// Blending and colour writes.
@@ -29,11 +30,29 @@ knob::knobs! {
         /// Quads written a cycle, once for each target.
         quads_per_cycle: u32 ["quads/cycle", Allowed::Range(1, 16), "8 pixels a cycle and partition in cards of 2010 to 2016"],
         /// Quads blended a cycle where the stored colour is read.
-        blends_per_cycle: u32 ["quads/cycle", Allowed::Range(1, 16), "half rate: ATTILA bGPU.ini COLORWRITE BlendALURate = 1"],
-        /// Blocks of 8x8 pixels that the colour cache holds.
+        blends_per_cycle: u32 ["quads/cycle", Allowed::Range(1, 16), "RGBA8 blends at full rate since 2010 (Mavridis and Papaioannou 2012: 8.28 Gpixel/s with and without)"],
+        /// Cycles in which `quads_per_cycle` quads are written, or `blends_per_cycle` blended: rates below a quad a cycle.
+        interval: u32 ["cycles", Allowed::Range(1, 64), "pipelined; 2 where a core writes two pixels a cycle (Mali-G57, Arm GPU Datasheet v7)"],
+        /// How many times as long a pixel of 64 bits takes to be written as one of up to 32 bits.
+        write_64: u32 ["times", Allowed::Range(1, 16), "RGBA16F, RG32F: 2 (Mavridis and Papaioannou 2012: 4.61 and 4.56 of 8.28 Gpixel/s, GTX 460)"],
+        /// The same of a pixel of 128 bits.
+        write_128: u32 ["times", Allowed::Range(1, 16), "RGBA32F: 4 (Mavridis and Papaioannou 2012: 2.42 of 8.28 Gpixel/s)"],
+        /// How many times as long a pixel of up to 32 bits with components of more than 8 bits takes to be blended as one with components of 8 bits.
+        blend_packed: u32 ["times", Allowed::Range(1, 32), "RG16F: 2 (Mavridis and Papaioannou 2012: 4.52 of 8.28 Gpixel/s); R11G11B10F: 2 (hardware.fr 948)"],
+        /// The same of a pixel with one component of 32 bits.
+        blend_single: u32 ["times", Allowed::Range(1, 32), "R32F: 2: full rate on Radeons only (hardware.fr 948)"],
+        /// The same of a pixel of 64 bits in narrower components.
+        blend_halves: u32 ["times", Allowed::Range(1, 32), "RGBA16F: 2 (Mavridis and Papaioannou 2012: 4.56 of 8.28 Gpixel/s)"],
+        /// The same of a pixel with two components of 32 bits.
+        blend_pair: u32 ["times", Allowed::Range(1, 32), "RG32F: 4 (Mavridis and Papaioannou 2012: 1.99 of 8.28 Gpixel/s)"],
+        /// The same of a pixel of 128 bits.
+        blend_full: u32 ["times", Allowed::Range(1, 32), "RGBA32F: 8 (Mavridis and Papaioannou 2012: 1.10 of 8.28 Gpixel/s)"],
+        /// Samples of a pixel that take as long as one; more take as many times as long.
+        samples: u32 ["samples/pixel", Allowed::Range(1, 16), "4: no loss where samples compress (AMD GCN white paper 2012: up to 8 colour samples a pixel)"],
+        /// Blocks of 8x8 pixels of 32 bits, 256 bytes, that the colour cache holds. A block with more bytes takes the places of several.
         cache_blocks: u32 ["blocks", Allowed::PowerOfTwo(4, 65536), "16 KB: ATTILA bGPU.ini ColorCacheWays = 4, ColorCacheLines = 16 lines of 16 stamps"],
-        /// Ways of the colour cache.
-        cache_ways: u32 ["ways", Allowed::PowerOfTwo(2, 65536), "ATTILA bGPU.ini ColorCacheWays = 4"],
+        /// Ways of the colour cache; where they are as many as its blocks or more, any block goes anywhere.
+        cache_ways: u32 ["ways", Allowed::PowerOfTwo(2, 65536), "assumed: all 64 tags are compared at once, so that no full set holds up what lies elsewhere; ATTILA bGPU.ini ColorCacheWays = 4"],
         /// Which set of the cache is a block's.
         cache_sets: BlockSets ["", Allowed::Choice(BlockSets::NAMES), "caches fold addresses; ATTILA takes bits 8 to 11 of the address, of which 10 and 11 are the unit's"],
         /// Requests to memory in flight.
@@ -49,13 +68,31 @@ knob::knobs! {
         /// Whether a block that is stored raw is compressed when it is written again; if not, it is raw until its surface is cleared.
         recompress: bool ["", Allowed::Switch, "a compressor sees whole blocks; ATTILA's ROPCache writes a block that is uncompressed in memory uncompressed"],
         /// Whether a block that is overwritten whole is not read from memory before.
-        skip_reads: bool ["", Allowed::Switch, "off: a ROP asks for a block when it looks it up; write-validate caches (Jouppi 1993)"],
+        skip_reads: bool ["", Allowed::Switch, "write-validate caches (Jouppi 1993); a Radeon X700 XT writes 82 % of its pins' bytes in opaque fills (Beyond3D 2004)"],
         /// Whether memory takes single bytes of a block that is stored raw, so that only what is blended is ever read; needs `skip_reads`.
         masked_writes: bool ["", Allowed::Switch, "DRAMs have data masks; ATTILA reads a block to write it only where it is stored compressed, as its counters show"],
         /// Whether a pass that clears an attachment sets flags instead of writing memory.
         fast_clear: bool ["", Allowed::Switch, "in cards since the Radeon of 2000"],
         /// Blocks whose flags are set a cycle, in each pipeline.
         clears_per_cycle: u32 ["blocks/cycle", Allowed::Range(1, 4096), "ATTILA bGPU.ini BlocksClearedPerCycle = 1024 for the card"],
+    }
+}
+
+impl ColorConfig {
+    /// How many times as long as a pixel of 8-bit components with one sample one of a class and number of samples takes, written or
+    /// blended.
+    pub fn times(&self, texel: TexelClass, samples: u32, blended: bool) -> u64 {
+        let of_format = match (texel, blended) {
+            (TexelClass::Bytes, _) | (TexelClass::Packed | TexelClass::Single, false) => 1,
+            (TexelClass::Halves | TexelClass::Pair, false) => self.write_64,
+            (TexelClass::Full, false) => self.write_128,
+            (TexelClass::Packed, true) => self.blend_packed,
+            (TexelClass::Single, true) => self.blend_single,
+            (TexelClass::Halves, true) => self.blend_halves,
+            (TexelClass::Pair, true) => self.blend_pair,
+            (TexelClass::Full, true) => self.blend_full,
+        };
+        u64::from(of_format * samples.div_ceil(self.samples))
     }
 }
 
@@ -79,6 +116,8 @@ struct Entry {
     /// The target, among those that the draw writes, and whether its colours are read.
     output: u8,
     reads: bool,
+    /// How many times as long as pixels of 8-bit components its pixels take.
+    times: u8,
     /// Whether it is the group's last.
     last: bool,
     line: Option<u32>,
@@ -208,6 +247,7 @@ impl Color {
                 let quads = u64::from(entry.token.quads);
                 // Blending takes the turns of as many writes as it is slower.
                 let turns = if entry.reads { (quads * rate).div_ceil(u64::from(self.config.blends_per_cycle)) } else { quads };
+                let turns = turns * u64::from(entry.times) * u64::from(self.config.interval);
                 self.free_at = self.free_at.max(now * rate) + turns;
                 self.blend(card, entry, line);
             }
@@ -298,7 +338,7 @@ impl Color {
                 return Tick::Moved;
             }
             let from = wires.now() + Cycle::from(self.config.latency);
-            let mut entry = Entry { token, output: self.output, reads: false, last: true, line: None, from };
+            let mut entry = Entry { token, output: self.output, reads: false, times: 1, last: true, line: None, from };
             if token.kind == Kind::DATA && token.quads > 0 {
                 let Card { groups, work, pass, frame, class_state: ClassState { copies, .. }, notes, .. } = card;
                 let frame = own(frame, copies, self.pipeline);
@@ -316,6 +356,8 @@ impl Color {
                     }
                     self.output += 1;
                     entry.reads = output.reads;
+                    let Surface { format, samples, .. } = frame.stores[output.surface].surface;
+                    entry.times = self.config.times(format.texel_class(), samples, output.reads) as u8;
                     entry.last = usize::from(self.output) == work.outputs.len();
                     if output.blends {
                         self.blended.quads +=

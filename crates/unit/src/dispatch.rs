@@ -19,6 +19,8 @@ knob::knobs! {
     pub struct DispatchConfig {
         /// Quads packed a cycle.
         quads_per_cycle: u32 ["quads/cycle", Allowed::Range(1, 16), "four; ATTILA: one (bGPU.ini FRAGMENTSHADER InputsPerCycle = 4 fragments)"],
+        /// Cycles in which `quads_per_cycle` quads are packed: rates below a quad a cycle.
+        interval: u32 ["cycles", Allowed::Range(1, 64), "pipelined; 2 where a core shades two fragments a cycle (Mali-G57, Arm GPU Datasheet v7)"],
         /// Warps between packing and leaving in order.
         reorder: u32 ["warps", Allowed::Range(1, 1024), "ATTILA bGPU.ini ShadedStampQueueSize = 640 stamps, 80 warps of 8"],
         /// Cycles without a further quad after which a warp is started though it is not full.
@@ -87,6 +89,8 @@ pub struct Dispatch {
     open: Option<u32>,
     /// When the open warp is started even if it is not full.
     start_at: Cycle,
+    /// When the next quads may be packed, where that has an interval.
+    free_at: Cycle,
     order: VecDeque<Entry>,
     /// Groups of the warp at the head that have left.
     left: usize,
@@ -112,6 +116,7 @@ impl Dispatch {
             ports,
             open: None,
             start_at: 0,
+            free_at: 0,
             order,
             left: 0,
             pending: 0,
@@ -300,6 +305,14 @@ impl Dispatch {
 }
 
 impl Dispatch {
+    /// Quads are packed now: where that has an interval, the next are when it is over.
+    #[inline(always)]
+    fn pace(&mut self, now: Cycle) {
+        if self.config.interval > 1 {
+            self.free_at = now + Cycle::from(self.config.interval);
+        }
+    }
+
     /// Tells vertex fetch what has changed for quads that wait; false while that has to wait.
     fn tell(&mut self, wires: &mut Wires, card: &Card) -> bool {
         let Some(begun) = &self.ports.begun else { return true };
@@ -334,7 +347,7 @@ impl Dispatch {
         did = did.or(self.drain(wires, card));
 
         // 3. Pack quads.
-        let mut budget = self.config.quads_per_cycle;
+        let mut budget = if self.free_at > wires.now() { 0 } else { self.config.quads_per_cycle };
         loop {
             // A full warp is started at once.
             if let Some(open) = self.open
@@ -348,7 +361,7 @@ impl Dispatch {
             let Some(token) = wires.front(&self.ports.input) else { break };
             if token.kind != Kind::DATA {
                 // A fence comes after all that came before it; the end of a number does not hold up the packing of the next.
-                if token.kind == Kind::END
+                if token.kind.is_end()
                     && let Some(open) = self.open
                 {
                     card.warps[pipeline][open].groups.push(token);
@@ -376,6 +389,10 @@ impl Dispatch {
                 did = Tick::Moved;
             }
             if budget == 0 {
+                if self.free_at > wires.now() {
+                    wires.sleep_until(self.free_at);
+                    return did.or(Tick::Working);
+                }
                 return Tick::Moved;
             }
             let work = card.work[usize::from(group.slot)].as_ref().expect("a group's segment is in flight");
@@ -385,6 +402,7 @@ impl Dispatch {
                     return did.or(Tick::Blocked);
                 }
                 budget = budget.saturating_sub(u32::from(token.quads));
+                self.pace(wires.now());
                 self.order.push_back(Entry::Token(token));
                 wires.take(&self.ports.input);
                 did = Tick::Moved;
@@ -435,6 +453,7 @@ impl Dispatch {
             funnel.helper_fragments += u64::from(4 * packed - shaded);
             self.items += u64::from(packed);
             budget -= packed;
+            self.pace(wires.now());
             let rest = usize::from(group.count) - taken;
             if rest == 0 {
                 warp.groups.push(token);

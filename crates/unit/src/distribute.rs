@@ -28,7 +28,7 @@ knob::knobs! {
             "16 to 64 in cards since 2004 (ATTILA bGPU.ini ScanWidth = 16); larger tiles mean less overlap, smaller ones better balance"],
         /// How tiles are dealt.
         pattern: super::interleave::Pattern ["", Allowed::Choice(super::interleave::Pattern::NAMES),
-            "a skewed interleave gives neighbours in both directions to different pipelines"],
+            "a skewed interleave gives neighbours in both directions to different pipelines, and small targets to all"],
         /// How precisely the receivers of a triangle are found.
         overlap: Overlap ["", Allowed::Choice(Overlap::NAMES), "hardware tests bounding boxes (Molnar et al. 1994)"],
         /// Triangles routed a cycle by each geometry unit.
@@ -286,8 +286,12 @@ impl Unit<Card> for Distribute {
             // 3. Sent to all.
             if data {
                 self.counts.sorted_items += 1;
-                self.facing.back += u64::from(card.work(run.slot).segment.triangles[triangle as usize].back);
-                card.funnel[run.slot].triangles_setup += 1;
+                let work = card.work(run.slot);
+                let of = &work.segment.triangles[triangle as usize];
+                self.facing.back += u64::from(of.back);
+                // Those of primitives that go to all pipelines are counted where they are dealt.
+                let counted = !work.is_shared(of.primitive);
+                card.funnel[run.slot].triangles_setup += u64::from(counted);
                 self.done += 1;
                 if self.config.interval > 1 {
                     self.free_at = wires.now() + Cycle::from(self.config.interval);

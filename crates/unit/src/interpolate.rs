@@ -10,6 +10,8 @@ knob::knobs! {
     pub struct InterpolateConfig {
         /// Quads begun a cycle.
         quads_per_cycle: u32 ["quads/cycle", Allowed::Range(1, 16), "ATTILA bGPU.ini NumInterpolators = 4"],
+        /// Cycles in which `quads_per_cycle` quads are begun: rates below a quad a cycle.
+        interval: u32 ["cycles", Allowed::Range(1, 64), "pipelined; 2 where a core shades two fragments a cycle (Mali-G57, Arm GPU Datasheet v7)"],
         /// Attribute words that each of these quads gets a cycle; more take more cycles.
         words_per_cycle: u32 ["words/quad/cycle", Allowed::Range(1, 64), "a vec4 a quad and cycle, as ATTILA's interpolators"],
         /// Whether only those varyings are computed and interpolated that the fragment stage reads; if not, all that the vertex stage writes.
@@ -60,7 +62,7 @@ impl Unit<Card> for Interpolate {
             if token.kind == Kind::DATA {
                 let group = &card.groups[usize::from(token.pool)][token.group];
                 let words = card.work(group.slot).draw.fragment.map_or(0, |shape| shape.inputs);
-                let turns = u64::from(words.div_ceil(self.config.words_per_cycle).max(1));
+                let turns = u64::from(words.div_ceil(self.config.words_per_cycle).max(1) * self.config.interval);
                 self.free_at = self.free_at.max(wires.now() * rate) + turns * u64::from(token.quads);
                 self.items += u64::from(token.quads);
                 wires.push_sized(&self.output, token, u32::from(token.quads) * bytes::QUAD);

@@ -60,7 +60,7 @@ impl Order {
     #[inline(always)]
     fn due(&self, card: &Card, token: &GroupToken) -> bool {
         match token.kind {
-            Kind::END => true,
+            kind if kind.is_end() => true,
             Kind::DATA if self.keep == Keep::Never => true,
             Kind::DATA => {
                 let group = &card.groups[usize::from(self.pipeline)][token.group];
@@ -84,8 +84,10 @@ impl Order {
             };
 
             // 2. The end of a number.
-            if token.kind == Kind::END {
-                self.ended.note(token.sequence);
+            if token.kind.is_end() {
+                // Of a number that all pipelines draw, each sends the end of its part.
+                let parts = if token.kind == Kind::PART_END { self.input.senders() } else { 1 };
+                self.ended.note_part(token.sequence, parts);
                 self.input.take(wires, from);
                 did = Tick::Moved;
                 continue;

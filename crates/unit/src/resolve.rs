@@ -1,8 +1,9 @@
-//! The resolve unit: turns the samples of a finished attachment into pixels, block after block.
+//! The resolve unit, one a pipeline: turns the samples of its own blocks of a finished attachment into pixels, block after block.
 
 use std::collections::VecDeque;
 
 use super::card::Card;
+use super::compression::Compression;
 use super::frame::{BlockState, FrameBuffers};
 use super::misses::Misses;
 use super::token::{Ack, Kind, Piece};
@@ -16,12 +17,15 @@ use sim::{In, Out, Tick, Unit, Wires};
 knob::knobs! {
     /// Resolving of multisampled attachments.
     pub struct ResolveConfig {
-        /// Cycles a block of 8x8 pixels takes.
+        /// Cycles a block of 8x8 pixels takes in each pipeline's unit.
         block_cycles: u32 ["cycles/block", Allowed::Range(1, 256), "16 pixels of four samples a cycle"],
         /// Requests to memory in flight.
         misses: u32 ["requests", Allowed::Range(1, 1024), "covers the latency of memory"],
     }
 }
+
+/// Writes that may wait before no further block is resolved: those of the largest block, twice.
+const WRITES: usize = 8;
 
 /// A transfer to come.
 #[derive(Clone, Copy, Debug)]
@@ -30,10 +34,13 @@ pub(super) struct Operation {
     pub(super) bytes: u32,
 }
 
-/// The resolve unit. Its items are blocks.
+/// A pipeline's resolve unit. Its items are blocks.
 #[derive(Clone)]
 pub struct Resolve {
     config: ResolveConfig,
+    pipeline: u8,
+    /// How blocks of pixels are written: as the colour unit writes them.
+    compression: Compression,
     /// Colour attachments by location.
     input: In<Piece>,
     output: Out<Ack>,
@@ -42,28 +49,40 @@ pub struct Resolve {
     /// Reads and writes waiting for the port.
     reads: VecDeque<Operation>,
     writes: VecDeque<Operation>,
-    /// Next block to be read and to be resolved.
-    asked: u32,
+    /// The unit's blocks of the current attachment, once they are known.
+    blocks: Option<Vec<u32>>,
+    /// Next of them to be read and to be resolved.
+    asked: usize,
     /// What each block asked for needs.
     waiting: VecDeque<u32>,
-    resolved: u32,
+    resolved: usize,
     free_at: Cycle,
     items: u64,
 }
 
 impl Resolve {
-    /// An idle one.
-    pub fn new(config: ResolveConfig, input: In<Piece>, output: Out<Ack>, memory: MemoryPort) -> Resolve {
+    /// An idle unit of a pipeline, which writes blocks with some compression.
+    pub fn new(
+        config: ResolveConfig,
+        pipeline: u8,
+        compression: Compression,
+        input: In<Piece>,
+        output: Out<Ack>,
+        memory: MemoryPort,
+    ) -> Resolve {
         Resolve {
             misses: Misses::new(config.misses),
             reads: VecDeque::new(),
             writes: VecDeque::new(),
+            blocks: None,
             asked: 0,
             waiting: VecDeque::new(),
             resolved: 0,
             free_at: 0,
             items: 0,
             config,
+            pipeline,
+            compression,
             input,
             output,
             memory,
@@ -116,14 +135,7 @@ impl Unit<Card> for Resolve {
             self.misses.answer(tag);
             did = Tick::Moved;
         }
-        while let Some(&Operation { address, bytes }) = self.writes.front() {
-            if !self.memory.can_send(wires) {
-                return did.or(Tick::Blocked);
-            }
-            self.memory.write(wires, address, bytes);
-            self.writes.pop_front();
-            did = Tick::Moved;
-        }
+        // Reads go first: they are short, and what they bring is waited for.
         while let Some(&Operation { address, bytes }) = self.reads.front() {
             if self.misses.room() == 0 || !self.memory.can_send(wires) {
                 break;
@@ -133,10 +145,19 @@ impl Unit<Card> for Resolve {
             self.reads.pop_front();
             did = Tick::Moved;
         }
+        while let Some(&Operation { address, bytes }) = self.writes.front() {
+            if !self.memory.can_send(wires) {
+                did = did.or(Tick::Blocked);
+                break;
+            }
+            self.memory.write(wires, address, bytes);
+            self.writes.pop_front();
+            did = Tick::Moved;
+        }
 
         // 2. The current attachment.
         let Some(piece) = wires.front(&self.input) else { return did };
-        let Card { pass, frame, .. } = card;
+        let Card { pass, frame, interleave, .. } = card;
         let pass = pass.as_ref().expect("a pass is ending");
         let location = usize::from(piece.slot);
         let attachment = pass.pass.color[location];
@@ -146,20 +167,23 @@ impl Unit<Card> for Resolve {
             return Tick::Moved;
         };
         let to = frame.surface(&target);
-        let blocks = frame.stores[from].blocks.len() as u32;
+        let blocks = self.blocks.get_or_insert_with(|| {
+            let (count, across) = (frame.stores[from].blocks.len() as u32, frame.stores[from].across);
+            (0..count).filter(|block| interleave.owner(block % across, block / across) == self.pipeline).collect()
+        });
 
-        // 3. Resolve the next block whose samples are there.
+        // 3. Resolve the next block whose samples are there, if there is place for its pixels behind the write that waits.
         if let Some(&needs) = self.waiting.front() {
             if !self.misses.reached(needs) {
                 did = did.or(Tick::Memory);
             } else if self.free_at > wires.now() {
                 wires.sleep_until(self.free_at);
                 did = did.or(Tick::Working);
-            } else {
-                let block = self.resolved;
+            } else if self.writes.len() < WRITES {
+                let block = blocks[self.resolved];
                 resolve_block(frame, format, from, to, block);
                 let store = &mut frame.stores[to];
-                let bytes = store.block_bytes();
+                let bytes = self.compression.bytes(store, block);
                 store.blocks[block as usize] = BlockState::Stored(bytes as u16);
                 requests(store.address(block), bytes, &mut self.writes);
                 self.waiting.pop_front();
@@ -171,9 +195,9 @@ impl Unit<Card> for Resolve {
         }
 
         // 4. Ask for the samples of the next.
-        while self.asked < blocks && self.reads.is_empty() && self.waiting.len() < self.config.misses as usize {
+        while self.asked < blocks.len() && self.reads.is_empty() && self.waiting.len() < self.config.misses as usize {
             let store = &frame.stores[from];
-            let stored = store.stored(self.asked);
+            let stored = store.stored(blocks[self.asked]);
             let count = stored.map_or(0, |(address, bytes)| requests(address, bytes, &mut self.reads));
             self.waiting.push_back(self.misses.issued().wrapping_add(count));
             self.asked += 1;
@@ -181,12 +205,12 @@ impl Unit<Card> for Resolve {
         }
 
         // 5. All done.
-        if self.resolved == blocks && self.writes.is_empty() {
+        if self.resolved == blocks.len() && self.writes.is_empty() {
             if !wires.try_push(&self.output, Ack { slot: piece.slot, kind: Kind::DATA }) {
                 return did.or(Tick::Blocked);
             }
             wires.pop(&self.input);
-            (self.asked, self.resolved) = (0, 0);
+            (self.blocks, self.asked, self.resolved) = (None, 0, 0);
             did = Tick::Moved;
         }
         did

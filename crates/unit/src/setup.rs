@@ -109,7 +109,7 @@ impl Setup {
             };
             match token.kind {
                 // 1. The end of a sequence number is seen and forgotten where the order is restored here.
-                Kind::END if !self.marks => {
+                kind if kind.is_end() && !self.marks => {
                     self.merge.take(wires, &mut self.input, from, token);
                     did = Tick::Moved;
                 }

@@ -181,19 +181,28 @@ knob::knobs! {
 pub struct Ended {
     /// The first that has not ended.
     first: u32,
-    /// Whether it and those after it have.
-    after: VecDeque<bool>,
+    /// Of it and those after it, the parts that have ended; [`WHOLE`] if all have.
+    after: VecDeque<u8>,
 }
+
+/// All parts of a number have ended.
+const WHOLE: u8 = u8::MAX;
 
 impl Ended {
     /// A number has ended.
     pub fn note(&mut self, sequence: u32) {
+        self.note_part(sequence, 1);
+    }
+
+    /// One of a number's `parts` has ended.
+    pub fn note_part(&mut self, sequence: u32, parts: usize) {
         let place = sequence.wrapping_sub(self.first) as usize;
         if self.after.len() <= place {
-            self.after.resize(place + 1, false);
+            self.after.resize(place + 1, 0);
         }
-        self.after[place] = true;
-        while self.after.front() == Some(&true) {
+        let ended = &mut self.after[place];
+        *ended = if usize::from(*ended) + 1 == parts { WHOLE } else { *ended + 1 };
+        while self.after.front() == Some(&WHOLE) {
             self.after.pop_front();
             self.first = self.first.wrapping_add(1);
         }

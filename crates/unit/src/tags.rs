@@ -63,6 +63,18 @@ impl<T: Copy + Default> Tags<T> {
         self.sets
     }
 
+    /// Ways of a set.
+    #[inline(always)]
+    pub fn ways(&self) -> usize {
+        self.ways
+    }
+
+    /// The number of a key's set.
+    #[inline(always)]
+    pub fn set_of(&self, key: u64) -> usize {
+        self.set(key) / self.ways
+    }
+
     #[inline(always)]
     fn set(&self, key: u64) -> usize {
         // Folding the upper bits in keeps strides from falling into one set.
@@ -111,6 +123,13 @@ impl<T: Copy + Default> Tags<T> {
             }
         }
         best
+    }
+
+    /// The place of the least recently used line of a missing line's set that may go.
+    pub fn oldest(&self, key: u64, may_go: impl Fn(&T) -> bool) -> Option<usize> {
+        let set = self.set(key);
+        let may = |&place: &usize| self.keys[place] != EMPTY && may_go(&self.data[place]);
+        (set..set + self.ways).filter(may).min_by_key(|&place| self.used[place])
     }
 
     /// Puts a line into a place; what was there is gone.

@@ -28,8 +28,18 @@ knob::knobs! {
         access_bytes: u32 ["bytes", Allowed::PowerOfTwo(64, 256), "128: a warp's accesses to a line of 128 bytes are one transaction since 2010 (NVIDIA, CUDA C Programming Guide, \"Global Memory\")"],
         /// Such pieces a cycle.
         accesses_per_cycle: u32 ["pieces/cycle", Allowed::Range(1, 64), "one: 128 bytes a cycle are the bound of an SM's first-level cache (Jia et al. 2019, table 3.2)"],
-        /// Bilinear filter operations a cycle: 1 a fragment for bilinear, 2 for trilinear, more for anisotropic.
+        /// Bilinear filter operations a cycle: 1 a fragment for bilinear, 2 for trilinear, N for an anisotropy of N; times what the format costs.
         filters_per_cycle: u32 ["operations/cycle", Allowed::Range(1, 128), "8 bilinear texels a cycle: the texel rate of 2014's SM"],
+        /// Operations of a bilinear sample of one component of 32 bits, in those of one of 8-bit components, which is 1.
+        filter_single: u32 ["operations", Allowed::Range(1, 16), "1 on GeForce and Radeon of 2012 to 2016; 2 on Mali-G57 (Arm GPU Datasheet v7)"],
+        /// The same where texels have 64 bits in narrower components.
+        filter_halves: u32 ["operations", Allowed::Range(1, 16), "RGBA16F: 1 on GeForce (hardware.fr 928-3); 2 on Radeon HD 7000 to Fiji and on Mali-G57"],
+        /// The same where texels have two components of 32 bits.
+        filter_pair: u32 ["operations", Allowed::Range(1, 16), "RG32F: assumed as on the RTX 3090 (sebbbi, perftest: full rate); 4 on Mali-G57"],
+        /// The same where texels have four components of 32 bits.
+        filter_full: u32 ["operations", Allowed::Range(1, 16), "RGBA32F: 4 on GeForce (sebbbi, perftest: RTX 3090) and Radeon; 8 on Mali-G57"],
+        /// Operations of a load, without filtering, of a texel of 128 bits; other loads take one.
+        load_full: u32 ["operations", Allowed::Range(1, 16), "2 on the GTX 980 Ti: up to 64 bit full rate, 128 bit half (sebbbi, perftest)"],
         /// Whether a sample between two levels asks for the second only where that has a weight.
         skip_levels: bool ["", Allowed::Switch, "known with the level of detail; off: always both levels, as Vulkan's \"Image Level(s) Selection\" has it"],
         /// Lines of the first-level cache; a multiple of its ways, or fewer than they are.
@@ -46,6 +56,13 @@ knob::knobs! {
         latency: u32 ["cycles", Allowed::Range(1, 256), "a hit takes 82 cycles on GM204 (Jia et al. 2019, table 3.1), 3 of them in queues; ATTILA bGPU.ini AddressALULatency + FilterALULatency = 10"],
         /// Warps queued before the unit.
         queue: u32 ["warps", Allowed::Range(2, 256), "ATTILA bGPU.ini TextureRequestQueueSize = 512 texels"],
+    }
+}
+
+impl TextureConfig {
+    /// What an operation costs by [`Request::rate`], in operations on texels of 8-bit components.
+    pub fn costs(&self) -> [u32; Request::RATES] {
+        [1, 1, self.filter_single, self.filter_halves, self.filter_pair, self.filter_full, self.load_full]
     }
 }
 
@@ -130,6 +147,8 @@ pub struct Texture {
     epoch: u32,
     items: u64,
     counts: TextureCounts,
+    /// What an operation costs by the rate of its request.
+    costs: [u32; Request::RATES],
 }
 
 impl Texture {
@@ -157,6 +176,7 @@ impl Texture {
             epoch: 0,
             items: 0,
             counts: TextureCounts::default(),
+            costs: config.costs(),
             config,
         }
     }
@@ -381,7 +401,7 @@ impl Texture {
                     RequestKind::Texture => {
                         self.counts.quads += 1;
                         self.counts.operations += u64::from(request.operations);
-                        u32::from(request.operations)
+                        u32::from(request.operations) * self.costs[request.rate()]
                     }
                     _ => {
                         self.counts.accesses += 1;

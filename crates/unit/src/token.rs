@@ -22,6 +22,14 @@ impl Kind {
     pub const RUN: Kind = Kind(4);
     /// To assembly: what has been read of a run needs no more than the batch of vertices that is being gathered.
     pub const PART: Kind = Kind(5);
+    /// The end of one pipeline's part of a sequence number that all pipelines draw: the number ends with the last part.
+    pub const PART_END: Kind = Kind(7);
+
+    /// Whether nothing more of a sequence number follows on this channel.
+    #[inline(always)]
+    pub fn is_end(self) -> bool {
+        self == Kind::END || self == Kind::PART_END
+    }
 
     /// Whether all pipelines must see it.
     #[inline(always)]

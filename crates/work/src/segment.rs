@@ -1,6 +1,7 @@
 //! Segments of draws: primitives, triangles, and the quads that they cover.
 
 use crate::{CostId, CostTable, Funnel, Signature};
+use gfx::format::TexelClass;
 use gfx::setup::DepthPlane;
 
 /// How an input primitive ended.
@@ -136,7 +137,7 @@ pub struct Quad {
 }
 
 /// One memory or texture request of a quad (or of a vertex, or of four invocations of a workgroup).
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Request {
     /// First of its lines in `lines`.
     pub first_line: u32,
@@ -145,6 +146,26 @@ pub struct Request {
     /// Texture: bilinear filter operations over the quad's live fragments (1 each for bilinear, 2 trilinear, more anisotropic), at
     /// least 1. Memory: words moved.
     pub operations: u8,
+    /// Texture: how wide the texels are.
+    pub texel: TexelClass,
+    /// Texture: they are loaded, not filtered.
+    pub loads: bool,
+}
+
+impl Request {
+    /// Number of [`Request::rate`]s.
+    pub const RATES: usize = TexelClass::ALL.len() + 1;
+
+    /// By which rate a texture unit works on it: that of the texels' class where they are filtered. Loads have that of the narrowest texels, and
+    /// those of 128 bits the last one.
+    #[inline(always)]
+    pub fn rate(&self) -> usize {
+        match (self.loads, self.texel) {
+            (false, texel) => texel as usize,
+            (true, TexelClass::Full) => Request::RATES - 1,
+            (true, _) => TexelClass::Bytes as usize,
+        }
+    }
 }
 
 /// The work of a draw segment in one screen tile.

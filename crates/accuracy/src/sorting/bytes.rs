@@ -29,7 +29,9 @@ const TILE: u32 = 16;
 
 fn machine(class: SortClass, pipelines: u32, more: &[&str]) -> Result<Config> {
     let (pipelines, tile) = (format!("pipelines={pipelines}"), format!("distribute.tile={TILE}"));
-    let changes = [&["memory.kind=ideal", "distribute.pattern=morton", &tile, &pipelines], more].concat();
+    // The formulas are those of primitives that one pipeline draws each.
+    let changes =
+        [&["memory.kind=ideal", "distribute.pattern=morton", "assembly.by_size=false", &tile, &pipelines], more].concat();
     config(class.name(), &changes)
 }
 

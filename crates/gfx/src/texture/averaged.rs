@@ -62,7 +62,7 @@ impl Footprints {
             if mask >> first & ((1 << together) - 1) == 0 {
                 continue;
             }
-            let Ellipse { level, a, b, c, f, height, fade } = ellipses.of(first);
+            let Ellipse { level, a, b, c, f, height, fade, .. } = ellipses.of(first);
             let lanes = first..first + together;
             out.level[lanes.clone()].fill(level as u32);
             let terms = [

@@ -21,6 +21,9 @@ use crate::state::ViewDimension;
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Ellipse {
     pub level: usize,
+    /// Bilinear samples along its longer radius that take as long as filtering it does in cards: the ratio of the radii, of which the
+    /// shorter counts as a texel at least (Direct3D 11.3 Functional Specification, section 7.18.11).
+    pub probes: u16,
     pub a: f32,
     pub b: f32,
     pub c: f32,
@@ -103,6 +106,9 @@ impl Ellipse {
         let (most, least) = squares(scaled(0, dx), scaled(0, dy), sampler.anisotropy);
         let finite = finite && most.is_finite();
         let least = if finite { least } else { f32::INFINITY };
+        let ratio = if finite { (most / least.max(1.0)).sqrt() } else { 1.0 };
+        // What rounding adds to a whole ratio is no further sample.
+        let probes = (ratio - 1.0 / 64.0).ceil().clamp(1.0, sampler.anisotropy.max(1.0)) as u16;
         let lambda = clamp_one(0.5 * log2(least) + bias, sampler);
         let last = view.levels.len() - 1;
         let rounding = if sampler.mip_linear { 0.0 } else { 0.5 };
@@ -127,7 +133,7 @@ impl Ellipse {
         // (uu + 1) (vv + 1) - uv^2 without its cancellation.
         let f = cross * cross + uu + vv + 1.0;
         let a = (vv + 1.0) / f;
-        Ellipse { level, a, b: -2.0 * uv / f, c: (uu + 1.0) / f, f, height: (vv + 1.0).sqrt(), fade: exp(-4.0 * a) }
+        Ellipse { level, probes, a, b: -2.0 * uv / f, c: (uu + 1.0) / f, f, height: (vv + 1.0).sqrt(), fade: exp(-4.0 * a) }
     }
 
     /// Calls `one` with each texel of the footprint around a place, and its weight; the weights do not add up to 1.
@@ -299,5 +305,27 @@ mod tests {
         assert!((5..=9).contains(&operations), "{operations}");
         let (across, _) = run([0.5, 0.0], [0.0, 8.0]);
         assert!(!(0.25..=0.75).contains(&across), "{across}");
+    }
+
+    #[test]
+    fn a_footprint_takes_as_many_samples_as_it_is_longer_than_wide() {
+        let view = view_of(&image([64, 64, 1], 7, Format::Rgba8Unorm), ViewDimension::D2);
+        // In texels: both radii, the sampler's limit, the samples. A footprint that is less than a texel wide takes one a texel of its length.
+        for (x, y, most, expected) in [
+            ([16.0, 0.0], [0.0, 1.0], 16, 16),
+            ([0.0, 2.0], [32.0, 0.0], 16, 16),
+            ([0.0, 2.0], [64.0, 0.0], 16, 16),
+            ([8.0, 0.0], [0.0, 2.0], 16, 4),
+            ([8.0, 0.0], [0.0, 2.0], 2, 2),
+            ([5.0, 0.0], [0.0, 2.0], 16, 3),
+            ([4.0, 0.0], [0.0, 4.0], 16, 1),
+            ([0.3, 0.0], [0.0, 0.1], 16, 1),
+            ([8.0, 0.0], [0.0, 0.5], 16, 8),
+            ([f32::INFINITY, 0.0], [0.0, 1.0], 16, 1),
+        ] {
+            let texels = |d: [f32; 2]| d.map(|t| t / 64.0);
+            let ellipse = Ellipse::new(&view, &sampler(most), texels(x), texels(y), 0.0);
+            assert_eq!(ellipse.probes, expected, "{x:?} {y:?} {most}");
+        }
     }
 }

@@ -10,6 +10,7 @@ use super::sampler::BORDER;
 use super::squares::Room;
 use super::taps::{Place, gather_taps, taps};
 use super::{Sample, Sampler, View};
+use crate::format::TexelClass;
 use num::{Lanes, Mask, QUADS};
 
 /// Lines and operations of one texture instruction of a batch.
@@ -20,6 +21,9 @@ pub struct Footprint {
     /// Of the last instruction: where the lines of each quad begin, and where those of the last one end.
     pub(super) bounds: [u32; QUADS + 1],
     pub(super) operations: [u16; QUADS],
+    /// How wide the texels are that it asks for, and whether it loads them without filtering.
+    pub(super) texel: TexelClass,
+    pub(super) loads: bool,
     /// Samples between two levels ask for the second even where it has no weight.
     pub both_levels: bool,
     /// Where lines are looked for; none before the first time.
@@ -33,8 +37,8 @@ impl Footprint {
     }
 
     /// The distinct lines (address / 64) that a quad reads, in order of first use, and its bilinear filter operations: one a
-    /// live lane for nearest, bilinear, gather and load, twice as many between two levels or two slices; with anisotropy one for
-    /// four texels of the footprint, or on cubes times the probes.
+    /// live lane for nearest, bilinear, gather and load, twice as many between two levels or two slices; with anisotropy as
+    /// many as the footprint is longer than wide, or on cubes times the probes.
     pub fn quad(&self, quad: usize) -> (&[u32], u16) {
         let (lines, operations) = self.range(quad);
         (&self.lines[lines.start as usize..lines.end as usize], operations)
@@ -44,6 +48,11 @@ impl Footprint {
     #[inline]
     pub fn range(&self, quad: usize) -> (Range<u32>, u16) {
         (self.bounds[quad]..self.bounds[quad + 1], self.operations[quad])
+    }
+
+    /// How wide the texels are that the last instruction asked for, and whether it loaded them without filtering.
+    pub fn texel(&self) -> (TexelClass, bool) {
+        (self.texel, self.loads)
     }
 
     /// Records quads in order: `one` is called with each live lane, and adds its lines and operations.
@@ -67,6 +76,7 @@ impl Footprint {
 
     #[inline(always)]
     pub(super) fn sample(&mut self, view: &View, sampler: &Sampler, args: &Sample<'_>, found: Option<&QuadLevels>, mask: Mask) {
+        (self.texel, self.loads) = (view.texel, false);
         if !super::squares::record(view, sampler, args, found, mask, self) {
             self.sample_others(view, sampler, args, mask);
         }
@@ -99,17 +109,16 @@ impl Footprint {
     fn average(&mut self, view: &View, sampler: &Sampler, args: &Sample<'_>, mask: Mask) {
         self.fill(mask, |lane, quad| {
             let footprint = Ellipses::new(view, sampler, args).of(lane);
-            let mut count = 0_u16;
             footprint.texels(view, sampler, Place::new(view, args, lane), args.offset, |texel, _| {
-                count += 1;
                 let texel = if texel.contains(&BORDER) { [BORDER; 3] } else { texel };
                 quad.texel(view, footprint.level, texel);
             });
-            quad.operations += count.div_ceil(4);
+            quad.operations += footprint.probes;
         });
     }
 
     pub(super) fn gather(&mut self, view: &View, sampler: &Sampler, args: &Sample<'_>, mask: Mask) {
+        (self.texel, self.loads) = (view.texel, false);
         self.fill(mask, |lane, quad| {
             quad.operations += 1;
             for texel in gather_taps(view, sampler, Place::new(view, args, lane), args.offset) {
@@ -119,6 +128,7 @@ impl Footprint {
     }
 
     pub(super) fn load(&mut self, view: &View, coords: [&Lanes; 3], layer: Option<&Lanes>, level: &Lanes, mask: Mask) {
+        (self.texel, self.loads) = (view.texel, true);
         self.fill(mask, |lane, quad| {
             quad.operations += 1;
             if let Some((level, texel, _)) = locate(view, coords, layer, level, lane) {

@@ -1,7 +1,7 @@
 //! Texture views made ready for sampling: a copy of the texels in a form that filters read directly.
 
 use super::read::Reader;
-use crate::format::{Format, TexelKind};
+use crate::format::{Format, TexelClass, TexelKind};
 use crate::image::ImageDesc;
 use crate::state::{Aspect, ViewDimension};
 use crate::tiling::{LINE, Tiled, TiledLevel};
@@ -147,6 +147,8 @@ pub type Each<'a> = &'a dyn Fn(usize, &(dyn Fn(usize) + Sync));
 pub struct View {
     pub(super) dimension: ViewDimension,
     pub(super) kind: TexelKind,
+    /// How wide its texels are for the card's filters.
+    pub(super) texel: TexelClass,
     pub(super) levels: Vec<Level>,
     pub(super) texels: Texels,
     pub(super) samples: u32,
@@ -210,6 +212,7 @@ impl View {
         Ok(View {
             dimension: range.dimension,
             kind,
+            texel: range.format.texel_class(),
             levels,
             texels,
             samples: image.samples,

@@ -7,7 +7,7 @@ use unit::bin::{Bin, BinPorts};
 use unit::clip::Clip;
 use unit::command::{Command, CommandPorts};
 use unit::compute::{Compute, ComputePorts};
-use unit::deal::Deal;
+use unit::deal::{Deal, most_groups};
 use unit::distribute::Distribute;
 use unit::fetch::{Fetch, FetchInput, FetchPorts, Reuse, VertexDeal};
 use unit::gather::Gather;
@@ -23,13 +23,13 @@ impl Builder<'_> {
     pub fn command(&mut self) -> In<Piece> {
         let (config, id) = (self.config, self.id.clone());
         let (command, compute) = (id.command[0], id.compute[0]);
-        let (resolve, scanout) = (id.resolve[0], id.scanout[0]);
+        let scanout = id.scanout[0];
         let (to_fetch, pieces) =
             self.wiring.channel("pieces", 0, CONTROL, command, id.deal.first().copied().unwrap_or(id.fetch[0]));
         let (to_compute, compute_input) = self.wiring.channel("workgroups", 0, CONTROL, command, compute);
         let (computed, from_compute) = self.wiring.channel("workgroups_done", 0, CONTROL, compute, command);
-        let (to_resolve, resolve_input) = self.wiring.channel("resolves", 0, CONTROL, command, resolve);
-        let (resolved, from_resolve) = self.wiring.channel("resolved", 0, CONTROL, resolve, command);
+        let (to_resolve, resolve_input) = self.join("resolves", CONTROL, id.resolve.iter().map(|&resolve| (command, resolve)));
+        let (resolved, from_resolve) = self.join("resolved", CONTROL, id.resolve.iter().map(|&resolve| (resolve, command)));
         let (to_scanout, scanout_input) = self.wiring.channel("shown", 0, CONTROL, command, scanout);
         let (scanned, from_scanout) = self.wiring.channel("scanned", 0, CONTROL, scanout, command);
         let acking: Vec<_> = id.color.iter().chain(&id.depth).copied().collect();
@@ -70,7 +70,7 @@ impl Builder<'_> {
             },
         ));
         self.compute(compute_input, computed);
-        self.open.resolve.push((resolve_input, resolved));
+        self.open.resolve = resolve_input.into_iter().zip(resolved).collect();
         self.open.scanout.push((scanout_input, scanned));
         pieces
     }
@@ -247,7 +247,9 @@ impl Builder<'_> {
         let (outputs, inputs) = self.join("batches", link, to.iter().map(|&to| (deal, to)));
         // Where no later unit sends fences to all pipelines, this one does.
         let everyone = !id.compose.is_empty();
-        self.made.deal.push(Deal::new(&config.assembly, config.order.keep, everyone, input, outputs));
+        let most = most_groups(config.network.receive_queue, config.dispatch.reorder, config.core.warp_width);
+        let most = id.route.is_empty().then_some(most);
+        self.made.deal.push(Deal::new(&config.assembly, config.order.keep, everyone, most, input, outputs));
         inputs
     }
 

@@ -14,6 +14,7 @@ use super::parts::{Banks, Ids, Parts, Stage};
 use mem::{Memory, MemoryIds, MemoryPlan, MemoryPort, MemoryUnits};
 use sim::{In, Link, Out, StallProbe, Token, UnitId, Wiring};
 use unit::color::{Color, ColorConfig, ColorPorts};
+use unit::compression::Compression;
 use unit::network::{Names, Network, NetworkMap, NetworkPlan, Receiver, Sender};
 use unit::resolve::Resolve;
 use unit::scanout::Scanout;
@@ -226,9 +227,11 @@ impl<'a> Builder<'a> {
             let memory = self.rop_port("color", n, self.id.color[n]);
             self.made.color.push(Color::new(config, n as u8, ports, memory));
         }
-        for (input, output) in std::mem::take(&mut self.open.resolve) {
-            let memory = self.port("resolve", 0, self.id.resolve[0]);
-            self.made.resolve.push(Resolve::new(config.resolve.clone(), input, output, memory));
+        let c = &config.color;
+        let compression = Compression { enabled: c.compression, codec: c.codec, again: c.recompress };
+        for (n, (input, output)) in std::mem::take(&mut self.open.resolve).into_iter().enumerate() {
+            let memory = self.port("resolve", n, self.id.resolve[n]);
+            self.made.resolve.push(Resolve::new(config.resolve.clone(), n as u8, compression, input, output, memory));
         }
         for (input, output) in std::mem::take(&mut self.open.scanout) {
             let memory = self.port("scanout", 0, self.id.scanout[0]);

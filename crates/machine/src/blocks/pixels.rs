@@ -27,7 +27,7 @@ impl Builder<'_> {
         let (t, d) = (&config.traverse, &DepthConfig { cache_ways: depth_ways, ..config.depth.clone() });
         let tested = quads(d.output_queue, d.quads_per_cycle, d.output_latency);
         let updates = Link::items(t.hierarchical_queue, 1, t.hierarchical_latency);
-        let (to_depth, early) = self.chain("rasterized", quads(t.queue, t.quads_per_cycle, t.latency), &id.traverse, &id.depth);
+        let (to_depth, early) = self.chain("rasterized", rasterized(t), &id.traverse, &id.depth);
         let (to_traverse, bounds) = self.chain("depth_bounds", updates, &id.depth, &id.traverse);
         let (to_interpolate, interpolated) = self.chain("tested_early", tested, &id.depth, &id.interpolate);
         let (rate, side) = (d.quads_per_cycle, config.bin.tile / BLOCK);
@@ -72,7 +72,7 @@ impl Builder<'_> {
         let (config, id) = (self.config, self.id.clone());
         let (t, d) = (&config.traverse, &config.depth);
         let tested = quads(d.output_queue, d.quads_per_cycle, d.output_latency);
-        let link = quads(t.queue, t.quads_per_cycle, t.latency);
+        let link = rasterized(t);
         let (from_traverse, rasterized, questions) = if id.early.is_empty() {
             let (outputs, rasterized) = self.chain("rasterized", link, &id.traverse, &id.interpolate);
             (outputs, rasterized, Vec::new())
@@ -177,6 +177,11 @@ impl Builder<'_> {
         let ports = ends.map(|((shaded, end), ack)| ColorPorts { shaded: shaded.color, tested: shaded.late, end, ack });
         self.open.color = ports.collect();
     }
+}
+
+/// The link behind traversal.
+fn rasterized(config: &TraverseConfig) -> Link {
+    quads(config.queue, config.quads_per_cycle.max(config.depth_quads_per_cycle), config.latency)
 }
 
 /// Of the ends of a square of ways, row after row, each row.

@@ -11,17 +11,6 @@ use unit::warp::MAX_WIDTH;
 
 /// Rules between knobs.
 pub(super) fn check(config: &Config) -> Result<(), String> {
-    let caches = [
-        ("depth", config.depth.cache_blocks, config.depth.cache_ways),
-        ("color", config.color.cache_blocks, config.color.cache_ways),
-    ];
-    for (section, blocks, ways) in caches {
-        if ways > blocks {
-            return Err(format!(
-                "{section}.cache_ways is {ways}, and must be at most {section}.cache_blocks, which is {blocks}"
-            ));
-        }
-    }
     if config.traverse.triangles > 1 && config.traverse.walk != Walk::Blocks {
         return Err(format!(
             "traverse.triangles is {}, and must be 1 where traverse.walk is {}: single pixels are tested of one triangle at a time",
@@ -126,7 +115,12 @@ pub(super) fn warnings(config: &Config) -> Vec<String> {
             config.network.link_latency,
         ),
         ("setup.queue", config.setup.queue, config.setup.triangles_per_cycle, config.setup.latency),
-        ("traverse.queue", config.traverse.queue, group(config.traverse.quads_per_cycle), config.traverse.latency),
+        (
+            "traverse.queue",
+            config.traverse.queue,
+            group(config.traverse.quads_per_cycle.max(config.traverse.depth_quads_per_cycle)),
+            config.traverse.latency,
+        ),
         ("traverse.hierarchical_queue", config.traverse.hierarchical_queue, 1, config.traverse.hierarchical_latency),
         ("depth.output_queue", config.depth.output_queue, group(config.depth.quads_per_cycle), config.depth.output_latency),
         ("interpolate.queue", config.interpolate.queue, group(config.interpolate.quads_per_cycle), config.interpolate.latency),

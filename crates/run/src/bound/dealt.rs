@@ -5,6 +5,7 @@ use super::flow::{Pipeline, Rates, UNITS, Work, later, work_of};
 use super::{Bound, Roofs};
 use machine::class::Sorted;
 use unit::assembly::Deal;
+use unit::deal::most_groups;
 use unit::network::Topology;
 use unit::sorting::Keep;
 use work::profile::{APART, ApartProfile, Cell, DrawProfile, Window};
@@ -39,6 +40,22 @@ struct Rop {
 }
 
 impl Bound<'_> {
+    /// The groups of quads at which batches end that are dealt to pipelines; infinite where size does not matter.
+    fn most_groups(&self) -> f64 {
+        let c = self.config;
+        if c.assembly.by_size && c.assembly.deal != Deal::Contiguous && c.card.pipelines > 1 {
+            f64::from(most_groups(c.network.receive_queue, c.dispatch.reorder, c.core.warp_width))
+        } else {
+            f64::INFINITY
+        }
+    }
+
+    /// Primitives of a batch, where each makes so many groups of quads.
+    pub(super) fn batch_of(&self, groups: f64) -> f64 {
+        let batch = f64::from(self.config.assembly.batch);
+        (self.most_groups() / groups.max(1.0)).min(batch).floor().max(1.0)
+    }
+
     /// The part of the covered blocks of a pass that is not hidden whole where it is tested.
     pub(super) fn shown(&self, draws: &[DrawProfile]) -> f64 {
         let blocks = |draw: &DrawProfile| draw.apart.blocks as f64;
@@ -58,7 +75,8 @@ impl Bound<'_> {
         (windows, cells): (&[Window], &[Cell]),
     ) -> f64 {
         let c = self.config;
-        let (pipelines, batch) = (c.card.pipelines as usize, f64::from(c.assembly.batch));
+        let pipelines = c.card.pipelines as usize;
+        let most = self.most_groups();
         let fragments = self.sorted == Sorted::Fragments;
         let ordered = fragments && c.order.keep == Keep::Always;
         let waiting = [f64::from(c.setup.queue), self.waiting()[1]];
@@ -74,7 +92,7 @@ impl Bound<'_> {
         let mut sums = vec![[0.0; UNITS.len()]; pipelines];
         let mut sent = vec![0.0; pipelines];
         let mut rops = vec![Rop::default(); pipelines];
-        // When all up to a batch has been sent and taken; primitives before the window in its segment, and in the pass.
+        // When all up to a batch has been sent and taken; primitives of the open batch, and those before the window in the pass.
         let (mut turn, mut first, mut within, mut before) = (0.0_f64, 0, 0.0, 0.0);
         // When the turn of the current batch came, and its quads so far.
         let (mut opened, mut drawn) = (0.0, 0.0);
@@ -91,29 +109,35 @@ impl Bound<'_> {
             // 1. What the window takes of a pipeline, and of each ROP.
             let mut work: Work = [0.0; UNITS.len()];
             let mut behind = vec![[0.0; 3]; pipelines];
+            let mut parts = vec![([0.0; UNITS.len()], [0.0; 2]); pipelines];
             let (mut shaded, mut groups) = (0.0, 0.0);
             let range = first as usize..window.end as usize;
             for (cell, owner) in cells[range.clone()].iter().zip(&owners[range]) {
                 let mut own = work_of(cell, rate);
+                let (owned, part) = match *owner {
+                    Some(pipeline) => (usize::from(pipeline)..usize::from(pipeline) + 1, 1.0),
+                    None => (0..pipelines, 1.0 / pipelines as f64),
+                };
+                let quads = f64::from(cell.shaded) * if fragments { 1.0 } else { shown };
                 if fragments {
-                    let quads = f64::from(cell.shaded);
                     let colors = later(quads * shown * rate.color, f64::from(cell.pins) * open * rate.color_block);
                     let taken = quads / f64::from(c.dispatch.output_quads);
                     let rop = [later(taken, quads * quad / link), own[DEPTH], colors];
                     (own[DEPTH], own[COLOR]) = (0.0, 0.0);
-                    let (owners, part) = match *owner {
-                        Some(pipeline) => (usize::from(pipeline)..usize::from(pipeline) + 1, 1.0),
-                        None => (0..pipelines, 1.0 / pipelines as f64),
-                    };
-                    for at in owners {
+                    for at in owned.clone() {
                         behind[at].iter_mut().zip(rop).for_each(|(sum, cycles)| *sum += cycles * part);
                     }
-                    shaded += quads;
                 } else {
                     let hidden = if c.traverse.hierarchical_z { open } else { 1.0 };
                     own[DEPTH] *= hidden;
                     own[DEPTH + 1..].iter_mut().for_each(|cycles| *cycles *= shown);
-                    shaded += f64::from(cell.shaded) * shown;
+                }
+                shaded += quads;
+                for at in owned {
+                    let (work, given) = &mut parts[at];
+                    work.iter_mut().zip(own).for_each(|(sum, cycles)| *sum += cycles * part);
+                    given[0] += f64::from(cell.triangles) * part;
+                    given[1] += quads * part;
                 }
                 groups += f64::from(cell.groups);
                 work.iter_mut().zip(own).for_each(|(sum, cycles)| *sum += cycles);
@@ -123,9 +147,41 @@ impl Bound<'_> {
             first = window.end;
             // 2. Its batches, each with its share of the window.
             let primitives = f64::from(window.primitives);
+            let batch = self.batch_of(groups / primitives.max(1.0));
+            if groups / primitives.max(1.0) > most {
+                // Too large for one pipeline: each draws its own tiles of them.
+                let mut ended = turn;
+                for (at, (own, given)) in parts.iter().enumerate() {
+                    let begin = later(geometry[at], done[at].place(waiting[0]));
+                    geometry[at] = begin + primitives * rate.geometry;
+                    let mut own = *own;
+                    own[DEPTH + 3] += primitives * rate.vertex_core;
+                    own[DEPTH + 4] += primitives * rate.vertex_texture;
+                    done[at].take(*given, [begin, geometry[at]], &own, waiting[1], rate.shaded);
+                    sums[at].iter_mut().zip(own).for_each(|(sum, cycles)| *sum += cycles);
+                    if fragments {
+                        sent[at] += given[1] * quad / link;
+                        let (rop, behind) = (&mut rops[at], &behind[at]);
+                        let end = done[at].written();
+                        rop.done = later(
+                            later(rop.done, if ordered { turn } else { 0.0 }) + behind.iter().copied().fold(0.0, later),
+                            end,
+                        );
+                        rop.sum.iter_mut().zip(behind).for_each(|(sum, cycles)| *sum += cycles);
+                        ended = later(ended, end);
+                        if ordered {
+                            done[at].hold(end, rop.done);
+                        }
+                    }
+                }
+                self.turn += u64::from(within > 0.0) + (primitives / f64::from(c.assembly.batch)).ceil() as u64;
+                (turn, within) = (if ordered { ended } else { turn }, 0.0);
+                before += primitives;
+                continue;
+            }
             let mut left = primitives;
             while left > 0.0 {
-                let room = batch - within % batch;
+                let room = (batch - within).max(1.0);
                 let count = room.min(left);
                 let at = match c.assembly.deal {
                     Deal::Turn => self.turn as usize % pipelines,
@@ -141,7 +197,7 @@ impl Bound<'_> {
                 own[DEPTH + 3] += count * rate.vertex_core;
                 own[DEPTH + 4] += count * rate.vertex_texture;
                 let quads = shaded * part;
-                if within % batch == 0.0 {
+                if within == 0.0 {
                     (opened, drawn) = (turn, 0.0);
                 }
                 let given = [f64::from(window.triangles) * part, quads];
@@ -176,8 +232,9 @@ impl Bound<'_> {
                 within += count;
                 before += count;
                 left -= count;
-                if within % batch == 0.0 {
+                if within >= batch {
                     self.turn += 1;
+                    within = 0.0;
                 }
             }
         }

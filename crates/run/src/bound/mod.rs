@@ -33,10 +33,16 @@ use machine::config::MemoryKind;
 use machine::{Config, PhaseReport};
 use mem::REQUEST_BYTES;
 use num::Cycle;
+use unit::block_cache::PLACE;
 use unit::compression::Codec;
 use unit::phase::{Phase, PhaseKind};
 use work::profile::{AttachmentProfile, FrameProfile, PhaseProfile, Sampled, Touch, Toucher};
 use work::{BLOCK, LINE, TILE};
+
+/// Places of a ROP's cache that a block of an attachment takes.
+fn places(attachment: &AttachmentProfile) -> f64 {
+    (attachment.block_bytes as f64 / f64::from(PLACE)).max(1.0)
+}
 
 /// The share of its raw size that a block of an attachment takes in memory on average where that codec compresses it; none: raw.
 fn compressed(attachment: &AttachmentProfile, codec: Option<Codec>) -> f64 {
@@ -117,7 +123,7 @@ pub struct Bound<'c> {
     memory_latency: f64,
     /// Bytes a cycle of all DRAM channels.
     dram_rate: f64,
-    /// Blocks that can be in use at once in a colour cache, and in a depth cache, before a set is full of them.
+    /// Blocks of 32-bit pixels that can be in use at once in a colour cache, and in a depth cache, before a set is full of them.
     in_use: [f64; 2],
     /// The second-level cache, from frame to frame.
     shared: Shared,

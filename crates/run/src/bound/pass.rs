@@ -6,10 +6,10 @@ use super::memory::Traffic;
 use super::shading::Requests;
 use super::texture::{Missed, Sharing, missed};
 use super::traffic::PassTraffic;
-use super::{BLOCKS, Bound, PhaseEstimate, Roofs, Touched, compressed};
+use super::{BLOCKS, Bound, PhaseEstimate, Roofs, Touched, compressed, places};
 use machine::class::Sorted;
 use machine::config::MemoryKind;
-use mem::REQUEST_BYTES;
+use mem::{HEADER, REQUEST_BYTES};
 use unit::compression::Codec;
 use unit::fetch::Reuse;
 use unit::interleave::Interleave;
@@ -61,7 +61,7 @@ impl Bound<'_> {
             &missed,
             touched,
             lists.as_ref().zip(followed.as_ref()),
-            [shown, copies, resolved],
+            [shown, copies, resolved, blocks[1] as f64 / all.max(1.0)],
         );
 
         let mut roofs = Roofs::default();
@@ -82,7 +82,7 @@ impl Bound<'_> {
         let (attributes, fill) = (self.latency(&traffic.attributes), self.fill(&traffic));
         let first: f64 = draws
             .iter()
-            .map(|draw| self.rates(&mut Roofs::default(), draw, &requests, [index, attributes, fill]))
+            .map(|draw| self.rates(&mut Roofs::default(), (draw, color), &requests, [index, attributes, fill]))
             .zip(draws)
             .map(|(rates, draw)| rates.geometry * draw.primitives as f64)
             .sum();
@@ -91,7 +91,7 @@ impl Bound<'_> {
         let waits = index + self.behind_writes(meanwhile, lines, first.max(self.dram(meanwhile)));
         let index = if self.sorted == Sorted::Triangles && !binned { index } else { waits };
         let mut rates: Vec<Rates> =
-            draws.iter().map(|draw| self.rates(&mut roofs, draw, &requests, [index, attributes, fill])).collect();
+            draws.iter().map(|draw| self.rates(&mut roofs, (draw, color), &requests, [index, attributes, fill])).collect();
         // Indices and attributes have ports of their own. The cache of attributes has at most what is not read from DRAM.
         if self.sorted != Sorted::Primitives {
             let fronts = if self.sorted.own_geometry() { self.pipelines } else { 1.0 };
@@ -163,7 +163,7 @@ impl Bound<'_> {
             limit
         };
         // Resolves begin when all is drawn.
-        let resolve = self.resolve(color, drawn, &traffic.resolved);
+        let resolve = self.resolve(color, [blocks[1] as f64, drawn], &traffic.resolved);
         roofs.add("resolve", resolve);
         memory += traffic.resolved;
         limit = if resolve > most.max(composed.cycles) { "resolve" } else { limit };
@@ -181,22 +181,33 @@ impl Bound<'_> {
         compressed(attachment, if composed { self.composed_codec() } else { self.color_codec() })
     }
 
-    /// Cycles of resolving what is resolved, block after block: one that nothing was drawn into is only written; others are read too, over
-    /// the same wires, behind whatever the port has queued, and are waited for in order.
-    fn resolve(&self, color: &[AttachmentProfile], drawn: f64, traffic: &Traffic) -> f64 {
+    /// The share of its raw size that a block of pixels takes which an attachment's samples are resolved to, where a share of the blocks is
+    /// drawn: these are compressed as their samples are, and the others have one colour, which takes a line.
+    pub(super) fn pixels(&self, attachment: &AttachmentProfile, drawn: f64) -> f64 {
+        let Some(codec) = self.color_codec() else { return 1.0 };
+        let drawn = drawn.min(1.0);
+        drawn * compressed(attachment, Some(codec)) + (1.0 - drawn) * LINE as f64 / REQUEST_BYTES as f64
+    }
+
+    /// Cycles of resolving what is resolved, block after block in each pipeline: one that nothing was drawn into is only written; others are
+    /// read too, which has wires of its own but for the requests, and are waited for in order.
+    fn resolve(&self, color: &[AttachmentProfile], [touched, drawn]: [f64; 2], traffic: &Traffic) -> f64 {
         let Some(attachment) = color.iter().find(|attachment| attachment.resolved > 0) else { return 0.0 };
-        let (config, request) = (&self.config.resolve, REQUEST_BYTES as f64);
+        let (config, request, header) = (&self.config.resolve, REQUEST_BYTES as f64, f64::from(HEADER));
         let part = self.left(attachment);
         let blocks = color.iter().map(|attachment| attachment.resolved as f64 / request).sum::<f64>().max(1.0);
         let drawn = drawn.min(blocks);
-        let written = (request / f64::from(self.config.memory.port_width)).max(f64::from(config.block_cycles));
-        let asked = (attachment.block_bytes as f64 * part / request).ceil();
-        let queued = f64::from(self.config.memory.port_queue) * (written + asked) / (1.0 + asked);
+        let port = f64::from(self.config.memory.port_width);
+        let pixels = request * self.pixels(attachment, touched / blocks);
+        let written = ((pixels + header) / port).max(f64::from(config.block_cycles));
+        let bytes = attachment.block_bytes as f64 * part;
+        let asked = (bytes / request).ceil();
         let misses = f64::from(config.misses);
-        let units = (blocks - drawn) * written + drawn * (written + asked);
-        let wait = self.latency(traffic) + queued + self.behind_writes(traffic, misses * traffic.miss_rate(), units);
-        let read = (written + asked).max(wait * asked / misses);
-        ((blocks - drawn) * written + drawn * read).max(self.dram(traffic))
+        let (blocks, drawn) = (blocks / self.pipelines, drawn / self.pipelines);
+        let units = (blocks - drawn) * written + drawn * written.max(bytes / port);
+        let wait = self.latency(traffic) + self.behind_writes(traffic, misses * traffic.miss_rate(), units);
+        let read = written.max(bytes / port).max((pixels + (1.0 + asked) * header) / port).max(wait * asked / misses);
+        ((blocks - drawn) * written + drawn * read + self.latency(traffic)).max(self.dram(traffic))
     }
 
     /// How much longer the last of so many reads is under way because DRAM is writing what some traffic of so many cycles writes: half of a
@@ -288,7 +299,13 @@ impl Bound<'_> {
     }
 
     /// What the units take for an item of a draw; adds what its geometry takes in all.
-    fn rates(&self, roofs: &mut Roofs, draw: &DrawProfile, requests: &Requests, [index, attributes, fill]: [f64; 3]) -> Rates {
+    fn rates(
+        &self,
+        roofs: &mut Roofs,
+        (draw, color): (&DrawProfile, &[AttachmentProfile]),
+        requests: &Requests,
+        [index, attributes, fill]: [f64; 3],
+    ) -> Rates {
         let c = self.config;
         let per = |n: u64, rate: u32| n as f64 / f64::from(rate);
         // Fronts that fetch and assemble, and units that clip, for all primitives or for those of one pipeline.
@@ -299,7 +316,8 @@ impl Bound<'_> {
         // Geometry, for all primitives. A pipeline that gets them in batches shades vertices again that the batch before has.
         let vertices = interpolated(&REUSE, &draw.shaded_vertices, c.fetch.reuse as usize);
         let again = draw.dealt_vertices.saturating_sub(draw.shaded_vertices[REUSE.len() - 1]) as f64;
-        let vertices = if own { vertices + again * f64::from(DEALT) / f64::from(c.assembly.batch) } else { vertices };
+        let groups = draw.fragment.runs as f64 / 4.0 / draw.primitives.max(1) as f64;
+        let vertices = if own { vertices + again * f64::from(DEALT) / self.batch_of(groups) } else { vertices };
         // Batches of vertices are as short as those of primitives.
         let vertices = if c.fetch.reuse_until == Reuse::Batch { draw.batched_vertices as f64 } else { vertices };
         let attribute_lines = (draw.vertex_bytes as f64 / LINE as f64).max(draw.attributes.min(1) as f64);
@@ -324,8 +342,8 @@ impl Bound<'_> {
         let all = (draw.indices * draw.index_bytes) as f64 / LINE as f64;
         let trip = index + LINE as f64 / bytes / f64::from(c.fetch.indices_per_cycle);
         let stream = all * trip / lines;
-        let clipping =
-            per(draw.primitives, c.clip.primitives_per_cycle) + (draw.clipped * u64::from(c.clip.clip_cycles)) as f64;
+        let clipping = per(draw.primitives, c.clip.primitives_per_cycle) * f64::from(c.clip.interval)
+            + (draw.clipped * u64::from(c.clip.clip_cycles)) as f64;
         let fragment = self.shading(&draw.fragment, 4.0, draw.registers[1], requests);
         // A segment has its place until the last of it is written.
         let held = draw.segments as f64 * (shading.latency + fragment.latency + fill);
@@ -349,7 +367,15 @@ impl Bound<'_> {
 
         // Rasterisers.
         let turns = draw.varyings.div_ceil(u64::from(c.interpolate.words_per_cycle)).max(1);
-        let written = (draw.targets - draw.blended) as f64 / f64::from(c.color.quads_per_cycle);
+        // How many times as long the attachments take on average, written and blended.
+        let [replaced, blended] = [false, true].map(|blended| {
+            let times = |of: &AttachmentProfile| c.color.times(of.texel, of.samples, blended) as f64;
+            color.iter().map(times).sum::<f64>() / color.len().max(1) as f64 * f64::from(c.color.interval)
+        });
+        let written = (draw.targets - draw.blended) as f64 * replaced / f64::from(c.color.quads_per_cycle);
+        let blended = draw.blended as f64 * blended / f64::from(c.color.blends_per_cycle);
+        let plain = draw.registers[1] == 0;
+        let traversed = if plain { c.traverse.depth_quads_per_cycle } else { c.traverse.quads_per_cycle };
         let route = (vertices / f64::from(c.route.vertices_per_cycle))
             .max(per(draw.primitives, c.route.primitives_per_cycle))
             .max(stream);
@@ -363,13 +389,13 @@ impl Bound<'_> {
             setup: apart(c.setup.triangles_per_cycle, c.setup.interval),
             test: 1.0 / f64::from(c.traverse.tests_per_cycle),
             block: 1.0 / f64::from(c.traverse.blocks_per_cycle),
-            group: 4.0 / f64::from(c.traverse.quads_per_cycle),
+            group: 4.0 * f64::from(c.traverse.interval) / f64::from(traversed),
             depth: if draw.depth { 4.0 / f64::from(c.depth.quads_per_cycle) } else { 0.0 },
-            interpolate: turns as f64 / f64::from(c.interpolate.quads_per_cycle),
-            dispatch: 1.0 / f64::from(c.dispatch.quads_per_cycle),
+            interpolate: turns as f64 * f64::from(c.interpolate.interval) / f64::from(c.interpolate.quads_per_cycle),
+            dispatch: f64::from(c.dispatch.interval) / f64::from(c.dispatch.quads_per_cycle),
             core: fragment.core / f64::from(c.core.per_pipeline),
             texture: fragment.texture / f64::from(c.core.per_pipeline),
-            color: written + draw.blended as f64 / f64::from(c.color.blends_per_cycle),
+            color: written + blended,
             color_block: 0.0,
             depth_block: 0.0,
         }
@@ -403,12 +429,14 @@ impl Bound<'_> {
             let missed = interpolated(&BLOCK_CACHES, &misses[1 - side], (cache * self.pipelines) as usize);
             // What is not cleared by flag is read at the first touch; what came back is read again.
             let first = if attachment.loads || !c.color.fast_clear { distinct } else { 0.0 };
-            let filled = first + (missed - distinct).max(0.0);
+            // What is replaced whole is not read.
+            let kept = if side == 0 { 1.0 - traffic.replaced[1] / traffic.replaced[0].max(1.0) } else { 1.0 };
+            let filled = (first + (missed - distinct).max(0.0)) * kept;
             let (read, written) = (filled * bytes * part, missed * bytes * part);
             roofs.add(unit, read.max(written) / self.pipelines / port);
             // Blocks between lookup and use stay in their sets, and go on in order: of as many as find room at once, all wait for one
             // that is missed.
-            let at_once = self.in_use[side].min(f64::from(fifo) / groups.max(1.0)).max(1.0);
+            let at_once = (self.in_use[side] / places(attachment)).min(f64::from(fifo) / groups.max(1.0)).max(1.0);
             // A block that is in use already takes no further place.
             let others = interpolated(&BLOCK_CACHES, &misses[1 - side], (at_once * self.pipelines) as usize).max(1.0);
             let again = (others / uses[side].max(1.0)).min(1.0);
@@ -421,13 +449,14 @@ impl Bound<'_> {
             let in_flight = again * filled * (bytes * part / REQUEST_BYTES as f64).ceil() * wait / f64::from(requests);
             least[side] += turn.max(in_flight);
         };
+        let held = color.iter().map(places).sum::<f64>();
         for attachment in color {
             let knobs = (self.color_codec(), c.color.fifo, c.color.misses, c.color.latency);
-            rop("color port", attachment, 0, f64::from(c.color.cache_blocks) / color.len() as f64, knobs);
+            rop("color port", attachment, 0, f64::from(c.color.cache_blocks) / held, knobs);
         }
         if let Some(depth) = depth {
             let knobs = (self.depth_codec(), c.depth.fifo, c.depth.misses, c.depth.latency);
-            rop("depth port", depth, 1, f64::from(c.depth.cache_blocks), knobs);
+            rop("depth port", depth, 1, f64::from(c.depth.cache_blocks) / places(depth), knobs);
         }
         least
     }

@@ -83,7 +83,8 @@ impl Bound<'_> {
         // Of texture.access_bytes other than 128, with that many times as many or as few.
         let piece = PIECE as f64 / f64::from(texture.access_bytes);
         let accesses = each(cost.access_pieces) * piece / f64::from(texture.accesses_per_cycle);
-        let filters = each(cost.operations) / f64::from(texture.filters_per_cycle);
+        let operations = cost.operations.iter().zip(texture.costs()).map(|(&n, cost)| n * u64::from(cost)).sum();
+        let filters = each(operations) / f64::from(texture.filters_per_cycle);
         let unit = (quads.max(lines).max(filters) + accesses) * runs;
         // Workgroup memory: its banks are those of the profile, whatever core.shared_banks is.
         let banks = 32.0 / f64::from(core.shared_banks);

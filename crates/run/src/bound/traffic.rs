@@ -4,10 +4,10 @@ use super::binned::{Followed, Lists};
 use super::images::copy;
 use super::memory::Traffic;
 use super::texture::Missed;
-use super::{Bound, Touched};
+use super::{Bound, Touched, places};
 use machine::class::Sorted;
 use work::LINE;
-use work::profile::{AttachmentProfile, BLOCK_CACHES, FIRST, Touch, Toucher};
+use work::profile::{AttachmentProfile, BLOCK_CACHES, FIRST, Touch, Toucher, WHOLE};
 
 /// What a pass does to the second-level cache.
 #[derive(Clone, Copy, Debug, Default)]
@@ -16,6 +16,8 @@ pub(super) struct PassTraffic {
     pub textures: Traffic,
     /// Blocks read, of colour and of depth.
     pub fills: [Traffic; 2],
+    /// Blocks of colour that are missed, and of these those that are written whole and not read.
+    pub replaced: [f64; 2],
     /// Traffic of resolves, at the end.
     pub resolved: Traffic,
     /// Traffic of indices, and of attributes.
@@ -38,6 +40,8 @@ struct Blocks<'p> {
     /// Copies that a block is drawn in, and blocks that are resolved for each that is drawn.
     copies: f64,
     resolved: f64,
+    /// Share of the pass's blocks that are drawn.
+    drawn: f64,
     /// Blocks stay on the chip from their first touch to the end of their tile.
     on_chip: bool,
 }
@@ -52,20 +56,21 @@ impl Bound<'_> {
         missed: &Missed,
         touched: &Touched,
         lists: Option<(&Lists, &Followed)>,
-        [shown, copies, resolved]: [f64; 3],
+        [shown, copies, resolved, drawn]: [f64; 4],
     ) -> PassTraffic {
         let c = self.config;
         let mut sum = PassTraffic::default();
         // A block has left its cache where as many others have come as all pipelines' caches hold.
         let class = |blocks: f64| BLOCK_CACHES.iter().position(|&known| known as f64 * std::f64::consts::SQRT_2 > blocks);
         let level = |blocks: f64| class(blocks * self.pipelines / copies).unwrap_or(BLOCK_CACHES.len() - 1) as u8;
+        let held = color.iter().map(places).sum::<f64>().max(1.0);
         let levels =
-            [level(f64::from(c.color.cache_blocks) / color.len().max(1) as f64), level(f64::from(c.depth.cache_blocks))];
+            [level(f64::from(c.color.cache_blocks) / held), level(f64::from(c.depth.cache_blocks) / depth.map_or(1.0, places))];
         let mut targets = [None; 8];
         targets.iter_mut().zip(color).for_each(|(target, attachment)| *target = Some(attachment));
-        let blocks = Blocks { color: targets, depth, levels, shown, copies, resolved, on_chip: lists.is_some() };
+        let blocks = Blocks { color: targets, depth, levels, shown, copies, resolved, drawn, on_chip: lists.is_some() };
         // What is missed as likely as not is missed every other time.
-        let mut due = [0.0; 3];
+        let mut due = [0.0; 4];
         // What is missed again soon is in the second level, unless that has hardly more room than all first levels together.
         let first = f64::from(c.texture.cache_lines * c.core.per_pipeline) * self.pipelines * LINE as f64;
         let second = f64::from(c.l2.slices) * f64::from(c.l2.lines * c.l2.line_bytes);
@@ -102,14 +107,15 @@ impl Bound<'_> {
         sum
     }
 
-    /// Adds what a touch does; `due`: what textures have missed of a whole line so far, and what is hidden of a block.
+    /// Adds what a touch does; `due`: what textures have missed of a whole line so far, what is hidden of a block, what copies a block has, and
+    /// what is resolved of a line.
     fn touch(
         &mut self,
         sum: &mut PassTraffic,
         touch: &Touch,
         blocks: &Blocks,
         missed: &Missed,
-        due: &mut [f64; 3],
+        due: &mut [f64; 4],
         touched: &Touched,
     ) {
         let c = self.config;
@@ -136,11 +142,17 @@ impl Bound<'_> {
                 return;
             }
             Toucher::Write => {
-                sum.resolved += self.plain(touch, touched.sampled.shift);
+                let resolved = blocks.color.into_iter().flatten().find(|attachment| attachment.resolved > 0);
+                let part = resolved.map_or(1.0, |attachment| self.pixels(attachment, blocks.drawn));
+                // Whole lines, and what is left of one with the next.
+                due[3] += 4.0 * f64::from(touch.class) * part;
+                let lines = due[3].floor();
+                due[3] -= lines;
+                sum.resolved += self.shared.access(touch.line, lines as u64 * LINE, true);
                 return;
             }
             Toucher::Color => {
-                let target = blocks.color[usize::from(touch.step).min(7)].or(blocks.color[0]);
+                let target = blocks.color[usize::from(touch.step & !WHOLE).min(7)].or(blocks.color[0]);
                 (target, blocks.levels[0], c.color.compression, c.color.fast_clear)
             }
             Toucher::Depth => (blocks.depth, blocks.levels[1], c.depth.compression, c.color.fast_clear),
@@ -175,11 +187,16 @@ impl Bound<'_> {
             due[2] -= due[2].floor();
         }
         let left = attachment.stores || !blocks.on_chip;
+        let replaced = c.color.skip_reads && touch.by == Toucher::Color && touch.step & WHOLE != 0;
+        if touch.by == Toucher::Color {
+            sum.replaced[0] += 1.0;
+            sum.replaced[1] += f64::from(u8::from(replaced));
+        }
         let mut traffic = Traffic::default();
         for at in 0..copies as u32 {
             // Until a pipeline has written a block of its own it reads the surface's.
             let own = if apart { copy(touch.line, at) } else { touch.line };
-            if touch.near != FIRST || attachment.loads || !fast_clear {
+            if !replaced && (touch.near != FIRST || attachment.loads || !fast_clear) {
                 let fill = self.shared.access(if touch.near == FIRST { touch.line } else { own }, bytes, false);
                 sum.fills[usize::from(touch.by == Toucher::Depth)] += fill;
                 traffic += fill;

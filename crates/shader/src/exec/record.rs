@@ -5,6 +5,7 @@ use std::collections::HashMap;
 use super::RECORDED_PAUSE;
 use crate::program::Body;
 use crate::scalar::Counted;
+use gfx::format::TexelClass;
 use gfx::texture::Footprint;
 use num::{Lanes, Mask, QUADS};
 use work::{Class, Cost, CostId, CostTable, InFlight, LINE, Point, RenderKey, Request, RequestKind, Span, Step};
@@ -136,7 +137,7 @@ impl Running {
 }
 
 /// No request.
-const NONE: Request = Request { first_line: 0, lines: 0, operations: 0 };
+const NONE: Request = Request { first_line: 0, lines: 0, operations: 0, texel: TexelClass::Bytes, loads: false };
 
 /// The first lanes of the quads that have a lane in the mask.
 #[inline(always)]
@@ -222,7 +223,7 @@ impl Scratch {
             self.footprint.lines.push(line);
             self.count(&load, InFlight::ANY, mask);
             self.path_begins(&load, InFlight::ANY, mask);
-            self.requests(RequestKind::Load, mask, |_, _| Request { first_line, lines: 1, operations: 1 });
+            self.requests(RequestKind::Load, mask, |_, _| Request { first_line, lines: 1, operations: 1, ..NONE });
         }
         let loaded = InFlight { memory: if shared.lines.is_empty() { u8::MAX } else { 0 }, ..InFlight::ANY };
         self.count(&shared.counted, loaded, mask);
@@ -457,7 +458,7 @@ impl Scratch {
             }
             let count = (lines.len() - first).min(MOST_LINES);
             lines.truncate(first + count);
-            Request { first_line: first as u32, lines: count as u8, operations: moved.clamp(1, 255) as u8 }
+            Request { first_line: first as u32, lines: count as u8, operations: moved.clamp(1, 255) as u8, ..NONE }
         });
     }
 
@@ -476,7 +477,7 @@ impl Scratch {
                 }
             }
             let (lines, operations) = ((self.words.len() - first) as u8, if atomic { 0 } else { words });
-            self.shared[q].push(Request { first_line: first as u32, lines, operations });
+            self.shared[q].push(Request { first_line: first as u32, lines, operations, ..NONE });
             self.step(q, RequestKind::Shared);
         }
     }
@@ -487,10 +488,13 @@ impl Scratch {
         #[inline(always)]
         fn of(footprint: &Footprint, q: usize) -> Request {
             let (lines, operations) = footprint.range(q);
+            let (texel, loads) = footprint.texel();
             Request {
                 first_line: lines.start,
                 lines: lines.len().min(MOST_LINES) as u8,
                 operations: operations.clamp(1, 255) as u8,
+                texel,
+                loads,
             }
         }
         if mask != 0 && self.goes_together(mask) {

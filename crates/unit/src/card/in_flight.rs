@@ -25,6 +25,8 @@ pub struct Work {
     pub order_from: Option<u32>,
     /// For each of the segment's tiles its owner; empty where a tile has several.
     pub owners: Vec<u8>,
+    /// Which of the segment's primitives go to all pipelines, each of which draws its own tiles of them; empty if none do.
+    pub shared: Vec<bool>,
     /// Depth and stencil tests, if the draw has any.
     pub depth: Option<DepthStencilState>,
     /// Format of the stored depths; that of no depth where there are none.
@@ -40,6 +42,18 @@ pub struct Work {
 }
 
 impl Work {
+    /// Whether a primitive goes to all pipelines, each of which draws its own tiles of it.
+    #[inline(always)]
+    pub fn is_shared(&self, primitive: u32) -> bool {
+        self.shared.get(primitive as usize).is_some_and(|&shared| shared)
+    }
+
+    /// Whether a primitive of the segment goes to all pipelines: vertices of the whole segment are counted where it is dealt then.
+    #[inline(always)]
+    pub fn has_shared(&self) -> bool {
+        !self.shared.is_empty()
+    }
+
     /// The visits of a triangle.
     #[inline(always)]
     pub fn visits(&self, triangle: &Triangle) -> &[Visit] {

@@ -196,6 +196,7 @@ impl Card {
             number,
             order_from: None,
             owners,
+            shared: Vec::new(),
             depth,
             depth_format,
             ahead,

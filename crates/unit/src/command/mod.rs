@@ -104,10 +104,10 @@ pub struct CommandPorts {
     pub compute: Out<Piece>,
     /// Runs that are done.
     pub computed: In<Ack>,
-    /// Attachments to be resolved.
-    pub resolve: Out<Piece>,
-    /// Attachments that are.
-    pub resolved: In<Ack>,
+    /// Attachments to be resolved, to each pipeline's resolve unit.
+    pub resolve: Vec<Out<Piece>>,
+    /// Attachments of which a unit has resolved its blocks.
+    pub resolved: Vec<In<Ack>>,
     /// Surfaces to be shown.
     pub scanout: Out<Piece>,
     /// Surfaces that were.
@@ -139,7 +139,7 @@ enum State {
     Ending(u32),
     /// Copies of the attachments are being composed: units that still have to be started, and units that are not done.
     Composing(usize, usize),
-    /// Attachments are being resolved: how many still.
+    /// Attachments are being resolved: how many reports of units are still to come.
     Resolving(u32),
     /// Memory is moved.
     Moving(Option<(Surface, Surface)>),

@@ -60,7 +60,7 @@ impl Command {
         let resolves = |attachment: &Option<Attachment>| attachment.is_some_and(|a| a.resolve.is_some());
         let locations = pass.pass.color.iter().enumerate().filter(|(_, attachment)| resolves(attachment));
         self.resolves = locations.map(|(location, _)| location as u16).collect();
-        self.state = State::Resolving(self.resolves.len() as u32);
+        self.state = State::Resolving((self.resolves.len() * self.ports.resolve.len()) as u32);
     }
 
     /// Goes on with what takes longer than an event.
@@ -121,16 +121,20 @@ impl Command {
             State::Resolving(left) => {
                 let mut did = Tick::Starved;
                 while let Some(&location) = self.resolves.front() {
-                    if !wires.try_push(&self.ports.resolve, Piece { slot: location, kind: Kind::DATA }) {
+                    if !self.ports.resolve.iter().all(|port| wires.can_push(port)) {
                         did = Tick::Blocked;
                         break;
                     }
+                    let piece = Piece { slot: location, kind: Kind::DATA };
+                    self.ports.resolve.iter().for_each(|port| wires.push(port, piece));
                     self.resolves.pop_front();
                     did = Tick::Moved;
                 }
-                while wires.pop(&self.ports.resolved).is_some() {
-                    *left -= 1;
-                    did = Tick::Moved;
+                for port in &self.ports.resolved {
+                    while wires.pop(port).is_some() {
+                        *left -= 1;
+                        did = Tick::Moved;
+                    }
                 }
                 if *left == 0 {
                     card.pass = None;

@@ -43,11 +43,11 @@ knob::knobs! {
         /// Whether depth and stencil are tested before shading, where that cannot change the result; else all tests come after it.
         early: bool ["", Allowed::Switch, "in cards since the Radeon of 2000"],
         /// Quads tested a cycle, early and late together.
-        quads_per_cycle: u32 ["quads/cycle", Allowed::Range(1, 16), "ATTILA bGPU.ini ZSTENCILTEST StampsPerCycle = 1; modern ROPs test 4 times as fast as they blend"],
-        /// Blocks of 8x8 pixels that the Z cache holds.
+        quads_per_cycle: u32 ["quads/cycle", Allowed::Range(1, 16), "assumed: twice as many as colours are written; ATTILA bGPU.ini ZSTENCILTEST StampsPerCycle = 1"],
+        /// Blocks of 8x8 pixels of 32 bits, 256 bytes, that the Z cache holds. A block with more bytes takes the places of several.
         cache_blocks: u32 ["blocks", Allowed::PowerOfTwo(4, 65536), "16 KB: ATTILA bGPU.ini ZCacheWays = 4, ZCacheLines = 16 lines of 16 stamps"],
-        /// Ways of the Z cache.
-        cache_ways: u32 ["ways", Allowed::PowerOfTwo(2, 65536), "ATTILA bGPU.ini ZCacheWays = 4"],
+        /// Ways of the Z cache; where they are as many as its blocks or more, any block goes anywhere.
+        cache_ways: u32 ["ways", Allowed::PowerOfTwo(2, 65536), "as those of the colour cache; ATTILA bGPU.ini ZCacheWays = 4"],
         /// Which set of the cache is a block's.
         cache_sets: BlockSets ["", Allowed::Choice(BlockSets::NAMES), "caches fold addresses; ATTILA takes bits 8 to 11 of the address, of which 10 and 11 are the unit's"],
         /// Requests to memory in flight.
@@ -188,8 +188,8 @@ impl Depth {
         self.ports.updates.as_ref().is_some_and(|&(_, update)| update == when)
     }
 
-    /// Takes note that functional warming has used a block; gives the bounds of a block that the unit would have sent to hierarchical Z
-    /// for that.
+    /// Takes note that functional warming has used a block; gives the bounds of blocks that the unit would have sent to hierarchical Z for
+    /// that.
     #[must_use]
     pub(super) fn visit(
         &mut self,
@@ -198,13 +198,13 @@ impl Depth {
         written: bool,
         pass: u32,
         memory: &mut Touching,
-    ) -> Option<DepthBounds> {
-        let left = self.cache.visit(frame, at, written, memory);
-        match left.filter(|&(surface, _)| surface == at.0 && self.tells(HierarchicalUpdate::Eviction)) {
-            Some((surface, block)) => Some(bounds(&frame.stores[surface], block, pass)),
-            None if written && self.tells(HierarchicalUpdate::Write) => Some(bounds(&frame.stores[at.0], at.1, pass)),
-            None => None,
+    ) -> Vec<DepthBounds> {
+        let mut left = self.cache.visit(frame, at, written, memory);
+        left.retain(|&(surface, _)| surface == at.0 && self.tells(HierarchicalUpdate::Eviction));
+        if written && self.tells(HierarchicalUpdate::Write) {
+            left.push(at);
         }
+        left.into_iter().map(|(surface, block)| bounds(&frame.stores[surface], block, pass)).collect()
     }
 
     /// Looks a group's block up; `Ok(None)` where nothing is tested.
@@ -235,7 +235,7 @@ impl Depth {
             Ahead::Writes => written(work, group, frame.stores[surface].surface.samples),
             Ahead::Nothing => Quads::ANY,
         };
-        let place = self.cache.pin(frame, surface, group.block, quads, &mut left)?;
+        let place = self.cache.pin(frame, surface, group.block, quads, &mut left);
         // A block of another surface, kept from a pass before, says nothing of this one's depths.
         if let Some((left, block)) = left
             && left == surface
@@ -243,7 +243,7 @@ impl Depth {
         {
             self.bounds.push_back(bounds(&frame.stores[surface], block, pass_number));
         }
-        Ok(Some(place as u32))
+        Ok(Some(place? as u32))
     }
 
     /// Tests a group for real; returns the quads that are still alive.

@@ -123,8 +123,8 @@ impl Fetch {
                 did = Tick::Moved;
                 continue;
             }
-            if piece.kind == Kind::END {
-                self.announce(Kind::END, piece.slot, piece.sequence, 0, 0);
+            if piece.kind.is_end() {
+                self.announce(piece.kind, piece.slot, piece.sequence, 0, 0);
                 self.runs.take();
                 did = Tick::Moved;
                 continue;
@@ -196,7 +196,8 @@ impl Fetch {
                 indices -= read;
                 self.position += read;
                 self.items += u64::from(read - restarts);
-                if self.counts {
+                // Those of a segment with primitives that go to all pipelines are counted where it is dealt.
+                if self.counts && !work.has_shared() {
                     card.funnel[piece.slot].vertices_in += u64::from(read - restarts);
                 }
                 if vertex == u32::MAX {

@@ -24,6 +24,11 @@ type Runs = Vec<(Cycle, (u32, u32))>;
 
 /// What leaves a clipper of two primitives a cycle in so many runs, and what it has counted.
 fn clipped(primitives: &[Primitive], runs: usize) -> (Runs, Funnel) {
+    clipped_by(1, primitives, runs)
+}
+
+/// The same of two primitives in an interval.
+fn clipped_by(interval: u32, primitives: &[Primitive], runs: usize) -> (Runs, Funnel) {
     let count = primitives.len() as u32;
     settle(
         || {
@@ -35,7 +40,14 @@ fn clipped(primitives: &[Primitive], runs: usize) -> (Runs, Funnel) {
             let segment = Segment { primitives: primitives.to_vec(), ..Segment::default() };
             card.install(0, Arc::new(segment), Arc::new(draw()), 0);
             let items = vec![(0, Run { slot: 0, kind: Kind::DATA, sequence: 0, first: 0, count })];
-            let config = ClipConfig { primitives_per_cycle: 2, clip_cycles: 7, latency: 1, queue: 64, ..ClipConfig::default() };
+            let config = ClipConfig {
+                primitives_per_cycle: 2,
+                interval,
+                clip_cycles: 7,
+                latency: 1,
+                queue: 64,
+                ..ClipConfig::default()
+            };
             let (source, sink) = (One(Source::new(items, output)), One(Sink::new(input)));
             (ClipCircuit::new(wiring, source, One(Clip::new(config, true, into, out)), sink), card)
         },
@@ -58,6 +70,13 @@ fn so_many_are_tested_a_cycle_and_one_that_is_cut_holds_the_unit() {
     // Cycle 1: one survivor, one culled. Cycle 2: the cut one, which holds the unit to 9. Then the rest.
     assert_eq!(log, vec![(2, (0, 1)), (3, (1, 2)), (10, (3, 1))]);
     assert_eq!((funnel.culled_backface, funnel.culled_frustum, funnel.culled_degenerate, funnel.clipped), (1, 1, 1, 1));
+}
+
+#[test]
+fn rates_below_one_a_cycle_are_intervals() {
+    let kinds = [0, 1, 2, 3, 4, 5].map(|n| primitive(0, n, 1, false, Outcome::Drawn));
+    assert_eq!(clipped_by(1, &kinds, 3).0, [(2, (0, 2)), (3, (2, 2)), (4, (4, 2))]);
+    assert_eq!(clipped_by(3, &kinds, 3).0, [(2, (0, 2)), (5, (2, 2)), (8, (4, 2))]);
 }
 
 #[test]

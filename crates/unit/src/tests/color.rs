@@ -30,6 +30,15 @@ sim::circuit! {
 
 fn config() -> ColorConfig {
     ColorConfig {
+        interval: 1,
+        write_64: 2,
+        write_128: 4,
+        blend_packed: 2,
+        blend_single: 2,
+        blend_halves: 2,
+        blend_pair: 4,
+        blend_full: 8,
+        samples: 4,
         codec: Codec::Planes,
         recompress: true,
         cache_sets: BlockSets::Hashed,
@@ -70,6 +79,9 @@ struct Scene {
     store: bool,
     blend: bool,
     targets: usize,
+    /// The formats of targets, in turn, and samples of a pixel.
+    formats: &'static [Format],
+    samples: u32,
     groups: Vec<Quads>,
     /// The mark behind them.
     mark: Kind,
@@ -83,6 +95,8 @@ impl Default for Scene {
             store: true,
             blend: false,
             targets: 1,
+            formats: &[Format::Rgba8Unorm],
+            samples: 1,
             groups: Vec::new(),
             mark: Kind::SEGMENT,
         }
@@ -104,11 +118,11 @@ struct Written {
 }
 
 /// A target whose colours begin at word 0 of a payload.
-fn target(blend: bool) -> Target {
+fn target(blend: bool, packed: bool) -> Target {
     let add = BlendComponent { src: BlendFactor::One, dst: BlendFactor::One, op: BlendOp::Add };
     let blend = blend.then_some(Blend { color: add, alpha: add });
-    let words = if blend.is_some() { 4 } else { 1 };
-    Target { blend, write_mask: 15, payload: Some(0), words, packed: blend.is_none(), second: None }
+    let words = if packed { 1 } else { 4 };
+    Target { blend, write_mask: 15, payload: Some(0), words, packed, second: None }
 }
 
 fn written(scene: &Scene) -> Written {
@@ -123,15 +137,18 @@ fn written(scene: &Scene) -> Written {
             let (ack, at_command) = wiring.channel("ack", 0, FREE, ids[2], ids[4]);
             let mut card = card(1);
             let attachments = (1..=scene.targets as u32).map(|texture| {
-                let to = attachment(surface(texture, Format::Rgba8Unorm, 16, 1));
+                let format = scene.formats[(texture as usize - 1) % scene.formats.len()];
+                let to = attachment(surface(texture, format, 16, scene.samples));
                 Some(Attachment { store: scene.store, ..to })
             });
             begin_pass(&mut card, pass(attachments.collect(), None), scene.cleared);
             let mut segment = row_of_tiles(1, 1, 16, 0);
             // A packed colour: 0x33 in every word. To be blended: 1.0 in every channel.
-            let word = if scene.blend { 1.0_f32.to_bits() } else { 0x3333_3333 };
+            let plain = !scene.blend && scene.formats == [Format::Rgba8Unorm];
+            let word = if plain { 0x3333_3333 } else { 1.0_f32.to_bits() };
             segment.tiles[0].payload.fill(word);
-            let targets = vec![Some(target(scene.blend)); scene.targets];
+            let packed = !scene.blend && scene.formats == [Format::Rgba8Unorm];
+            let targets = vec![Some(target(scene.blend, packed)); scene.targets];
             card.install(0, Arc::new(segment), Arc::new(Draw { targets, ..draw() }), 0);
             let (mut shaded, mut tested) = (Vec::new(), Vec::new());
             for (sequence, of) in scene.groups.iter().enumerate() {
@@ -159,7 +176,7 @@ fn written(scene: &Scene) -> Written {
         |c, card| {
             assert!(card.groups[0].is_empty());
             let memory = c.ideal.as_ref().unwrap().counts()[0];
-            assert_eq!(memory.read_bytes, 256 * c.color.counts().fills);
+            assert_eq!(memory.read_bytes, u64::from(card.frame.stores[0].block_bytes()) * c.color.counts().fills);
             let counts = c.color.counts();
             assert_eq!(c.color.cache().misses, counts.fills + counts.cleared_fills + counts.overwritten);
             Written {
@@ -277,6 +294,63 @@ fn a_block_that_is_raw_stays_raw_where_nothing_compresses_again() {
     let groups = (0..4).map(|n| Quads { first: 4 * n, ..quads(0, 4) }).collect();
     let cleared = written(&Scene { config, groups, mark: Kind::PASS, ..Scene::default() });
     assert_eq!((cleared.counts.compressed, cleared.bytes), (1, 64));
+}
+
+#[test]
+fn wide_pixels_take_as_long_as_the_card_says() {
+    use Format::{
+        R32Float, Rg11b10Ufloat, Rg16Float, Rg32Float, Rgb10a2Unorm, Rgba8Unorm, Rgba8UnormSrgb, Rgba16Float, Rgba32Float,
+    };
+    let groups: Vec<_> = (0..8).map(|block| quads(block, 4)).collect();
+    let ack = |config: &ColorConfig, format: &'static [Format], samples, blend| {
+        written(&Scene { config: config.clone(), formats: format, samples, blend, groups: groups.clone(), ..Scene::default() })
+            .ack
+    };
+    // Four quads a cycle: a group a cycle, or as many cycles as its pixels take times as long. The first begins in 7; the mark is there
+    // by the time of the last.
+    let after = |times: Cycle| if times == 1 { 9 + 6 + 1 } else { 7 + 7 * times + 1 };
+    let full = ColorConfig { blends_per_cycle: 4, ..config() };
+    for (format, [write, blend]) in [
+        (&[Rgba8Unorm], [1, 1]),
+        (&[Rgba8UnormSrgb], [1, 1]),
+        (&[Rgb10a2Unorm], [1, 2]),
+        (&[Rg11b10Ufloat], [1, 2]),
+        (&[Rg16Float], [1, 2]),
+        (&[R32Float], [1, 2]),
+        (&[Rgba16Float], [2, 2]),
+        (&[Rg32Float], [2, 4]),
+        (&[Rgba32Float], [4, 8]),
+    ] {
+        assert_eq!(ack(&full, format, 1, false), after(write), "{format:?} written");
+        assert_eq!(ack(&full, format, 1, true), after(blend), "{format:?} blended");
+    }
+    // Two pixels a cycle: a quad in two.
+    let half = ColorConfig { interval: 2, ..full.clone() };
+    assert_eq!(ack(&half, &[Rgba8Unorm], 1, false), after(2));
+    // Four samples cost nothing, or twice as much.
+    assert_eq!(ack(&full, &[Rgba8Unorm], 4, false), after(1));
+    assert_eq!(ack(&ColorConfig { samples: 2, ..full }, &[Rgba8Unorm], 4, false), after(2));
+}
+
+#[test]
+fn wide_blocks_take_several_places() {
+    // Four places. Two blocks of 64 bits fill them: the third is looked up when the first is written, in cycle 7. Of 128 bits one does.
+    let config = ColorConfig { cache_blocks: 4, cache_ways: 4, ..config() };
+    for (format, blocks, bytes) in [(&[Format::Rgba16Float], 3, 512), (&[Format::Rgba32Float], 2, 1024)] {
+        let groups = (0..blocks).map(|block| quads(block, 4)).collect();
+        let got = written(&Scene { config: config.clone(), formats: format, groups, ..Scene::default() });
+        assert_eq!((got.ack, got.counts.write_backs, got.bytes), (8 + 6 + 1, 1, bytes), "{format:?}");
+    }
+    // With as many ways as a knob can have, all is there.
+    let most = ColorConfig { cache_blocks: 65_536, cache_ways: 65_536, ..config.clone() };
+    let got = written(&Scene { config: most, groups: vec![quads(0, 4)], ..Scene::default() });
+    assert_eq!((got.ack, got.counts.write_backs), (2 + 6 + 1, 0));
+    // Two targets, of one place and of two. The fourth block needs two places: block 0 of the first target goes in 7, when it is written, and
+    // that of the second in 8, instead of which it comes. The mark is taken in 9.
+    let formats = &[Format::Rgba8Unorm, Format::Rgba16Float];
+    let groups = vec![quads(0, 4), quads(1, 4)];
+    let got = written(&Scene { config, formats, targets: 2, groups, ..Scene::default() });
+    assert_eq!((got.ack, got.counts.write_backs, got.bytes), (9 + 6 + 1, 2, 256 + 512));
 }
 
 #[test]

@@ -114,7 +114,7 @@ fn circuit(config: &CoreConfig, work: &[Work]) -> (CoreCircuit, Card) {
         warp.items[0].shared = groups.shared.len() as u32;
         for words in &work.words {
             let (first_line, operations) = (groups.words.len() as u32, u8::from(!work.atomic));
-            groups.shared.push(Request { first_line, lines: words.len() as u8, operations });
+            groups.shared.push(Request { first_line, lines: words.len() as u8, operations, ..Request::default() });
             groups.words.extend(words);
         }
         let to = match work.program {

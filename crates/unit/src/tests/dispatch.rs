@@ -25,6 +25,7 @@ sim::circuit! {
 fn config() -> DispatchConfig {
     DispatchConfig {
         quads_per_cycle: 4,
+        interval: 1,
         reorder: 64,
         patience: 16,
         queue: 64,
@@ -127,6 +128,9 @@ fn warps_fill_at_the_rate_and_start_when_they_are_full() {
         assert_eq!(got.cores, [times], "{rate} a cycle");
         assert_eq!((got.funnel.quads_shaded, got.funnel.fragments_shaded), (24, 96));
     }
+    // A quad in two cycles: the eighth in 15.
+    let half = DispatchConfig { quads_per_cycle: 1, interval: 2, ..config() };
+    assert_eq!(dispatched(&half, &[1], &groups).cores, [[16, 32, 48]]);
     // Groups of 3: every warp but the last has parts of groups, which are parted.
     let got = dispatched(&config(), &[1], &[(0, 0, 3); 8]);
     assert_eq!(got.cores, [[3, 5, 7]]);

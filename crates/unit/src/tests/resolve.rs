@@ -1,8 +1,9 @@
 //! Resolve and scan-out: what streams through memory at the end of a pass and of a frame.
 
 use super::kit::{FREE, Sink, Source, memory, port, round_trip, settle, write_time};
-use super::scenery::{attachment, begin_pass, card, pass, surface};
+use super::scenery::{attachment, begin_pass, card, card_of_tiles, pass, surface};
 use crate::Card;
+use crate::compression::{Codec, Compression};
 use crate::frame::BlockState;
 use crate::resolve::{Resolve, ResolveConfig};
 use crate::scanout::{Scanout, ScanoutConfig};
@@ -26,6 +27,16 @@ const PIECE: Piece = Piece { slot: 0, kind: Kind::DATA };
 
 /// When an attachment of four samples is resolved, whose blocks lie so in memory; and what that moves.
 fn resolved(config: &ResolveConfig, blocks: &[BlockState]) -> (Cycle, ClientCounts) {
+    resolved_by(config, (1, 0), false, blocks)
+}
+
+/// The same by one of so many pipelines, with blocks of pixels that are compressed or not.
+fn resolved_by(
+    config: &ResolveConfig,
+    (pipelines, pipeline): (usize, u8),
+    enabled: bool,
+    blocks: &[BlockState],
+) -> (Cycle, ClientCounts) {
     settle(
         || {
             let mut wiring = Wiring::new();
@@ -34,7 +45,7 @@ fn resolved(config: &ResolveConfig, blocks: &[BlockState]) -> (Cycle, ClientCoun
             let (output, input) = wiring.channel("in", 0, FREE, ids[0], ids[1]);
             let (out, got) = wiring.channel("out", 0, FREE, ids[1], ids[2]);
             let count = blocks.len() as u32;
-            let mut card = card(1);
+            let mut card = card_of_tiles(pipelines, 8);
             let resolve = Some(surface(2, Format::Rgba8Unorm, count, 1));
             let samples = Attachment { resolve, ..attachment(surface(1, Format::Rgba8Unorm, count, 4)) };
             begin_pass(&mut card, pass(vec![Some(samples)], None), false);
@@ -42,16 +53,23 @@ fn resolved(config: &ResolveConfig, blocks: &[BlockState]) -> (Cycle, ClientCoun
             card.frame.stores[0].clear([0x0102_0304, 0, 0, 0]);
             let memory = port(&mut plan, &mut wiring, ids[1]);
             let ideal = plan.build(&mut wiring).ideal;
-            let unit = One(Resolve::new(config.clone(), input, out, memory));
+            let compression = Compression { enabled, codec: Codec::Planes, again: true };
+            let unit = One(Resolve::new(config.clone(), pipeline, compression, input, out, memory));
             let source = One(Source::new(vec![(0, PIECE)], output));
             (ResolveCircuit::new(wiring, source, unit, One(Sink::new(got)), ideal), card)
         },
         |c, _| c.sink.got.len() == 1 && c.wires().resident() == 0,
         |c, card| {
-            assert_eq!((c.resolve.items(), c.resolve.resident()), (blocks.len() as u64, 0));
+            let own: Vec<_> = (0..blocks.len()).filter(|&n| card.interleave.owner(n as u32, 0) == pipeline).collect();
+            assert_eq!((c.resolve.items(), c.resolve.resident()), (own.len() as u64, 0));
             let target = &card.frame.stores[1];
-            assert!(target.codes.iter().all(|&code| code == 0x0102_0304), "four equal samples are their pixel");
-            assert!(target.blocks.iter().all(|&block| block == BlockState::Stored(256)));
+            let written = if enabled { 64 } else { 256 };
+            for n in 0..blocks.len() {
+                let own = own.contains(&n);
+                let pixel = if own { 0x0102_0304 } else { 0 };
+                assert!(target.block(n as u32).iter().all(|&code| code == pixel), "four equal samples are their pixel");
+                assert_eq!(target.blocks[n], BlockState::Stored(if own { written } else { 256 }));
+            }
             (c.sink.got[0].0, c.ideal.as_ref().unwrap().counts()[0])
         },
     )
@@ -75,10 +93,10 @@ fn blocks_are_resolved_as_their_samples_come() {
         assert_eq!(at, here + 1 + 1, "{count} blocks");
         assert_eq!((moved.read_bytes, moved.write_bytes), (1024 * count, 256 * count));
     }
-    // One request, and one block, at a time: the second block is asked for when the first is resolved, behind its write.
+    // One request, and one block, at a time: the second block is asked for when the first is resolved, before its write.
     let one = config(4, 1);
     let first = 2 + 4 * round_trip(256);
-    let second = first + 1 + write_time(1, 256) + 4 * round_trip(256);
+    let second = first + 1 + 4 * round_trip(256);
     assert_eq!(resolved(&one, &[RAW; 2]).0, second + 1 + 1);
 }
 
@@ -90,6 +108,38 @@ fn cleared_blocks_take_the_units_own_time_or_that_of_their_writes() {
     assert_eq!((at, moved.read_bytes), (2 + 8 * 8 + 1 + 1, 0));
     let fast = config(4, 64);
     assert_eq!(resolved(&fast, &[BlockState::Cleared; 9]).0, 3 + write_time(8, 256) + 1);
+}
+
+#[test]
+fn reads_are_not_held_up_by_writes() {
+    // Blocks whose samples are equal come in one request of 64 bytes, and are written in 256 bytes, which take the port most of the time:
+    // the last write is sent as late as writes that follow each other allow, and a block's reading adds nothing.
+    let many = config(1, 64);
+    let blocks = [BlockState::Stored(64); 40];
+    let (at, moved) = resolved(&many, &blocks);
+    assert_eq!((moved.read_bytes, moved.write_bytes), (64 * 40, 256 * 40));
+    let first = 2 + round_trip(64) + 1;
+    // A request to read weighs 8 bytes on the port.
+    let busy = (40 * (256 + 8) + 40 * 8) / 64;
+    assert!((first + busy - 12..=first + busy + 4).contains(&at), "{at}: {first} and {busy}");
+}
+
+#[test]
+fn each_pipeline_resolves_its_own_blocks() {
+    // Every fourth of twelve blocks: as long as three of a single pipeline.
+    let many = config(4, 64);
+    let three = resolved(&many, &[RAW; 3]);
+    for pipeline in 0..4 {
+        assert_eq!(resolved_by(&many, (4, pipeline), false, &[RAW; 12]), three);
+    }
+    // A pipeline without any reports at once.
+    assert_eq!(resolved_by(&many, (4, 3), false, &[RAW; 3]), (1 + 1, ClientCounts::default()));
+}
+
+#[test]
+fn pixels_are_written_as_small_as_the_colour_unit_writes_them() {
+    let (at, moved) = resolved_by(&config(4, 64), (1, 0), true, &[RAW; 5]);
+    assert_eq!((at, moved.write_bytes), (resolved(&config(4, 64), &[RAW; 5]).0, 64 * 5));
 }
 
 #[test]

@@ -9,6 +9,7 @@ use crate::tags::CacheCounts;
 use crate::texture::{Texture, TextureConfig, TextureCounts, TextureUser};
 use crate::token::WarpToken;
 use crate::warp::Program;
+use gfx::format::TexelClass;
 use mem::Ideal;
 use num::Cycle;
 use sim::{Circuit, One, Unit, Wiring};
@@ -25,6 +26,11 @@ sim::circuit! {
 
 fn config() -> TextureConfig {
     TextureConfig {
+        filter_single: 1,
+        filter_halves: 2,
+        filter_pair: 3,
+        filter_full: 4,
+        load_full: 2,
         quads_per_cycle: 16,
         lookups_per_cycle: 32,
         access_bytes: 128,
@@ -68,6 +74,16 @@ fn textured(config: &TextureConfig, kind: RequestKind, warps: &[Quads]) -> Textu
 
 /// The same for warps that come at their cycles.
 fn textured_from(config: &TextureConfig, kind: RequestKind, warps: &[(Cycle, Quads)]) -> Textured {
+    textured_as(config, kind, (TexelClass::Bytes, false), warps)
+}
+
+/// The same with texels of some width, loaded or filtered.
+fn textured_as(
+    config: &TextureConfig,
+    kind: RequestKind,
+    (texel, loads): (TexelClass, bool),
+    warps: &[(Cycle, Quads)],
+) -> Textured {
     settle(
         || {
             let mut wiring = Wiring::new();
@@ -86,7 +102,7 @@ fn textured_from(config: &TextureConfig, kind: RequestKind, warps: &[(Cycle, Qua
                 for (item, lines) in card.warps[0][index].items.iter_mut().zip(quads) {
                     item.request = tile.requests.len() as u32;
                     let first_line = tile.lines.len() as u32;
-                    tile.requests.push(Request { first_line, lines: lines.len() as u8, operations: *operations });
+                    tile.requests.push(Request { first_line, lines: lines.len() as u8, operations: *operations, texel, loads });
                     tile.lines.extend(lines);
                 }
                 items.push((*at, WarpToken { warp: index }));
@@ -249,5 +265,27 @@ fn a_longer_line_is_read_whole_and_serves_its_neighbours() {
         assert_eq!((got.cache.accesses, got.cache.misses, got.read), (4, misses, misses * u64::from(bytes)), "{bytes} bytes");
         // Asked for in cycle 1; the first answer is that of a request of this size.
         assert_eq!(got.times[0], 1 + round_trip(bytes) + 1, "{bytes} bytes");
+    }
+}
+
+#[test]
+fn wide_texels_take_as_long_as_the_card_says() {
+    use TexelClass::{Bytes, Full, Halves, Packed, Pair, Single};
+    let config = TextureConfig { filter_single: 1, filter_halves: 2, filter_pair: 3, filter_full: 4, load_full: 2, ..config() };
+    for (texel, loads, times) in [
+        (Bytes, false, 1),
+        (Packed, false, 1),
+        (Single, false, 1),
+        (Halves, false, 2),
+        (Pair, false, 3),
+        (Full, false, 4),
+        (Halves, true, 1),
+        (Full, true, 2),
+    ] {
+        // Eight quads of four operations, the second time from the cache: addressed in 201, and 20 later the first is filtered. Eight
+        // operations a cycle: the last begins when 28 of their times are done. A cycle on the way.
+        let warp = (vec![vec![3]; 8], 4);
+        let got = textured_as(&config, RequestKind::Texture, (texel, loads), &[(0, warp.clone()), (200, warp)]);
+        assert_eq!(got.times[1], 201 + 20 + 28 * times / 8 + 1, "{texel:?}, loaded: {loads}");
     }
 }

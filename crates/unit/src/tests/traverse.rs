@@ -39,6 +39,8 @@ pub fn config() -> TraverseConfig {
         blocks_per_cycle: 1,
         tests_per_cycle: 4,
         quads_per_cycle: 4,
+        depth_quads_per_cycle: 4,
+        interval: 1,
         latency: 1,
         queue: 4096,
         hierarchical_z: true,
@@ -216,6 +218,24 @@ fn a_triangle_takes_the_longest_of_blocks_tests_and_quads() {
     }
     let two = TraverseConfig { blocks_per_cycle: 2, ..config() };
     assert_eq!(cycles(&two, &triangles(2, 8, 2, 0)), 2 * 4);
+    // Four quads in two cycles: of 64 groups the last leaves in the first cycle of its interval.
+    let slow = TraverseConfig { interval: 2, ..config() };
+    assert_eq!(cycles(&slow, &triangles(2, 8, 16, 0)), 2 * 64 - 1);
+}
+
+#[test]
+fn quads_without_colours_have_a_rate_of_their_own() {
+    // Sixteen blocks of 16 quads: 64 cycles at four a cycle, 32 at eight. At two a cycle they are slower than those with colours.
+    let segment = triangles(2, 8, 16, 0);
+    for (rate, without, with) in [(4, 64, 64), (8, 32, 64), (2, 127, 64)] {
+        let config = TraverseConfig { depth_quads_per_cycle: rate, ..config() };
+        for (fragment, expected) in [(draw().fragment, with), (None, without)] {
+            let install =
+                |card: &mut Card| card.install(0, Arc::new(segment.clone()), Arc::new(Draw { fragment, ..draw() }), 0);
+            let (log, ..) = traversed(&config, &segment, &[], install);
+            assert_eq!(log.last().expect("a mark").0 - 1, expected, "{rate} a cycle, {fragment:?}");
+        }
+    }
 }
 
 #[test]
@@ -417,5 +437,39 @@ fn a_triangle_without_samples_takes_all_blocks_of_its_bounds() {
         // Of several pipelines each has its own tiles: the first of four owns every fourth tile of a row.
         let (.., counts) = traversed(&config(), &segment, &[], |own| *own = card_of_tiles(4, 8));
         assert!(counts.blocks_in_vain < blocks_in_vain || x1 == 1, "{counts:?}");
+    }
+}
+
+#[test]
+fn of_a_triangle_that_all_pipelines_get_each_draws_its_own_tiles() {
+    // A block of four quads in each of four tiles, of which pipelines 0 to 3 own one each.
+    let drawn = |territory: Territory, pipeline: u8, shared: bool| {
+        let segment = row_of_tiles(4, 1, 4, 0);
+        settle(
+            || {
+                let mut wiring = Wiring::new();
+                let ids = ["source", "traverse", "sink"].map(|name| wiring.unit(name, 0));
+                let (output, into) = wiring.channel("in", 0, FREE, ids[0], ids[1]);
+                let (out, input) = wiring.channel("out", 0, FREE, ids[1], ids[2]);
+                let mut card = card(4);
+                card.install(0, Arc::new(segment.clone()), Arc::new(draw()), 0);
+                card.work[0].as_mut().expect("installed").shared = vec![shared];
+                let items = vec![(0, triangle(Kind::DATA, 0, 0)), (0, triangle(Kind::PART_END, 0, 0))];
+                let unit = Traverse::new(config(), pipeline, territory, into, None, out);
+                (GatherCircuit::new(wiring, One(Source::new(items, output)), One(unit), One(Sink::new(input))), card)
+            },
+            |c, _| c.sink.got.last().is_some_and(|(_, token)| token.kind == Kind::PART_END),
+            |c, card| {
+                let data = c.sink.got.iter().filter(|(_, token)| token.kind == Kind::DATA);
+                let tiles: Vec<_> = data.map(|(_, token)| card.groups[usize::from(token.pool)][token.group].tile).collect();
+                (tiles, card.funnel.total().quads_rasterized)
+            },
+        )
+    };
+    for territory in [Territory::Screen, Territory::Copy] {
+        for pipeline in 0..4 {
+            assert_eq!(drawn(territory, pipeline, true), (vec![u32::from(pipeline)], 4), "{territory:?}");
+            assert_eq!(drawn(territory, pipeline, false), (vec![0, 1, 2, 3], 16), "{territory:?}");
+        }
     }
 }

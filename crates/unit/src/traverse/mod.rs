@@ -65,6 +65,10 @@ knob::knobs! {
         pixel_tests_per_cycle: u32 ["tests/cycle", Allowed::Range(1, 4096), "as many pixels as four blocks have, 16 x 16: what the walk by blocks tests"],
         /// Quads sent on a cycle.
         quads_per_cycle: u32 ["quads/cycle", Allowed::Range(1, 16), "ATTILA bGPU.ini StampsPerCycle = 4"],
+        /// Quads of draws without a fragment stage sent on a cycle.
+        depth_quads_per_cycle: u32 ["quads/cycle", Allowed::Range(1, 16), "assumed: twice the rate with colours; GF100 and Cypress reach 80 to 90 % of theirs (Beyond3D 2010)"],
+        /// Cycles in which so many quads are sent: rates below a quad a cycle.
+        interval: u32 ["cycles", Allowed::Range(1, 64), "pipelined; 2 where a core shades two fragments a cycle (Mali-G57, Arm GPU Datasheet v7)"],
         /// Cycles from here to the early depth test.
         latency: u32 ["cycles", Allowed::Range(1, 64), "ATTILA bGPU.ini HZAccessLatency = 5, HZUpdateLatency = 4"],
         /// Groups of quads queued before the early depth test.
@@ -132,6 +136,8 @@ struct Place {
     hidden: u64,
     /// Blocks of the bounding box still to be found empty.
     empty: u32,
+    /// Whether the triangle goes to all pipelines, each of which draws its own tiles of it.
+    shared: bool,
     /// Of a triangle that is traversed together with others, where its next block is; none without one.
     next: Option<BlockAt>,
 }
@@ -151,6 +157,8 @@ pub struct Traverse {
     /// The batch that is gathered, where batches are traversed together.
     gather: Option<Gather>,
     pace: Pace,
+    /// When the next quads may be sent, where that has an interval or one kind of quads is slower than the link.
+    free_at: Cycle,
     hierarchical: HierarchicalZ,
     /// The pass that `hierarchical` belongs to.
     pass: u32,
@@ -193,6 +201,7 @@ impl Traverse {
             place: Place::default(),
             together: Vec::new(),
             gather: None,
+            free_at: 0,
             pass: u32::MAX,
             began: None,
             counts: TraverseCounts::default(),
@@ -292,7 +301,8 @@ impl Traverse {
         let drawn = triangle.end == End::Nowhere;
         self.note(card.pass.as_ref(), work, drawn);
         let TriangleToken { slot, sequence, triangle: number, .. } = token;
-        self.place = Place { active: true, slot, sequence, triangle: number, ..Place::default() };
+        let shared = work.is_shared(triangle.primitive);
+        self.place = Place { active: true, slot, sequence, triangle: number, shared, ..Place::default() };
         if let Territory::Bins(side) = self.territory {
             self.place.visit = self.visit_of_bin(card, work, triangle, sequence, side);
         }
@@ -406,7 +416,11 @@ impl Unit<Card> for Traverse {
         }
 
         let mut blocks = self.config.blocks_per_cycle;
-        let mut quads = self.config.quads_per_cycle;
+        // Quads with colours take as many parts of the cycle as there are quads without, and the other way round.
+        let rates = [self.config.quads_per_cycle, self.config.depth_quads_per_cycle];
+        let in_cycle = rates[0] * rates[1];
+        let mut parts = if self.free_at > wires.now() { 0 } else { in_cycle };
+        let mut sent = 0;
         let paced = self.config.walk != Walk::Blocks;
         let mut tests = if paced { u32::MAX } else { self.config.tests_per_cycle };
         self.pace.cycle(wires.now(), self.place.active);
@@ -542,16 +556,23 @@ impl Unit<Card> for Traverse {
                 self.pass_quads(count, block);
                 continue;
             }
-            if quads < alive {
-                // Fewer than a group may remain of the budget where it is no multiple of four: the link takes the rest of the time.
-                if quads < self.config.quads_per_cycle {
-                    return Tick::Moved;
+            let needs = alive * if work.draw.fragment.is_none() { rates[0] } else { rates[1] };
+            // Fewer than a group may remain of the budget where it is no multiple of four: the link takes the rest of the time.
+            if parts < needs && parts < in_cycle {
+                if self.free_at > wires.now() {
+                    wires.sleep_until(self.free_at);
+                    return Tick::moved_or(moved, Tick::Working);
                 }
+                return Tick::Moved;
             }
             if !wires.can_push(&self.output) {
                 return Tick::moved_or(moved, Tick::Blocked);
             }
-            quads = quads.saturating_sub(alive);
+            parts = parts.saturating_sub(needs);
+            sent += needs;
+            if self.config.interval > 1 || rates[0] != rates[1] {
+                self.free_at = wires.now() + Cycle::from((sent * self.config.interval).div_ceil(in_cycle));
+            }
             let first = block.first_quad + self.place.quad;
             let mut live = [0; 4];
             for (n, quad) in tile.quads[first as usize..][..count as usize].iter().enumerate() {

@@ -21,10 +21,10 @@ pub enum Territory {
 pub(super) type BlockAt = (u32, u16, u16);
 
 impl Traverse {
-    /// Whether this unit traverses what a pipeline owns.
+    /// Whether this unit traverses what a pipeline owns of the current triangle.
     #[inline(always)]
     pub(super) fn enters(&self, owner: u8) -> bool {
-        self.territory != Territory::Tiles || owner == self.pipeline
+        self.territory != Territory::Tiles && !self.place.shared || owner == self.pipeline
     }
 
     /// Whether this unit, which has its triangle for one tile, traverses a block.
@@ -94,8 +94,7 @@ impl Traverse {
         let [x0, y0, x1, y1] = triangle.bounds.map(u32::from);
         let mine = |x: u32, y: u32| match self.territory {
             Territory::Bins(_) => self.in_bin(card, x, y),
-            Territory::Tiles => card.interleave.owner(x, y) == self.pipeline,
-            Territory::Screen | Territory::Copy => true,
+            Territory::Tiles | Territory::Screen | Territory::Copy => self.enters(card.interleave.owner(x, y)),
         };
         (y0..y1).map(|y| (x0..x1).filter(|&x| mine(x, y)).count() as u32).sum::<u32>().max(1)
     }

@@ -142,7 +142,7 @@ impl Traverse {
                 let (x, y) = (self.place.sequence % across * side, self.place.sequence / across * side);
                 (x0, y0, x1, y1) = (x0.max(x), y0.max(y), x1.min(x + side), y1.min(y + side));
             }
-            Territory::Tiles if card.groups.len() > 1 => {
+            _ if card.groups.len() > 1 && (self.territory == Territory::Tiles || self.place.shared) => {
                 let own = |x: u32, y: u32| self.enters(card.interleave.owner(x, y));
                 let bounds = [x0, y0, x1, y1];
                 let mut sum = [0; 2];

@@ -14,7 +14,7 @@ pub use apart::{APART, ApartProfile, DEALT};
 pub use caches::BLOCK_CACHES;
 pub use lines::{FOLLOWED as LINES_FOLLOWED, GAPS, LineProfile, SPANS, gaps_of, span};
 pub use shader::{PIECE, ShaderProfile, TOGETHER};
-pub use touch::{BUNDLE, FIRST, Sampled, Touch, Toucher};
+pub use touch::{BUNDLE, FIRST, Sampled, Touch, Toucher, WHOLE};
 
 use pass::OpenPass;
 use touch::Touches;
@@ -22,6 +22,7 @@ use touch::Touches;
 use std::collections::HashSet;
 
 use gfx::codec::CODECS;
+use gfx::format::TexelClass;
 
 use super::{Dispatch, Event, Groups, Pass, Shade, Surface, Transfer};
 
@@ -140,6 +141,10 @@ pub struct AttachmentProfile {
     pub block_bytes: u64,
     /// It has several samples a pixel.
     pub multisampled: bool,
+    /// How wide its texels are, and samples of a pixel.
+    pub texel: TexelClass,
+    /// See `texel`.
+    pub samples: u32,
     /// It is read from memory, not cleared.
     pub loads: bool,
     /// It is wanted after the pass.

@@ -6,11 +6,11 @@ use super::apart::{APART, Apart, DEALT, Test};
 use super::caches::{BLOCK_CACHES, Caches, batched_vertices, dealt_vertices, shaded_vertices};
 use super::lines::{Lines, Place};
 use super::shader::asking;
-use super::touch::{BUNDLE, Touch, Toucher, Touches};
+use super::touch::{BUNDLE, Touch, Toucher, Touches, WHOLE};
 use super::{ApartProfile, AttachmentProfile, BINS, Cell, DrawProfile, PhaseProfile, WINDOW, Window};
 use crate::{
     Attachment, AttributeFetch, BLOCK, Block, Draw, LINE, Load, Pass, QUAD_SHADED, Quad, RequestKind, Segment, Stored, Surface,
-    TILE, TileWork, Triangle, Vertex, Visit,
+    TILE, Target, TileWork, Triangle, Vertex, Visit,
 };
 use gfx::codec::CODECS;
 use gfx::state::{DepthStencil, StencilFace, StepMode};
@@ -44,6 +44,8 @@ struct Memory {
     streams: Vec<(u64, u64, bool)>,
     /// Colour targets that the draw writes, whether it tests depth or stencil, and whether it may write them.
     written: Vec<u8>,
+    /// Of these those that replace what is stored, a bit each.
+    replaces: u8,
     tests: bool,
     writes_depth: bool,
     /// Blocks can be hidden.
@@ -69,6 +71,8 @@ impl OpenPass {
                 line: (attachment.surface.address / LINE) as u32,
                 block_bytes: 64 * texel_bytes(&attachment.surface),
                 multisampled: attachment.surface.samples > 1,
+                texel: attachment.surface.format.texel_class(),
+                samples: attachment.surface.samples,
                 loads: !clears,
                 stores: attachment.store || attachment.stencil_store || attachment.resolve.is_some(),
                 resolved: attachment.resolve.as_ref().map_or(0, resolved),
@@ -135,6 +139,9 @@ impl OpenPass {
         }
         let targets = (0..).zip(&draw.targets).filter(|(_, target)| target.as_ref().is_some_and(|t| t.write_mask != 0));
         self.memory.written = targets.map(|(at, _)| at).collect();
+        let replaces = |target: &Target| target.blend.is_none() && target.write_mask & 15 == 15;
+        let replacing = (0..8).zip(&draw.targets).filter(|(_, target)| target.as_ref().is_some_and(replaces));
+        self.memory.replaces = replacing.fold(0, |mask, (at, _)| mask | 1 << at);
         self.memory.writes_depth = draw.depth_stencil.is_some_and(|state| {
             let keeps = StencilFace::default();
             state.depth_write || state.stencil_front != keeps || state.stencil_back != keeps
@@ -260,7 +267,7 @@ impl OpenPass {
         let Some(stored) = stored else {
             return touches.of_phase().for_each(|touch| {
                 let place = match touch.by {
-                    Toucher::Color => self.memory.color.get(usize::from(touch.step)).copied().flatten(),
+                    Toucher::Color => self.memory.color.get(usize::from(touch.step & !WHOLE)).copied().flatten(),
                     _ => self.memory.depth,
                 };
                 touch.stored = [place.map_or(0, |(_, bytes)| (bytes / LINE) as u8); CODECS];
@@ -284,7 +291,7 @@ impl OpenPass {
         for touch in touches.of_phase() {
             let (place, stored) = match touch.by {
                 Toucher::Color => {
-                    let at = usize::from(touch.step);
+                    let at = usize::from(touch.step & !WHOLE);
                     (self.memory.color.get(at).copied().flatten(), stored.color.get(at).and_then(Option::as_ref))
                 }
                 Toucher::Depth => (self.memory.depth, stored.depth.as_ref()),
@@ -383,6 +390,12 @@ fn covered(tile: &TileWork, visit: &Visit) -> [u64; BINS.len() - 1] {
     [u64::from(small.count_ones()), u64::from(middle.count_ones()), u64::from(small != 0)]
 }
 
+/// Whether all of a block is drawn: covered, shaded and kept.
+fn whole_block(tile: &TileWork, block: &Block) -> bool {
+    let quads = &tile.quads[block.first_quad as usize..][..usize::from(block.quads)];
+    block.full && quads.iter().all(|quad| quad.flags & QUAD_SHADED != 0 && quad.kept & quad.coverage == quad.coverage)
+}
+
 impl Followed<'_> {
     /// A quad's requests.
     #[inline(always)]
@@ -414,13 +427,17 @@ impl Followed<'_> {
     }
 
     /// A block's colours are written.
-    fn colors(&mut self, block: &Block, near: u8) {
+    fn colors(&mut self, tile: &TileWork, block: &Block, near: u8) {
+        let mut whole = None;
         for &target in &self.memory.written {
             let Some((address, bytes)) = self.memory.color.get(usize::from(target)).copied().flatten() else { continue };
             let at = address + (u64::from(block.y) * self.memory.across + u64::from(block.x)) * bytes;
             let line = (at / LINE) as u32;
             if self.touches.follows(line) {
-                self.touches.push(Touch { line, near, step: target, by: Toucher::Color, ..Touch::default() });
+                let replaced =
+                    self.memory.replaces >> (target & 7) & 1 != 0 && *whole.get_or_insert_with(|| whole_block(tile, block));
+                let step = target | if replaced { WHOLE } else { 0 };
+                self.touches.push(Touch { line, near, step, by: Toucher::Color, ..Touch::default() });
             }
         }
     }
@@ -473,7 +490,7 @@ impl Cell {
                 self.pins += 1;
                 let near = caches.blocks[1].touch(block.x, block.y);
                 if near > 0 {
-                    followed.colors(block, near);
+                    followed.colors(tile, block, near);
                 }
             }
         }

@@ -13,8 +13,8 @@ pub struct ShaderProfile {
     pub chain: [u64; Class::COUNT],
     /// Texture requests.
     pub textures: u64,
-    /// Their filter operations,
-    pub operations: u64,
+    /// Their filter operations by [`Request::rate`],
+    pub operations: [u64; Request::RATES],
     /// and lines looked up.
     pub texture_lines: u64,
     /// Steps before which a run waits for requests, where it goes on until it needs a result.
@@ -77,7 +77,7 @@ impl ShaderProfile {
         if tile.costs.costs.iter().all(textures) {
             self.textures += tile.requests.len() as u64;
             for request in &tile.requests {
-                self.operations += u64::from(request.operations);
+                self.operations[request.rate()] += u64::from(request.operations);
                 self.texture_lines += u64::from(request.lines);
             }
             return;
@@ -107,7 +107,7 @@ impl ShaderProfile {
         for (step, request) in asking.zip(requests) {
             if step.then == RequestKind::Texture {
                 self.textures += 1;
-                self.operations += u64::from(request.operations);
+                self.operations[request.rate()] += u64::from(request.operations);
                 self.texture_lines += u64::from(request.lines);
             } else {
                 self.accesses += 1;

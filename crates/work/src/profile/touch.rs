@@ -48,7 +48,7 @@ pub struct Touch {
     pub class: u16,
     /// Of blocks: how many of [`BLOCK_CACHES`](super::BLOCK_CACHES) have lost it since, and [`FIRST`] where the pass has not touched it before.
     pub near: u8,
-    /// Of depth: 1 if it is written; of colour: the attachment.
+    /// Of depth: 1 if it is written; of colour: the attachment, with [`WHOLE`] where all of the block's colours are replaced.
     pub step: u8,
     /// Of blocks: memory lines that it takes as the pass leaves it, by each codec ([`gfx::codec::lines`]).
     pub stored: [u8; CODECS],
@@ -58,6 +58,9 @@ pub struct Touch {
 
 /// A block that its pass has not touched before.
 pub const FIRST: u8 = u8::MAX;
+
+/// Of [`Touch::step`]: a block of colours is written whole, and nothing of what was there is needed.
+pub const WHOLE: u8 = 0x40;
 
 /// Shaded quads that are taken together.
 pub const BUNDLE: u32 = 8;
