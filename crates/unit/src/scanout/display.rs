@@ -3,7 +3,8 @@
 //! Refresh r begins its first line in cycle `origin + r P` of `P = (lines + blank_lines) L` and its vertical blank `lines L` cycles
 //! later. In that cycle a swap with vsync takes place, and reads for the next refresh begin. The bytes of a refresh are read in the order of
 //! their addresses, a line has an equal part of them, and leaves the FIFO at a constant rate over its L cycles. Bytes that come after they
-//! are due are read all the same, and thrown away: their line is dry.
+//! are due are read all the same, and thrown away: their line is dry. What has not been asked for when the blank begins is not read at
+//! all, and its lines are dry: memory that is too slow for a display does not fall behind by more than a refresh.
 //!
 //! What a line shows is settled when it is on the screen. What the FIFO holds of a line ahead of a swap counts as that of the new frame.
 
@@ -357,6 +358,17 @@ impl Display {
             self.acks += 1;
         }
         screen.stops = self.ended && whole == Some(screen.ordinal);
+        let end = screen.allowed * screen.bytes();
+        let missing = self.flight.front().map_or(screen.issued, |&(_, first, _)| first);
+        if missing < end {
+            let first = (missing / screen.line_bytes).max(screen.dry.map_or(0, |known| known + 1));
+            for line in first..screen.allowed * screen.lines {
+                self.counts.dry_lines += 1;
+                self.dry.push((line / screen.lines, (line % screen.lines) as u32));
+            }
+            screen.dry = Some(screen.allowed * screen.lines - 1);
+        }
+        screen.issued = end;
         screen.allowed += u64::from(!screen.stops);
     }
 

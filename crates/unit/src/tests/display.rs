@@ -204,3 +204,18 @@ fn a_fifo_that_memory_does_not_fill_in_time_runs_dry() {
     // Twice the room is twice the time.
     assert_eq!(all(&of(100, 1024)).counts.dry_lines, 0);
 }
+
+#[test]
+fn memory_too_slow_for_a_display_falls_behind_by_a_refresh_at_most() {
+    // One request of 256 bytes is under way at a time, for 57 cycles. A refresh has 16 requests, and takes 240 cycles.
+    let config = ScanoutConfig { line_cycles: 20, blank_lines: 4, misses: 1, fifo: 4096, ..config() };
+    let last = 1 + 10 * 240;
+    let seen = seen(&config, &[1, last]);
+    // The second frame comes in the blank, so that it is the eleventh picture, and the last.
+    assert_eq!((seen.counts.refreshes, seen.counts.shown, seen.counts.repeated), (11, 2, 9));
+    // In 240 cycles four or five requests come. In the blank one comes: the first half of the first line.
+    let requests = (seen.bytes / 256) as f64 / 11.0;
+    assert!((4.0..=5.0).contains(&requests), "{requests}");
+    let all = (0..11).flat_map(|refresh| (0..LINES as u32).map(move |line| (refresh, line)));
+    assert_eq!(seen.dry, all.collect::<Vec<_>>());
+}
