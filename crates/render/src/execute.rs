@@ -207,18 +207,45 @@ const FRAME: u64 = 16 << 10;
 /// # Errors
 /// If the trace cannot be read, or a command cannot be run; the error names the command.
 pub fn render(trace: &Trace, options: &Options, sink: &mut Sink<'_>) -> Result<Summary, TraceError> {
+    let mut handed_on = 0_u64;
+    let mut counting = |event| {
+        handed_on += 1;
+        sink(event)
+    };
+    if let Some(summary) = attempt(trace, options, true, &mut counting)? {
+        return Ok(summary);
+    }
+    // Without passes in flight the same events come first.
+    let mut again = |event| match handed_on.checked_sub(1) {
+        Some(left) => {
+            handed_on = left;
+            Ok(())
+        }
+        None => sink(event),
+    };
+    attempt(trace, options, false, &mut again)?
+        .ok_or_else(|| trace.error_at(0, format!("passes were in flight where none may be. {OUR_FAULT}")))
+}
+
+/// Renders a trace; none: a limit stopped a command that passes in flight, which came to more than their shares, should have let stop earlier.
+fn attempt(trace: &Trace, options: &Options, flights: bool, sink: &mut Sink<'_>) -> Result<Option<Summary>, TraceError> {
     let ledger = Arc::new(Ledger::new(trace.limits()));
     if let Some(watch) = &options.watch {
         watch.begin(&ledger);
     }
     let mut renderer = Renderer::new(trace, options.clone(), ledger.clone(), sink);
-    walk(trace, &ledger, &mut |step| match step {
+    renderer.may_fly = flights;
+    let walked = walk(trace, &ledger, &mut |step| match step {
         Step::Command(command) => renderer.run(command),
         Step::End => renderer.finish(),
         Step::Stopped => renderer.land_all(),
-    })?;
+    });
+    if renderer.overtaken {
+        return Ok(None);
+    }
+    walked?;
     let frames = renderer.frame.max(u32::from(renderer.implicit_frame));
-    Ok(Summary { frames, commands: ledger.command().0 + 1, overwritten: renderer.overwritten, ledger })
+    Ok(Some(Summary { frames, commands: ledger.command().0 + 1, overwritten: renderer.overwritten, ledger }))
 }
 
 /// What comes next in a walk over a trace.
@@ -292,6 +319,10 @@ pub(super) struct Renderer<'t, 's> {
     waiting: VecDeque<Waiting>,
     /// Number of draws when an attachment was copied for a pass in flight.
     copied_at: u32,
+    /// Whether passes may be in flight at all.
+    may_fly: bool,
+    /// When a pass landed, the sums were over a limit: a command since its departure should have been refused.
+    overtaken: bool,
     scope: Scope,
     /// The bundle that is recorded.
     pub(super) bundle: Option<OpenBundle>,
@@ -347,6 +378,8 @@ impl<'t, 's> Renderer<'t, 's> {
             sink,
             waiting: VecDeque::new(),
             copied_at: 0,
+            may_fly: true,
+            overtaken: false,
             scope: Scope::Outside,
             bundle: None,
             frame: 0,
@@ -432,6 +465,10 @@ impl<'t, 's> Renderer<'t, 's> {
         self.ledger.quads.add(landed.quads);
         self.ledger.steps.add(landed.steps);
         self.ledger.bytes.add(landed.bytes);
+        if self.ledger.verify().is_err() {
+            self.overtaken = true;
+            return Err(Fault::Stop);
+        }
         self.overwritten += landed.overwritten;
         match landed.counted {
             Some(funnel) if flight.is_wanted() && !flight.is_home() => Ok((self.sink)(counts(funnel))?),
@@ -460,7 +497,7 @@ impl<'t, 's> Renderer<'t, 's> {
     pub(super) fn may_depart(&self, copies: bool) -> bool {
         let counts_only = !self.options.record && !self.options.areas;
         let copies = copies && self.draws - self.copied_at < DRAWS_A_COPY;
-        counts_only && !copies && Flights::are_possible() && self.ledger.has_room()
+        self.may_fly && counts_only && !copies && Flights::are_possible() && self.ledger.has_room()
     }
 
     /// A pass takes off.

@@ -11,9 +11,11 @@
 //! * A draw in flight reads buffers that are not written any more: a command that writes one goes on with a copy
 //!   ([`Buffer::unshared`](super::resources::Buffer::unshared)). Draws with effects beside pixels, and dispatches, wait until nothing is in flight.
 //! * A pass counts its work in a ledger of its own. Passes are in flight only while all sums are far from their limits
-//!   ([`Ledger::has_room`]), so none of the renderer's own charges can be wrong. Where anything stops a draw, its own limits or a
-//!   fault, the whole pass is drawn again by the renderer's thread, with the sums that one thread would have had. For this its draws are kept,
-//!   and so are those of the passes whose images it loads, back to one that began cleared or from a copy ([`Start`]).
+//!   ([`Ledger::has_room`]). Where anything stops a draw, its own limits or a fault, the whole pass is drawn again by the renderer's thread, with
+//!   the sums that one thread would have had, and so is a pass that comes to more than is left behind the passes before it. For this its draws are
+//!   kept, and so are those of the passes whose images it loads, back to one that began cleared or from a copy ([`Start`]).
+//! * A pass that was drawn again may come to more than its share of a limit. The renderer's own charges since may then be wrong: where the sums
+//!   are over a limit when it lands, the trace is rendered again without passes in flight ([`render`](super::render)).
 
 mod again;
 mod flights;
@@ -337,10 +339,9 @@ impl Flight {
 
     /// No other pass can load its images any more.
     fn forget(&self) {
-        self.unneeded.store(true, Relaxed);
-        if self.is_over() && !self.failed.load(Relaxed) {
-            let mut painter = lock(&self.painter);
-            (painter.done, painter.starts) = Default::default();
+        self.unneeded.store(true, SeqCst);
+        if self.finished.load(SeqCst) {
+            drop(self.kept_draws());
         }
     }
 
@@ -373,10 +374,13 @@ impl Flight {
         let failure = ahead.iter().find_map(|flight| lock(&flight.painter).failure.clone());
         if failure.is_some() {
             lock(&self.painter).failure = failure;
-        } else if self.failed.load(Relaxed) {
+        } else if self.failed.load(Relaxed) || self.passes_limits(&ahead) {
             self.again(&ahead);
         }
-        self.finished.store(true, Relaxed);
+        self.finished.store(true, SeqCst);
+        if self.is_home() || self.unneeded.load(SeqCst) {
+            drop(self.kept_draws());
+        }
     }
 }
 
@@ -421,6 +425,14 @@ impl Begin {
 }
 
 impl Landed {
+    /// Sums of all kinds of work, in the order of [`Ledger::meters`], with what the pass came to.
+    fn added_to(&self, mut sums: [u64; 7]) -> [u64; 7] {
+        for (at, more) in [(2, self.quads), (4, self.steps), (5, self.bytes)] {
+            sums[at] = sums[at].saturating_add(more);
+        }
+        sums
+    }
+
     fn add(&mut self, funnel: Funnel, overwritten: u64) {
         *self.counted.get_or_insert_default() += funnel;
         self.overwritten += overwritten;

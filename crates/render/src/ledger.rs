@@ -7,7 +7,7 @@
 use std::sync::atomic::{AtomicU64, Ordering::Relaxed};
 use std::sync::{Arc, Mutex, PoisonError};
 
-use num::{Limit, LimitExceeded, Limits, Meter};
+use num::{Limit, LimitExceeded, LimitOverrun, Limits, Meter};
 
 /// Passes in flight, at most.
 pub const FLIGHTS: usize = 4;
@@ -144,6 +144,14 @@ impl Ledger {
     pub fn has_room(&self) -> bool {
         let far = |meter: &Meter, large: u64| meter.spent() <= meter.limit().get() / 4 && meter.limit().get() / 4 >= large;
         far(&self.steps, MANY_STEPS) && far(&self.bytes, LARGE) && far(&self.quads, 0)
+    }
+
+    /// Whether all sums are allowed.
+    ///
+    /// # Errors
+    /// If one is more than its limit.
+    pub fn verify(&self) -> Result<(), LimitOverrun> {
+        self.meters().into_iter().try_for_each(Meter::verify)
     }
 
     /// A ledger with the same limits, and with these sums.

@@ -4,20 +4,32 @@ use std::sync::Arc;
 use std::sync::atomic::Ordering::Release;
 
 use super::super::draw::RenderPass;
-use super::super::queued::QueuedDraw;
+use super::super::queued::{Charges, QueuedDraw};
 use super::super::surface::TileSurface;
 use super::{Failure, Flight, Start, lock};
 
 impl Flight {
-    /// Draws it again, as the only pass. No lock is held: while this thread waits for others it may run tasks that need it.
-    pub(super) fn again(&self, ahead: &[Arc<Flight>]) {
-        let mut sums = self.sums;
-        for flight in ahead {
-            let landed = lock(&flight.painter).landed;
-            for (at, more) in [(2, landed.quads), (4, landed.steps), (5, landed.bytes)] {
-                sums[at] += more;
+    /// The sums of one thread when it begins.
+    fn sums_behind(&self, ahead: &[Arc<Flight>]) -> [u64; 7] {
+        ahead.iter().fold(self.sums, |sums, flight| lock(&flight.painter).landed.added_to(sums))
+    }
+
+    /// Whether its draws, none of which has failed, come to more than the limits leave behind the passes ahead: one of these had more than its share.
+    pub(super) fn passes_limits(&self, ahead: &[Arc<Flight>]) -> bool {
+        let before = self.sums_behind(ahead);
+        let painter = lock(&self.painter);
+        let mut sums = painter.landed.added_to(before);
+        for Charges { vertices, prepared, steps, bindings } in painter.done.iter().flatten().map(|draw| &draw.charges) {
+            for (at, more) in [(1, *vertices), (4, *steps), (5, bindings + prepared.iter().sum::<u64>())] {
+                sums[at] = sums[at].saturating_add(more);
             }
         }
+        self.whole.with_sums(sums).verify().is_err()
+    }
+
+    /// Draws it again, as the only pass. No lock is held: while this thread waits for others it may run tasks that need it.
+    pub(super) fn again(&self, ahead: &[Arc<Flight>]) {
+        let sums = self.sums_behind(ahead);
         let ledger = self.whole.with_sums(sums);
         let mut landed = self.begin.landed();
         let (starts, done) = self.kept_draws();
@@ -48,7 +60,7 @@ impl Flight {
     }
 
     /// What it takes to draw it again.
-    fn kept_draws(&self) -> (Vec<Option<Start>>, Vec<Vec<QueuedDraw>>) {
+    pub(super) fn kept_draws(&self) -> (Vec<Option<Start>>, Vec<Vec<QueuedDraw>>) {
         let mut painter = lock(&self.painter);
         (std::mem::take(&mut painter.starts), std::mem::take(&mut painter.done))
     }

@@ -123,8 +123,5 @@ impl Flight {
             let ended = painter.pass.take().map(|pass| self.ended(pass));
             painter.tiles = ended.unwrap_or_default();
         }
-        if how == Close::Home || self.unneeded.load(Relaxed) {
-            (painter.done, painter.starts) = Default::default();
-        }
     }
 }

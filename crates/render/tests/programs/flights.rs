@@ -4,7 +4,8 @@ use super::common::*;
 use gfx::format::Format;
 use gfx::state::{Blend, BlendComponent, BlendFactor, BlendOp, Compare, DepthStencil, VertexFormat};
 use num::Limits;
-use render::{Options, render};
+use render::{Options, Watch, render};
+use std::sync::Arc;
 use trace::Trace;
 use trace::command::*;
 use trace::record::{self, Recorder};
@@ -137,6 +138,104 @@ fn a_pass_beyond_its_share_of_a_limit_is_drawn_again() {
             }
         }
     }
+}
+
+/// Five passes on images of their own. The first covers its image six times, and takes long: all are in flight before it has come to more than its
+/// share. The others cover a part of their images once, which is less than their shares.
+fn uneven() -> Trace {
+    let mut card = Recorder::new("uneven");
+    let shader = card.create_shader(
+        "program",
+        "@vertex fn vs(@builtin(vertex_index) v: u32, @builtin(instance_index) i: u32) -> @builtin(position) vec4f {
+            let p = vec2f(f32(v % 3u / 2u) * 4.0 - 1.0, f32(v % 3u % 2u) * 4.0 - 1.0);
+            return vec4f(select(p, p * 0.5, i > 1u), 0.5, 1.0);
+        }
+        @fragment fn fs(@builtin(position) p: vec4f) -> @location(0) vec4f {
+            var c = p;
+            for (var k = 0; k < i32(p.z * 6000.0); k++) { c = c * 0.5 + p; }
+            return c;
+        }
+        @fragment fn plain(@builtin(position) p: vec4f) -> @location(0) vec4f { return p; }",
+    );
+    let mut pipeline = |entry: &str| {
+        let mut desc = record::render_pipeline(shader, Format::Rgba8Unorm);
+        desc.fragment = desc.fragment.map(|_| record::stage_entry(shader, entry));
+        card.create_render_pipeline(entry, desc)
+    };
+    let (slow, plain) = (pipeline("fs"), pipeline("plain"));
+    let images: Vec<_> = (0..5)
+        .map(|_| {
+            let texture = card.create_texture("", record::texture_2d(96, 96, Format::Rgba8Unorm));
+            (texture, card.create_view(texture))
+        })
+        .collect();
+    for (at, (_, view)) in images.iter().enumerate() {
+        let mut pass = card.begin_render_pass([record::clear(*view, [0.0; 4])], None);
+        match at {
+            0 => {
+                pass.set_pipeline(slow);
+                pass.draw(3, 1);
+                pass.set_pipeline(plain);
+                (0..5).for_each(|_| pass.draw(3, 1));
+            }
+            _ => {
+                pass.set_pipeline(plain);
+                pass.draw_from(3, 1, 0, 2);
+            }
+        }
+    }
+    card.present(images[0].0);
+    card.finish()
+}
+
+/// What of a rendering on one thread is counted of quads.
+fn quads(trace: &Trace) -> u64 {
+    let pool = rayon::ThreadPoolBuilder::new().num_threads(1).build().expect("a thread");
+    pool.install(|| render(trace, &Options::default(), &mut |_| Ok(()))).expect("a picture").ledger.quads.spent()
+}
+
+#[test]
+fn a_pass_within_its_share_is_refused_behind_one_beyond_its_share() {
+    let all = quads(&uneven());
+    for (allowed, refused) in [(all, None), (all - 1, Some(4)), (all * 13 / 15, Some(2))] {
+        let mut limits = Limits::default();
+        limits.work_quads = limits.work_quads.with(allowed);
+        let trace = uneven().with_limits(limits);
+        let alone = seen(&trace, 1, true);
+        let begun = alone.events.iter().filter(|(kind, _)| *kind == "begin").count();
+        assert_eq!(alone.error.is_some().then(|| begun - 1), refused, "{:?}", alone.error);
+        for threads in [2, 3, 8] {
+            let together = seen(&trace, threads, true);
+            assert_eq!(together.error, alone.error, "{threads} threads, {allowed} of {all}");
+            assert!(together == alone, "{threads} threads, {allowed} of {all}");
+        }
+    }
+}
+
+/// The receiver of what the first pass has counted adds to the sums, as commands would do that charge more than is left behind that pass.
+#[test]
+fn charges_that_pass_a_limit_behind_a_pass_in_flight_begin_anew_without_one() {
+    let (trace, watch) = (uneven(), Arc::new(Watch::default()));
+    let events = |threads: usize, mut disturbs: bool| {
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().expect("threads");
+        pool.install(|| {
+            let mut events = Vec::new();
+            let options = Options { watch: Some(watch.clone()), ..Options::default() };
+            let rendered = render(&trace, &options, &mut |event| {
+                if matches!(event, Event::Segment(_)) && std::mem::take(&mut disturbs) {
+                    let ledger = watch.ledger().expect("a rendering");
+                    ledger.steps.add(ledger.steps.limit().get());
+                }
+                events.push(event.bytes());
+                Ok(())
+            });
+            assert!(!disturbs, "a pass has counted");
+            (events, rendered.map(|summary| summary.ledger.sums()).map_err(|error| error.to_string()))
+        })
+    };
+    let alone = events(1, false);
+    assert!(alone.1.is_ok() && alone.0.len() > 10);
+    assert_eq!(events(8, true), alone);
 }
 
 /// One pass of small blended draws, so many that it lands and takes off again; a loop in the draws of number `endless` has no end.
