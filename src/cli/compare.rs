@@ -6,11 +6,13 @@ use anyhow::{Context, Result, anyhow, bail};
 use image::DynamicImage;
 use serde_json::Value;
 
+use super::reading::Limiting;
 use super::{Verdict, configs};
 use crate::accuracy::references::{Manifest, Standing, TOLERANCE as TOLERANCE_OF_REFERENCES};
 use crate::host;
 use crate::host::{Links, one_line};
 use crate::machine::config::BUILT_IN;
+use crate::num::Limits;
 use crate::picture::{self, Difference, TOLERANCE};
 use crate::report::compare::{self, Banks, Leaves, Size, StatisticDifference};
 use crate::report::owned::check_replaceable;
@@ -50,6 +52,8 @@ pub struct Arguments {
     /// Statistics: what makes a change large; the largest come first [default: relative]
     #[arg(long, value_enum, value_name = "SIZE")]
     by: Option<By>,
+    #[command(flatten)]
+    limiting: Limiting,
     /// Statistics: how many are shown; 0: all [default: 50]
     #[arg(long, value_name = "N")]
     most: Option<usize>,
@@ -134,7 +138,7 @@ pub fn run(arguments: &Arguments) -> Result<Verdict> {
             if let Some(path) = &arguments.difference {
                 check_replaceable(path, picture::MARK, arguments.force)?;
             }
-            let d = difference(a, b)?;
+            let d = difference(a, b, &arguments.limiting.limits()?)?;
             println!("{}", found(&d));
             if let Some(path) = &arguments.difference {
                 write(path, &d)?;
@@ -143,7 +147,7 @@ pub fn run(arguments: &Arguments) -> Result<Verdict> {
         }
         (Kind::Configuration, Kind::Folder) if a.extension().is_some() => {
             refuse_ignored(arguments, Kind::Manifest)?;
-            recordings(a, b)?
+            recordings(a, b, &arguments.limiting.limits()?)?
         }
         (x, y) => {
             bail!("{} is {}, and {} is {}: they are not of one kind", a.display(), x.name(), b.display(), y.name())
@@ -153,14 +157,14 @@ pub fn run(arguments: &Arguments) -> Result<Verdict> {
 }
 
 /// Replays the recordings of a manifest, and compares their pictures with the references.
-fn recordings(manifest: &Path, root: &Path) -> Result<bool> {
+fn recordings(manifest: &Path, root: &Path, limits: &Limits) -> Result<bool> {
     let manifest = Manifest::read(manifest)?;
     let width = manifest.recordings.iter().map(|r| r.folder.display().to_string().len()).max().unwrap_or(0);
     let (mut all, mut near) = (0, 0);
     println!("{:<width$}  frame  PSNR, dB  off by more than {TOLERANCE_OF_REFERENCES}", "recording");
     for recording in &manifest.recordings {
         let name = recording.folder.display().to_string();
-        let rows = match recording.compare(root) {
+        let rows = match recording.compare(root, limits) {
             Ok(rows) => rows,
             Err(error) => {
                 println!("{}", one_line(&format!("{name:<width$}  {error:#}")));
@@ -222,9 +226,10 @@ fn folders(arguments: &Arguments) -> Result<bool> {
     if let Some(name) = ["stats.json", "stats.csv"].into_iter().find(|name| both(name)) {
         same &= statistics(&a.join(name), &b.join(name), arguments)?;
     }
+    let limits = arguments.limiting.limits()?;
     let (mut images, mut different) = (0, 0);
     for name in in_a.iter().filter(|name| name.ends_with(".png") && both(name)) {
-        let d = difference(&a.join(name), &b.join(name))?;
+        let d = difference(&a.join(name), &b.join(name), &limits)?;
         images += 1;
         if d.different > 0 {
             different += 1;
@@ -243,11 +248,11 @@ fn folders(arguments: &Arguments) -> Result<bool> {
 }
 
 /// How two pictures differ: in their colours only, if one of them has no alpha.
-fn difference(a: &Path, b: &Path) -> Result<Difference> {
+fn difference(a: &Path, b: &Path, limits: &Limits) -> Result<Difference> {
     let open = |path: &Path| {
         let fail = || format!("cannot read {}", path.display());
         let file = host::open(path, Links::Follow).with_context(fail)?;
-        anyhow::Ok(picture::read(file).with_context(fail)?)
+        anyhow::Ok(picture::read(file, limits).with_context(fail)?)
     };
     let images = (open(a)?, open(b)?);
     let alpha = images.0.color().has_alpha() && images.1.color().has_alpha();

@@ -12,12 +12,36 @@ use crate::import::{self, Kind};
 use crate::num::Limits;
 use crate::trace::{self, Origin, Trace};
 
+/// Limits on what files that are read may ask for.
+#[derive(clap::Args)]
+pub struct Limiting {
+    /// Raise a limit on what a trace or a picture may ask for (docs/data/limits.md lists them); may be repeated
+    #[arg(long = "limit", value_name = "NAME=VALUE")]
+    limits: Vec<String>,
+}
+
+impl Limiting {
+    /// The limits.
+    ///
+    /// # Errors
+    /// If an option is no limit.
+    pub fn limits(&self) -> Result<Limits> {
+        self.set(Limits::default())
+    }
+
+    fn set(&self, mut limits: Limits) -> Result<Limits> {
+        for assignment in &self.limits {
+            limits.set(assignment).map_err(|reason| anyhow!("--limit {reason}"))?;
+        }
+        Ok(limits)
+    }
+}
+
 /// How far a trace is trusted.
 #[derive(clap::Args)]
 pub struct Reading {
-    /// Raise a limit on what a trace may ask for (docs/data/limits.md lists them); may be repeated
-    #[arg(long = "limit", value_name = "NAME=VALUE")]
-    limits: Vec<String>,
+    #[command(flatten)]
+    limiting: Limiting,
     /// Read files of the trace that symbolic links lead to
     #[arg(long)]
     follow_links: bool,
@@ -37,10 +61,18 @@ pub struct Reading {
 impl Reading {
     /// The options as they were given, for another process.
     pub fn options(&self) -> Vec<String> {
-        let limits = self.limits.iter().flat_map(|limit| ["--limit".to_owned(), limit.clone()]);
+        let limits = self.limiting.limits.iter().flat_map(|limit| ["--limit".to_owned(), limit.clone()]);
         let flags = [(self.follow_links, "--follow-links"), (self.lenient, "--lenient"), (self.keep_draws, "--keep-draws")];
         let window = self.window.iter().flat_map(|window| ["--window".to_owned(), window.to_string()]);
         limits.chain(flags.into_iter().filter(|(on, _)| *on).map(|(_, flag)| flag.to_owned())).chain(window).collect()
+    }
+
+    /// The limits on files beside the trace.
+    ///
+    /// # Errors
+    /// If an option is no limit.
+    pub fn limits(&self) -> Result<Limits> {
+        self.limiting.limits()
     }
 
     /// Opens a trace of any kind. What is left out of a recorded program, and what it did without an effect, is said.
@@ -112,12 +144,8 @@ impl Reading {
     }
 
     fn reading(&self, path: &Path) -> Result<trace::Reading> {
-        let mut limits = Limits::default().for_files(bytes_of(path));
-        for assignment in &self.limits {
-            limits.set(assignment).map_err(|reason| anyhow!("--limit {reason}"))?;
-        }
         Ok(trace::Reading {
-            limits,
+            limits: self.limiting.set(Limits::default().for_files(bytes_of(path)))?,
             follow_links: self.follow_links,
             lenient: self.lenient,
             keep_draws: self.keep_draws,

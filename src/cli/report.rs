@@ -9,6 +9,7 @@ use super::Verdict;
 use super::threads::MOST;
 use crate::host;
 use crate::machine::Config;
+use crate::num::Limits;
 use crate::report::counted::{Chosen, counted};
 use crate::report::files::{About, json_head};
 use crate::report::html::data::{Gather, Statistics};
@@ -143,7 +144,7 @@ fn statistics(folder: &Path, frame: Option<u32>) -> Result<Statistics> {
 
 impl Subject {
     /// Reads what a replay left in a folder.
-    fn open(folder: &Path) -> Result<Subject> {
+    fn open(folder: &Path, limits: &Limits) -> Result<Subject> {
         let statistics = statistics(folder, None)?;
         let path = folder.join("config.ron");
         let config = path.exists().then(|| -> Result<Config> {
@@ -152,7 +153,7 @@ impl Subject {
             Ok(Config::parse(&name, &text)?)
         });
         let path = folder.join(format!("frame-{:04}.png", statistics.number()));
-        let picture = path.exists().then(|| png(&path));
+        let picture = path.exists().then(|| png(&path, limits));
         Ok(Subject { statistics, picture: picture.transpose()?, config: config.transpose()?, command: None })
     }
 
@@ -215,13 +216,13 @@ impl Subject {
 }
 
 /// A picture of a replay, without alpha: the page has a background of its own.
-fn png(path: &Path) -> Result<Vec<u8>> {
+fn png(path: &Path, limits: &Limits) -> Result<Vec<u8>> {
     let name = path.display();
     let read = || format!("cannot read {name}");
     let mut bytes = Vec::new();
     let file = host::open(path, host::Links::Follow).with_context(read)?;
     std::io::Read::read_to_end(&mut std::io::Read::take(file, PICTURE_MAX), &mut bytes).with_context(read)?;
-    let image = picture::read_png(&bytes).with_context(|| format!("{name} is no picture of a replay"))?;
+    let image = picture::read_png(&bytes, limits).with_context(|| format!("{name} is no picture of a replay"))?;
     Ok(picture::png(&image.into_rgb8())?)
 }
 
@@ -273,7 +274,7 @@ pub fn run(arguments: &Arguments) -> Result<Verdict> {
     if folder.join("inputs.json").exists() {
         return sweep(arguments, &out);
     }
-    let subject = Subject::open(folder)?;
+    let subject = Subject::open(folder, &arguments.reading.limits()?)?;
     if arguments.trace.is_some() && subject.config.is_none() {
         bail!("{} is missing: it says which machine the trace was replayed on", folder.join("config.ron").display());
     }

@@ -4,6 +4,7 @@
 use std::path::Path;
 
 use fillrate::accuracy::references::{Manifest, Standing};
+use fillrate::num::Limits;
 
 #[test]
 fn recordings_look_as_their_references() {
@@ -14,7 +15,7 @@ fn recordings_look_as_their_references() {
     let mut failures = Vec::new();
     for recording in manifest.recordings.iter().filter(|recording| recording.least.is_some()) {
         let name = recording.folder.display();
-        for row in recording.compare(Path::new(&root)).unwrap_or_else(|error| panic!("{name}: {error:#}")) {
+        for row in recording.compare(Path::new(&root), &Limits::default()).unwrap_or_else(|error| panic!("{name}: {error:#}")) {
             if recording.standing(&manifest, &row) == Standing::Off {
                 failures.push(format!("{name}: {row:?}"));
             }
@@ -40,6 +41,7 @@ fn a_manifest_says_what_is_wrong_with_it() {
     assert!(empty.contains("it names no recording"), "{empty}");
     std::fs::write(&path, format!(r#"({kinds}, recordings: [(folder: "x", kind: "a")])"#)).expect("a file");
     let manifest = Manifest::read(&path).expect("a manifest");
-    let missing = format!("{:#}", manifest.recordings[0].compare(folder.path()).expect_err("nothing there"));
+    let missing =
+        format!("{:#}", manifest.recordings[0].compare(folder.path(), &Limits::default()).expect_err("nothing there"));
     assert!(missing.contains("x has no reference"), "{missing}");
 }

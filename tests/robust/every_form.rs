@@ -10,6 +10,7 @@ use std::path::Path;
 use fillrate::gfx::format::Format;
 use fillrate::import;
 use fillrate::machine::Config;
+use fillrate::num::Limits;
 use fillrate::picture;
 use fillrate::render::{self, Options};
 use fillrate::sweep::experiment::Experiment;
@@ -171,7 +172,7 @@ fn recordings_of_every_form_are_imported_or_refused() {
 
 #[test]
 fn files_of_every_form_are_read_or_refused() {
-    each(binary::PICTURES, |(_, make)| drop(picture::read_png(&make(3_000))));
+    each(binary::PICTURES, |(_, make)| drop(picture::read_png(&make(3_000), &Limits::default())));
     each(binary::ARCHIVES, |(_, make)| drop(Trace::open_archive(Path::new("t.zip"), make(5_000).into())));
 }
 

@@ -138,7 +138,7 @@ impl Recording {
     /// # Errors
     /// If there is no recording or no reference, if either cannot be read, if the recording asks for what is not supported, or if sizes
     /// differ.
-    pub fn compare(&self, root: &Path) -> Result<Vec<Row>> {
+    pub fn compare(&self, root: &Path, limits: &num::Limits) -> Result<Vec<Row>> {
         let folder = root.join(&self.folder);
         let references = references(&folder)?;
         let Some(last) = references.keys().next_back() else {
@@ -154,7 +154,7 @@ impl Recording {
             let frame = replayed.frames.iter_mut().find(|frame| frame.number == number).and_then(|frame| frame.shown.take());
             let (surface, bytes) = frame.with_context(|| format!("{} shows no frame {number}", found.path.display()))?;
             let ours = picture(&surface, &bytes).map_err(anyhow::Error::msg)?;
-            let wanted = read_image(path)?;
+            let wanted = read_image(path, limits)?;
             if ours.dimensions() != wanted.dimensions() {
                 let ((w, h), (rw, rh)) = (ours.dimensions(), wanted.dimensions());
                 bail!("frame {number} of {} is {w} x {h} pixels, {} {rw} x {rh}", found.path.display(), path.display());
@@ -187,8 +187,8 @@ fn references(folder: &Path) -> Result<BTreeMap<u32, PathBuf>> {
     Ok(found)
 }
 
-fn read_image(path: &Path) -> Result<image::RgbImage> {
+fn read_image(path: &Path, limits: &num::Limits) -> Result<image::RgbImage> {
     let fail = || format!("cannot read {}", path.display());
     let file = host::open(path, Links::Follow).with_context(fail)?;
-    Ok(picture::read(file).with_context(fail)?.into_rgb8())
+    Ok(picture::read(file, limits).with_context(fail)?.into_rgb8())
 }

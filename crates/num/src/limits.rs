@@ -120,6 +120,9 @@ limits! {
     trace_expansion: "trace.expansion", 100, "times the size of the packed file";
     /// Files of a trace, or entries of its archive. Recorded traces have up to 43.
     trace_files: "trace.files", 1 << 16, "files of the trace";
+    /// Pixels of one picture that is read: a PNG file of one colour has a thousandth of the bytes of its picture. Pictures of recorded traces have
+    /// up to 2 million.
+    picture_pixels: "picture.pixels", 1 << 26, "pixels of a picture";
     /// Length of the source of one shader: WGSL or naga IR text, or a SPIR-V binary. Recorded shaders have up to 25 kB.
     shader_source: "shader.source", 4 << 20, "bytes of shader source";
     /// Depth of nesting in a shader: brackets, operators, `else if`, and declarations that need each other. Recorded shaders have up to

@@ -1,13 +1,14 @@
 //! Files of pictures.
 
 use std::fs::File;
-use std::io::{BufReader, Cursor};
+use std::io::{BufRead, BufReader, Cursor, Seek};
 
 use image::codecs::png::PngEncoder;
 use image::{
-    DynamicImage, ExtendedColorType, ImageBuffer, ImageEncoder, ImageError, ImageFormat, ImageReader, Pixel,
+    DynamicImage, ExtendedColorType, ImageBuffer, ImageDecoder, ImageEncoder, ImageError, ImageFormat, ImageReader, Pixel,
     PixelWithColorType, RgbaImage,
 };
+use num::{LimitExceeded, Limits};
 
 /// A PNG file of a picture of 8 bits a channel, with alpha where its pixels have it.
 ///
@@ -45,20 +46,56 @@ pub fn marked(image: &RgbaImage) -> Result<Vec<u8>, ImageError> {
     Ok(file)
 }
 
+/// Why a file of a picture is not read.
+#[derive(Debug, thiserror::Error)]
+pub enum ReadError {
+    /// It cannot be read, or it is damaged.
+    #[error(transparent)]
+    Image(#[from] ImageError),
+    /// Its picture is too large.
+    #[error("a picture of {width} x {height}: {error}")]
+    Large {
+        /// Its width in pixels.
+        width: u32,
+        /// Its height in pixels.
+        height: u32,
+        /// The limit.
+        error: LimitExceeded,
+    },
+}
+
 /// Reads a PNG or PNM file. Its first bytes say which it is.
 ///
 /// # Errors
-/// If it cannot be read, is neither, or is damaged, or if the picture is too large.
-pub fn read(file: File) -> Result<DynamicImage, ImageError> {
-    ImageReader::new(BufReader::new(file)).with_guessed_format().map_err(ImageError::IoError)?.decode()
+/// If the file cannot be read, is of another format, or is damaged, or if the picture has more pixels than [`Limits::picture_pixels`].
+pub fn read(file: File, limits: &Limits) -> Result<DynamicImage, ReadError> {
+    decode(ImageReader::new(BufReader::new(file)).with_guessed_format().map_err(ImageError::IoError)?, limits)
 }
 
 /// Reads the bytes of a PNG file.
 ///
 /// # Errors
-/// If they are none, if it is damaged, or if the picture is too large.
-pub fn read_png(file: &[u8]) -> Result<DynamicImage, ImageError> {
-    ImageReader::with_format(Cursor::new(file), ImageFormat::Png).decode()
+/// As [`read`].
+pub fn read_png(file: &[u8], limits: &Limits) -> Result<DynamicImage, ReadError> {
+    decode(ImageReader::with_format(Cursor::new(file), ImageFormat::Png), limits)
+}
+
+/// Bytes of the largest pixel: four channels of 16 bits.
+const PIXEL: u64 = 8;
+
+/// Bytes that a decoder may take beside the picture: a row of it, and the text and the profile that are packed in the file.
+const BESIDE: u64 = 64 << 20;
+
+/// Decodes a picture whose header asks for no more than is allowed. The decoder makes room for the picture after its header is read.
+fn decode<R: BufRead + Seek>(mut reader: ImageReader<R>, limits: &Limits) -> Result<DynamicImage, ReadError> {
+    let mut room = image::Limits::no_limits();
+    room.max_alloc = Some(limits.picture_pixels.get().saturating_mul(PIXEL).saturating_add(BESIDE));
+    reader.limits(room);
+    let decoder = reader.into_decoder()?;
+    let (width, height) = decoder.dimensions();
+    let pixels = u64::from(width).saturating_mul(u64::from(height));
+    limits.picture_pixels.check(pixels).map_err(|error| ReadError::Large { width, height, error })?;
+    Ok(DynamicImage::from_decoder(decoder)?)
 }
 
 #[cfg(test)]
@@ -78,17 +115,35 @@ mod tests {
     fn files_are_read_as_they_were_written() {
         let image = RgbaImage::from_fn(7, 3, |x, y| Rgba([x as u8 * 30, y as u8 * 80, 9, 255 - x as u8]));
         let file = png(&image).unwrap();
-        assert_eq!(read(on_disk(&file)).unwrap().into_rgba8(), image);
-        assert_eq!(read_png(&file).unwrap().into_rgba8(), image);
+        let limits = Limits::default();
+        let read = |file: &[u8]| read(on_disk(file), &limits);
+        let read_bytes = |file: &[u8]| read_png(file, &limits);
+        assert_eq!(read(&file).unwrap().into_rgba8(), image);
+        assert_eq!(read_bytes(&file).unwrap().into_rgba8(), image);
         let marked = marked(&image).unwrap();
         assert!(marked.windows(MARK.len()).any(|bytes| bytes == MARK));
         // A reader checks the sum of each chunk.
-        assert_eq!(read_png(&marked).unwrap().into_rgba8(), image);
+        assert_eq!(read_bytes(&marked).unwrap().into_rgba8(), image);
         let opaque = RgbImage::from_fn(5, 2, |x, y| Rgb([x as u8, y as u8, 200]));
-        assert_eq!(read(on_disk(&png(&opaque).unwrap())).unwrap().into_rgb8(), opaque);
+        assert_eq!(read(&png(&opaque).unwrap()).unwrap().into_rgb8(), opaque);
         let pnm = [&b"P6 2 1 255\n"[..], &[1, 2, 3, 4, 5, 6]].concat();
-        assert_eq!(read(on_disk(&pnm)).unwrap().into_rgb8().into_raw(), [1, 2, 3, 4, 5, 6]);
-        assert!(read_png(&pnm).is_err());
-        assert!(read(on_disk(&file[..file.len() / 2])).is_err() && read(on_disk(b"no picture")).is_err());
+        assert_eq!(read(&pnm).unwrap().into_rgb8().into_raw(), [1, 2, 3, 4, 5, 6]);
+        assert!(read_bytes(&pnm).is_err());
+        assert!(read(&file[..file.len() / 2]).is_err() && read(b"no picture").is_err());
+    }
+
+    #[test]
+    fn pictures_of_more_pixels_than_allowed_are_not_read() {
+        let file = png(&RgbaImage::new(7, 3)).unwrap();
+        let within =
+            |pixels: u64| Limits { picture_pixels: Limits::default().picture_pixels.with(pixels), ..Limits::default() };
+        assert_eq!(read_png(&file, &within(21)).unwrap().into_rgba8().dimensions(), (7, 3));
+        let pnm = [&b"P6 7 3 255\n"[..], &[0; 63]].concat();
+        for refused in [read_png(&file, &within(20)), read(on_disk(&file), &within(20)), read(on_disk(&pnm), &within(20))] {
+            assert_eq!(
+                refused.unwrap_err().to_string(),
+                "a picture of 7 x 3: 21 pixels of a picture, more than the limit of 20; --limit picture.pixels=N allows more"
+            );
+        }
     }
 }

@@ -6,5 +6,5 @@ mod file;
 mod surface;
 
 pub use difference::{Difference, TOLERANCE, compare, rgb_difference};
-pub use file::{MARK, marked, png, read, read_png};
+pub use file::{MARK, ReadError, marked, png, read, read_png};
 pub use surface::{colors, picture};
