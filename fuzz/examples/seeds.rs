@@ -182,6 +182,9 @@ fn recordings(root: &Path) -> io::Result<()> {
         }
     }
 
+    let corpus = Corpus::of("pictures")?;
+    forms::binary::PICTURES.iter().try_for_each(|(_, make)| corpus.add(make(400)))?;
+
     let corpus = Corpus::of("gl_import")?;
     for kinds in [forms::glsl::DEEP, forms::glsl::LONG, forms::glsl::LARGE] {
         corpus.forms(kinds, "f")?;

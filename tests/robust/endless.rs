@@ -211,6 +211,23 @@ fn a_machine_stops_behind_the_cycles_that_it_may_take() {
         refused(&output, &["trace.ron: ", "more than 2000 cycles of a machine, the limit; --limit work.cycles=N allows more"]);
     }
     done(&replay(&["--limit", "work.cycles=10000000"]));
+    // What its units do is looked at from time to time: with both clocks, and in one run or several, it is the same.
+    let mut refusals = 0;
+    for steps in [0, 20_000, 200_000, 2_000_000, 20_000_000, 200_000_000] {
+        let limit = format!("work.machine_steps={steps}");
+        let said: Vec<Output> = [&[][..], &["--clock", "every-cycle"], &["--frames-per-run", "1"], &["--threads", "1"]]
+            .iter()
+            .map(|options| replay(&[options, &["--limit", &limit][..]].concat()))
+            .collect();
+        assert!(said.iter().all(|other| other.status == said[0].status && other.stderr == said[0].stderr), "{said:?}");
+        if !said[0].status.success() {
+            refusals += 1;
+            let text =
+                format!("more than {steps} steps of a machine's units, the limit; --limit work.machine_steps=N allows more");
+            refused(&said[0], &["trace.ron: ", &text]);
+        }
+    }
+    assert!((2..=5).contains(&refusals), "{refusals}");
     // Without a machine there are no cycles.
     done(&hostile.replay(&["--limit", "work.cycles=1"]));
 }

@@ -9,6 +9,7 @@ use tempfile::TempDir;
 use zip::write::SimpleFileOptions;
 use zip::{CompressionMethod, ZipWriter};
 
+use crate::forms::binary::png_without_pixels;
 use crate::process::{below_mib, done, fillrate, refused};
 
 const REPOSITORY: &str = env!("CARGO_MANIFEST_DIR");
@@ -166,6 +167,36 @@ fn configurations_and_compared_files_are_regular_too() {
     refused(&output, &["large.ron"]);
     std::fs::File::create(&config).and_then(|file| file.set_len(8 << 30)).expect("a sparse file");
     refused(&fillrate(["configs".as_ref(), config.as_os_str()]).run(), &["large.ron", "8589934592 bytes", "at most"]);
+}
+
+#[test]
+fn pictures_of_too_many_pixels_are_not_read() {
+    let home = tempfile::tempdir().expect("a folder");
+    let large = home.path().join("large.png");
+    std::fs::write(&large, png_without_pixels(30_000)).expect("written");
+    let compare = fillrate(["compare".as_ref(), large.as_os_str(), large.as_os_str()]);
+    let output = compare.clone().run();
+    refused(&output, &["large.png", "30000 x 30000", "900000000 pixels of a picture", "--limit picture.pixels=N allows more"]);
+    below_mib(&output, 200);
+    // A row of this one is larger than all that is allowed.
+    std::fs::write(&large, png_without_pixels(i32::MAX as u32)).expect("written");
+    refused(&compare.clone().run(), &["large.png", "67108864 pixels; --limit picture.pixels=N allows more"]);
+    std::fs::write(&large, png_without_pixels(30_000)).expect("written");
+    // With more it is damaged.
+    let output = compare.clone().arg("--limit").arg("picture.pixels=900_000_000").memory_mib(16_000).run();
+    refused(&output, &["large.png"]);
+    assert!(!output.stderr.contains("--limit"), "{output:?}");
+    refused(&compare.arg("--limit").arg("picture.pixel=1").run(), &["there is no limit picture.pixel;"]);
+    // What a replay has left is read again, too.
+    let out = home.path().join("out");
+    done(
+        &fillrate(["replay".as_ref(), "traces/triangle".as_ref(), "--out".as_ref(), out.as_os_str()])
+            .current_dir(REPOSITORY)
+            .run(),
+    );
+    std::fs::write(out.join("frame-0000.png"), png_without_pixels(30_000)).expect("written");
+    let output = fillrate(["report".as_ref(), out.as_os_str()]).current_dir(REPOSITORY).run();
+    refused(&output, &["frame-0000.png", "30000 x 30000", "--limit picture.pixels=N allows more"]);
 }
 
 #[test]

@@ -20,6 +20,7 @@ mod memory;
 mod nested_text;
 #[cfg(unix)]
 mod outputs;
+mod pictures;
 #[cfg(unix)]
 mod process;
 mod raster;

@@ -34,7 +34,7 @@ use self::blocks::Built;
 use class::Sorted;
 use drawing::Drawing;
 use mem::{ClientCounts, Crossbar, requests};
-use num::{Limit, LimitOverrun, Limits, NEVER, OUR_FAULT};
+use num::{Cycle, Limit, LimitOverrun, Limits, NEVER, OUR_FAULT};
 use parts::Parts;
 use report::Readings;
 use sim::{self, Circuit, Clock, Stuck, Wire};
@@ -72,6 +72,16 @@ pub enum MachineError {
     Left(String),
 }
 
+/// What a run may take.
+#[derive(Clone, Copy, Debug)]
+struct Most {
+    cycles: Limit,
+    steps: Limit,
+}
+
+/// Cycles between two looks at the steps of a run.
+const LOOK: Cycle = 1 << 14;
+
 /// Events that are read ahead of the command processor.
 const AHEAD: usize = 2;
 
@@ -82,21 +92,21 @@ pub struct Machine {
     card: Card,
     clients: Vec<(&'static str, usize)>,
     network: Option<NetworkMap>,
-    /// The most cycles of a run; none: as many as it takes.
-    cycles: Option<Limit>,
+    /// The most cycles and steps of a run; none: as many as it takes.
+    most: Option<Most>,
 }
 
 /// Written out: what a derived one calls is compiled again in each package that clones a machine.
 impl Clone for Machine {
     fn clone(&self) -> Machine {
-        let Machine { config, circuit, card, clients, network, cycles } = self;
+        let Machine { config, circuit, card, clients, network, most } = self;
         Machine {
             config: config.clone(),
             circuit: circuit.clone(),
             card: card.clone(),
             clients: clients.clone(),
             network: network.clone(),
-            cycles: *cycles,
+            most: *most,
         }
     }
 }
@@ -119,12 +129,12 @@ impl Machine {
             config.core.execution,
             (class.state)(config),
         );
-        Ok(Machine { config: config.clone(), circuit, card, clients, network, cycles: None })
+        Ok(Machine { config: config.clone(), circuit, card, clients, network, most: None })
     }
 
-    /// The same machine, which stops with an error behind the cycle that is the limit.
+    /// The same machine, which stops with an error behind the cycle that is the limit, and soon behind the step that is the limit.
     pub fn within(self, limits: &Limits) -> Machine {
-        Machine { cycles: Some(limits.work_cycles), ..self }
+        Machine { most: Some(Most { cycles: limits.work_cycles, steps: limits.work_machine }), ..self }
     }
 
     /// From now on, each draw of a pass is reported. No result depends on it.
@@ -262,7 +272,10 @@ impl Machine {
     ) -> Result<(), MachineError> {
         // Without a watcher, one comparison in each cycle that is visited.
         let mut due = watcher.as_ref().map_or(NEVER, |watcher| watcher.due());
-        let last = self.cycles.map_or(NEVER, Limit::get);
+        let last = self.most.map_or(NEVER, |most| most.cycles.get());
+        // When the steps are looked at next, and the limit once they have passed it.
+        let (mut look, mut passed) = (self.most.map_or(NEVER, |_| self.circuit.wires().now() / LOOK * LOOK + LOOK), None);
+        let steps = self.most.map(|most| most.steps);
         self.card.closed = false;
         let sort = self.config.card.sort;
         // A free-running display is never quiet; what is on its way when a frame ends belongs to the next.
@@ -298,9 +311,15 @@ impl Machine {
                     watcher.read(circuit.wires().reading_at(due));
                     due = watcher.due();
                 }
+                let now = circuit.wires().now();
+                if now >= look {
+                    let at = now / LOOK * LOOK;
+                    look = at + LOOK;
+                    passed = steps.filter(|steps| circuit.wires().steps_at(at) > steps.get());
+                }
                 // In most cycles the command processor is at an event that is not the last one, and nothing asks for a stop.
                 let (at, fault) = (&circuit.command, card.fault.is_some());
-                let over = circuit.wires().now() > last;
+                let over = now > last || passed.is_some();
                 let stops = fault | over | card.phases.marked() | circuit.scanout.captures() | free;
                 if card.events.len() > 1 && !(stops | at.idle() | at.frame_over()) {
                     return false;
@@ -341,7 +360,8 @@ impl Machine {
                 return Err(fault.into());
             }
             ran?;
-            if let Some(limit) = self.cycles.filter(|limit| self.circuit.wires().now() > limit.get()) {
+            let cycles = self.most.map(|most| most.cycles).filter(|cycles| self.circuit.wires().now() > cycles.get());
+            if let Some(limit) = cycles.or(passed) {
                 return Err(LimitOverrun::of(limit).into());
             }
             if free && drawing.is_stuck(&self.circuit, patience) {

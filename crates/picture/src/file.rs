@@ -1,7 +1,6 @@
 //! Files of pictures.
 
-use std::fs::File;
-use std::io::{BufRead, BufReader, Cursor, Seek};
+use std::io::{BufRead, BufReader, Cursor, Read, Seek};
 
 use image::codecs::png::PngEncoder;
 use image::{
@@ -62,13 +61,18 @@ pub enum ReadError {
         /// The limit.
         error: LimitExceeded,
     },
+    /// Its decoder needs more memory than a picture of as many pixels as are allowed.
+    #[error(
+        "a row of its picture, or what is packed beside it, needs more memory than {0} pixels; --limit picture.pixels=N allows more"
+    )]
+    Room(u64),
 }
 
 /// Reads a PNG or PNM file. Its first bytes say which it is.
 ///
 /// # Errors
 /// If the file cannot be read, is of another format, or is damaged, or if the picture has more pixels than [`Limits::picture_pixels`].
-pub fn read(file: File, limits: &Limits) -> Result<DynamicImage, ReadError> {
+pub fn read<R: Read + Seek>(file: R, limits: &Limits) -> Result<DynamicImage, ReadError> {
     decode(ImageReader::new(BufReader::new(file)).with_guessed_format().map_err(ImageError::IoError)?, limits)
 }
 
@@ -91,17 +95,23 @@ fn decode<R: BufRead + Seek>(mut reader: ImageReader<R>, limits: &Limits) -> Res
     let mut room = image::Limits::no_limits();
     room.max_alloc = Some(limits.picture_pixels.get().saturating_mul(PIXEL).saturating_add(BESIDE));
     reader.limits(room);
-    let decoder = reader.into_decoder()?;
+    let allowed = limits.picture_pixels.get();
+    let refused = |error| match error {
+        ImageError::Limits(_) => ReadError::Room(allowed),
+        error => ReadError::Image(error),
+    };
+    let decoder = reader.into_decoder().map_err(refused)?;
     let (width, height) = decoder.dimensions();
     let pixels = u64::from(width).saturating_mul(u64::from(height));
     limits.picture_pixels.check(pixels).map_err(|error| ReadError::Large { width, height, error })?;
-    Ok(DynamicImage::from_decoder(decoder)?)
+    DynamicImage::from_decoder(decoder).map_err(refused)
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
     use image::{Rgb, RgbImage, Rgba};
+    use std::fs::File;
     use std::io::{Seek, Write};
 
     fn on_disk(bytes: &[u8]) -> File {

@@ -9,6 +9,9 @@ use super::unit::Tick;
 use num::{Cycle, NEVER};
 use stats::{Account, Cycles, Group, Heading, Tree};
 
+/// Steps of the host for an item that goes through a channel: it is made, moved and used up.
+const ITEM_STEPS: u64 = 8;
+
 /// What a channel carries: at most 16 bytes of plain integers, without padding, so that any channel's ring has the same form.
 /// More than that belongs in the machine's context, with an index to it in the token.
 pub trait Token: bytemuck::Pod + std::fmt::Debug {}
@@ -426,6 +429,14 @@ impl Wires {
 
     fn channel_counts(&self) -> impl Iterator<Item = ChannelCounts> {
         self.channels.iter().map(|channel| channel.counts(self.now))
+    }
+
+    /// What the host has done for the cycles before `at`, in steps of about 40 ns: cycles in which units were busy, and [`ITEM_STEPS`] for each item that
+    /// has gone into a channel. Nothing may have moved since `at`, so that both clocks count the same.
+    pub fn steps_at(&self, at: Cycle) -> u64 {
+        let busy: u64 = self.agenda.accounts().map(|account| account.read(at).busy).sum();
+        let items: u64 = self.channels.iter().map(|channel| channel.counts(at).items).sum();
+        busy.saturating_add(ITEM_STEPS.saturating_mul(items))
     }
 
     /// Closes the accounts of all units: who is starved now was idle since. Called at the end of a frame, before reading.

@@ -27,9 +27,23 @@ fn png(size: u32, bits: u8, color: u8, interlaced: bool, chunks: &[u8]) -> Vec<u
     [b"\x89PNG\r\n\x1a\n", &chunk(b"IHDR", &header)[..], chunks, &chunk(b"IEND", &[])].concat()
 }
 
-/// A row of grey pixels for each line of a picture, packed.
+/// A row of pixels of zeros for each line of a picture, packed.
+fn black(size: u32, pixel: usize) -> Vec<u8> {
+    chunk(b"IDAT", &zlib(&vec![0; (pixel * size as usize + 1) * size as usize]))
+}
+
 fn grey(size: u32) -> Vec<u8> {
-    chunk(b"IDAT", &zlib(&vec![0; (size as usize + 1) * size as usize]))
+    black(size, 1)
+}
+
+/// A PNG file whose header says this size, and which has no pixels.
+pub fn png_without_pixels(size: u32) -> Vec<u8> {
+    png(size, 8, 6, false, &chunk(b"IDAT", &zlib(&[])))
+}
+
+/// The size of a picture of the most bytes for a pixel, of which about `n` bytes of a file are enough; at most as large as is allowed.
+fn allowed(n: usize) -> u32 {
+    (((1000 * n / 8) as f64).sqrt() as u32).min(1 << 13)
 }
 
 fn noise(n: usize) -> Vec<u8> {
@@ -64,6 +78,8 @@ pub const PICTURES: &[File] = &[
     }),
     ("large and packed", |n| png(((1000 * n) as f64).sqrt() as u32, 8, 0, false, &grey(((1000 * n) as f64).sqrt() as u32))),
     ("large and interlaced", |n| png(((1000 * n) as f64).sqrt() as u32, 8, 0, true, &grey(((1000 * n) as f64).sqrt() as u32))),
+    ("as large as allowed", |n| png(allowed(n), 16, 6, false, &black(allowed(n), 8))),
+    ("as large as allowed and interlaced", |n| png(allowed(n), 16, 6, true, &black(allowed(n) + 1, 8))),
     ("larger than its data", |n| png(30_000, 8, 6, false, &chunk(b"IDAT", &zlib(&noise(n))))),
     ("larger than any", |n| png(0x7fff_ffff, 16, 6, false, &chunk(b"IDAT", &zlib(&noise(n))))),
     ("more data than pixels", |n| png(1, 8, 0, false, &chunk(b"IDAT", &zlib(&vec![0; 1000 * n])))),
