@@ -1,6 +1,7 @@
 //! The whole machine: its laws, its images on every sort class, what each skip may and may not change, real cards, estimates of
 //! cycles, and what the model's own shortcuts cost.
 
+mod bins;
 mod common;
 mod culls;
 mod display;

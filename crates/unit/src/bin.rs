@@ -16,6 +16,16 @@ use sim::{Budget, Counted, In, Out, StallProbe, Tick, Unit, Wires};
 use stats::Heading;
 use work::{BLOCK, End, Signature, Triangle};
 
+knob::choices! {
+    /// How often vertices of triangles in lists are kept.
+    pub enum Vertices {
+        /// Once for all triangles of a segment that have them; those of clipped triangles for each.
+        Once "once",
+        /// For each triangle.
+        Each "each",
+    }
+}
+
 knob::knobs! {
     /// Binning of triangles into the lists of tiles.
     pub struct BinConfig {
@@ -27,8 +37,14 @@ knob::knobs! {
         entries_per_cycle: u32 ["entries/cycle", Allowed::Range(1, 64), "one tile a cycle"],
         /// How precisely the tiles of a triangle are found.
         overlap: Overlap ["", Allowed::Choice(Overlap::NAMES), "exact (\"perfect tiling\") since 2010; bounding boxes before (Antochi et al. 2004)"],
-        /// Bytes that are kept of a triangle for all tiles that it is in the list of.
-        triangle_bytes: u32 ["bytes", Allowed::Range(16, 1024), "three transformed vertices: positions and eight words of attributes"],
+        /// Bytes that are kept of a triangle besides its vertices, for all tiles that it is in the list of.
+        triangle_bytes: u32 ["bytes", Allowed::Range(1, 1024), "assumed: three references to vertices"],
+        /// How often transformed vertices are kept.
+        vertices: Vertices ["", Allowed::Choice(Vertices::NAMES), "assumed: as index buffers have them; a draw is kept in parts"],
+        /// Bytes that are kept of a vertex's position.
+        position_bytes: u32 ["bytes", Allowed::Range(1, 64), "four components of 32 bits"],
+        /// Bytes that are kept of each word that a vertex has for the fragment stage.
+        word_bytes: u32 ["bytes", Allowed::Range(1, 4), "assumed: 2, packed to 16 bits; 4 without compression"],
         /// Whether entries of lists are stored as differences to the one before: 1 to 5 bytes instead of 4.
         compression: bool ["", Allowed::Switch, "variable-length differences"],
         /// Whether opaque quads of a tile are held back until it is known which of them are seen, and only these are shaded.
@@ -42,9 +58,32 @@ knob::knobs! {
         segments: u32 ["segments", Allowed::Range(1, 65535), "assumed: the states of draws lie in memory, as lists do"],
         /// Requests for lists and triangles in flight, in each pipeline.
         misses: u32 ["requests", Allowed::Range(4, 1024), "covers the latency of memory"],
+        /// Lines of 64 bytes of triangles and vertices that each pipeline keeps for the next triangles.
+        cache_lines: u32 ["lines", Allowed::PowerOfTwo(4, 4096), "assumed: 8 KB, the vertices of a tile and its neighbour"],
         /// Triangles read ahead of their setup, in each pipeline.
         fifo: u32 ["triangles", Allowed::Range(1, 1024), "covers the latency of memory"],
     }
+}
+
+impl BinConfig {
+    /// Bytes that are kept of a vertex of a segment.
+    pub fn vertex_bytes(&self, work: &Work) -> u64 {
+        let words = work.draw.fragment.map_or(0, |shape| shape.inputs);
+        u64::from(self.position_bytes + words * self.word_bytes)
+    }
+
+    /// Whether a triangle shares its vertices with others. Clipping makes new ones.
+    pub fn shares(&self, work: &Work, triangle: u32) -> bool {
+        let primitive = work.segment.triangles[triangle as usize].primitive;
+        self.vertices == Vertices::Once && !work.segment.primitives[primitive as usize].clipped
+    }
+}
+
+/// The vertices of a triangle, line or point, each once.
+pub(super) fn distinct(work: &Work, triangle: u32) -> impl Iterator<Item = u32> + use<> {
+    let primitive = work.segment.triangles[triangle as usize].primitive;
+    let own = work.segment.primitives[primitive as usize].vertices;
+    (0..3).filter(move |&n| !own[..n].contains(&own[n])).map(move |n| own[n])
 }
 
 /// Where binning counts.
@@ -53,11 +92,13 @@ pub const BINNING: Heading = Heading::new("binning", "Sort-middle-binned: the li
 stats::counters! {
     /// What binning costs.
     pub struct BinCounts {
-        /// Bytes of triangles written.
+        /// Vertices written.
+        vertices: "vertices",
+        /// Bytes of triangles and vertices written.
         triangle_bytes: "bytes",
         /// Bytes of list entries written.
         list_bytes: "bytes",
-        /// Bytes of lists and triangles read back.
+        /// Bytes of lists, triangles and vertices read back.
         read_bytes: "bytes",
         /// Tiles drawn.
         tiles: "tiles",
@@ -74,7 +115,7 @@ stats::counters! {
     }
 }
 
-/// Where triangles and lists lie in memory: above all that traces use.
+/// Where triangles, with their vertices, and lists lie in memory: above all that traces use.
 const TRIANGLES: u64 = 1 << 40;
 const LISTS: u64 = 1 << 41;
 
@@ -135,8 +176,13 @@ pub struct Bin {
     next: usize,
     /// Lists as they are written, by tile.
     lists: Vec<Writing>,
-    /// Triangles kept, bytes of chunks allocated.
+    /// Triangles kept, bytes that they and their vertices take, and those of these bytes that have been given to the port.
     triangles: u64,
+    kept: u64,
+    sent: u64,
+    /// The address of the current triangle's record.
+    record: u64,
+    /// Chunks allocated.
     chunks: u64,
     /// Fences held back until tiles are drawn.
     fences: VecDeque<(u16, Kind)>,
@@ -164,6 +210,9 @@ impl Bin {
             next: 0,
             lists: Vec::new(),
             triangles: 0,
+            kept: 0,
+            sent: 0,
+            record: 0,
             chunks: 0,
             fences: VecDeque::new(),
             writes: VecDeque::new(),
@@ -235,13 +284,44 @@ impl Bin {
         if !self.config.compression {
             return 4;
         }
-        let difference = self.triangles - self.lists[tile as usize].last;
+        let difference = self.triangles - 1 - self.lists[tile as usize].last;
         (u64::BITS - (difference | 1).leading_zeros()).div_ceil(7)
     }
 
     /// Bytes of memory in use.
     fn used(&self) -> u64 {
-        self.triangles * u64::from(self.config.triangle_bytes) + self.chunks * CHUNK
+        self.kept + self.chunks * CHUNK
+    }
+
+    /// Keeps a triangle, whose tiles are known, with those of its vertices that are not kept yet.
+    fn keep(&mut self, card: &mut Card, token: TriangleToken) {
+        let Card { work, kept, .. } = card;
+        let work = work[usize::from(token.slot)].as_ref().expect("a triangle's segment is in flight");
+        let (before, bytes) = (self.kept, self.config.vertex_bytes(work));
+        for vertex in distinct(work, token.triangle) {
+            let shared = self.config.shares(work, token.triangle);
+            if shared && kept.of(token.slot, vertex).is_some() {
+                continue;
+            }
+            if shared {
+                kept.keep(token.slot, (vertex, work.segment.vertices.len()), TRIANGLES + self.kept);
+            }
+            self.kept += bytes;
+            self.counts.vertices += 1;
+        }
+        self.record = TRIANGLES + self.kept;
+        self.kept += u64::from(self.config.triangle_bytes);
+        self.triangles += 1;
+        self.counts.triangle_bytes += self.kept - before;
+        self.send(self.kept / REQUEST_BYTES * REQUEST_BYTES);
+    }
+
+    /// Gives what is kept to the port, up to some byte: whole requests, until the last.
+    fn send(&mut self, to: u64) {
+        if to > self.sent {
+            self.writes.extend(requests(TRIANGLES + self.sent, (to - self.sent) as u32));
+            self.sent = to;
+        }
     }
 
     fn write(&mut self, address: u64, bytes: u32) {
@@ -258,7 +338,8 @@ impl Bin {
     /// Appends the current triangle to a tile's list.
     fn append(&mut self, card: &mut Card, tile: u32, token: TriangleToken) {
         let bytes = self.entry_bytes(tile);
-        let number = self.triangles;
+        // The current triangle is kept already.
+        let number = self.triangles - 1;
         let list = &mut self.lists[tile as usize];
         let mut left = u64::from(bytes);
         let mut parts = [(0, 0); 2];
@@ -287,8 +368,7 @@ impl Bin {
             self.write(address, bytes);
         }
         let TriangleToken { slot, triangle, .. } = token;
-        let address = TRIANGLES + number * u64::from(self.config.triangle_bytes);
-        card.bins[tile as usize].push(TileEntry { slot, bytes: bytes as u8, triangle, address });
+        card.bins[tile as usize].push(TileEntry { slot, bytes: bytes as u8, triangle, address: self.record });
         self.counts.list_bytes += u64::from(bytes);
         self.sorting.copy(1, bytes, false);
     }
@@ -344,9 +424,10 @@ impl Bin {
                 }
                 let work = card.work[usize::from(token.slot)].as_ref().expect("a triangle's segment is in flight");
                 let triangle = &work.segment.triangles[token.triangle as usize];
-                // The largest triangle takes a chunk in every list.
+                // The largest triangle takes a chunk in every list, and no vertex of it is kept.
                 self.find_tiles(card, work, triangle);
-                let need = u64::from(self.config.triangle_bytes) + self.tiles.len() as u64 * CHUNK;
+                let vertices = 3 * self.config.vertex_bytes(work);
+                let need = vertices + u64::from(self.config.triangle_bytes) + self.tiles.len() as u64 * CHUNK;
                 if self.triangles > 0 && self.used() + need > u64::from(self.config.memory_kib) << 10 {
                     self.tiles.clear();
                     self.counts.memory_full += 1;
@@ -360,8 +441,7 @@ impl Bin {
                     continue;
                 }
                 self.sorting.sent += 1;
-                self.counts.triangle_bytes += u64::from(self.config.triangle_bytes);
-                self.write(TRIANGLES + self.triangles * u64::from(self.config.triangle_bytes), self.config.triangle_bytes);
+                self.keep(card, token);
             }
             while let Some(&tile) = self.tiles.get(self.next) {
                 if !entries.spend() || self.writes.len() >= WRITES {
@@ -372,7 +452,6 @@ impl Bin {
                 did = Tick::Moved;
             }
             self.tiles.clear();
-            self.triangles += 1;
             self.merge.take(wires, &mut self.ports.input, from, token);
         }
     }
@@ -381,6 +460,7 @@ impl Bin {
     fn draw(&mut self, partial: bool) {
         self.counts.partial_renders += u64::from(partial);
         self.unsigned |= partial;
+        self.send(self.kept);
         self.state = State::Drawing { tile: 0, partial };
     }
 
@@ -494,7 +574,8 @@ impl Unit<Card> for Bin {
                     *list = Writing::default();
                     tile.clear();
                 }
-                (self.triangles, self.chunks) = (0, 0);
+                card.kept.clear();
+                (self.triangles, self.kept, self.sent, self.chunks) = (0, 0, 0, 0);
                 self.state = State::Binning;
                 did = Tick::Moved;
             }

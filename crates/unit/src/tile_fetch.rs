@@ -3,13 +3,18 @@
 
 use std::collections::VecDeque;
 
-use super::bin::BinConfig;
+use super::bin::{BinConfig, distinct};
 use super::card::Card;
 use super::misses::Misses;
 use super::network::Stall;
+use super::tags::Tags;
 use super::token::{Kind, TileToken, TriangleToken};
-use mem::{MemoryPort, requests};
+use mem::{MemoryPort, REQUEST_BYTES, requests};
 use sim::{In, Out, StallProbe, Tick, Unit, Wires};
+use work::LINE;
+
+/// Ways of the cache of triangles and vertices.
+const WAYS: u32 = 4;
 
 /// Ports of tile reading.
 #[derive(Clone)]
@@ -43,6 +48,8 @@ pub struct TileFetch {
     next: usize,
     offset: u64,
     chunks: usize,
+    /// Lines of triangles and vertices that are here or on their way: all that came before an entry is waited for with it.
+    tags: Tags<()>,
     /// Requests to be sent: address and bytes.
     requests: VecDeque<(u64, u32)>,
     fifo: VecDeque<Entry>,
@@ -57,6 +64,7 @@ impl TileFetch {
             next: 0,
             offset: 0,
             chunks: 0,
+            tags: Tags::new(config.cache_lines, WAYS),
             requests: VecDeque::new(),
             fifo: VecDeque::with_capacity(config.fifo as usize + 1),
             items: 0,
@@ -69,6 +77,43 @@ impl TileFetch {
     fn request(&mut self, address: u64, bytes: u32) -> u64 {
         self.requests.extend(requests(address, bytes));
         u64::from(bytes)
+    }
+
+    /// Requests those lines of some bytes that are not here; gives how many bytes. Neighbours are one request.
+    fn request_lines(&mut self, address: u64, bytes: u64) -> u64 {
+        let mut asked = 0;
+        for line in address / LINE..(address + bytes).div_ceil(LINE) {
+            if self.tags.find(line).is_some() {
+                continue;
+            }
+            let place = self.tags.victim(line, |()| true).expect("any line may go");
+            self.tags.replace(place, line, ());
+            asked += LINE;
+            match self.requests.back_mut() {
+                Some((last, length))
+                    if *last + u64::from(*length) == line * LINE && !(line * LINE).is_multiple_of(REQUEST_BYTES) =>
+                {
+                    *length += LINE as u32;
+                }
+                _ => self.requests.push_back((line * LINE, LINE as u32)),
+            }
+        }
+        asked
+    }
+
+    /// Requests a triangle and its vertices; gives how many bytes.
+    fn request_triangle(&mut self, card: &Card, slot: u16, triangle: u32, record: u64) -> u64 {
+        let work = card.work(slot);
+        let (vertex, own) = (self.config.vertex_bytes(work), u64::from(self.config.triangle_bytes));
+        let vertices = distinct(work, triangle);
+        if !self.config.shares(work, triangle) {
+            let before = vertices.count() as u64 * vertex;
+            return self.request_lines(record - before, before + own);
+        }
+        let of_vertices: u64 = vertices
+            .map(|n| self.request_lines(card.kept.of(slot, n).expect("binning keeps the vertices of what it lists"), vertex))
+            .sum();
+        of_vertices + self.request_lines(record, own)
     }
 
     /// Reads the current tile as far as there is room.
@@ -88,6 +133,8 @@ impl TileFetch {
                 if !wires.try_push(&self.ports.read, TileToken { tile, slot, kind }) {
                     return did.or(Tick::Blocked);
                 }
+                // What follows lies where this was.
+                self.tags.clear();
                 wires.take(&self.ports.input);
                 did = Tick::Moved;
                 continue;
@@ -108,7 +155,7 @@ impl TileFetch {
                 did = Tick::Moved;
                 continue;
             };
-            // 3. A triangle: the chunk of the list that names it, and its own bytes.
+            // 3. A triangle: the chunk of the list that names it, its own bytes, and its vertices.
             let list = &card.bins[tile as usize];
             let end = self.offset + u64::from(entry.bytes);
             let mut bytes = 0;
@@ -118,7 +165,7 @@ impl TileFetch {
                 bytes += self.request(chunk, length as u32);
                 self.chunks += 1;
             }
-            bytes += self.request(entry.address, self.config.triangle_bytes);
+            bytes += self.request_triangle(card, entry.slot, entry.triangle, entry.address);
             card.bins[tile as usize].read_bytes += bytes;
             self.offset = end;
             self.next += 1;

@@ -6,9 +6,10 @@ use std::ops::Range;
 use super::flow::{Pipeline, Rates, UNITS, Work, work_of};
 use super::{BLOCKS, Bound, Roofs, compressed};
 use mem::REQUEST_BYTES;
+use unit::bin::Vertices;
 use unit::compression::Codec;
 use unit::distribute::Overlap;
-use work::profile::{AttachmentProfile, BINS, Cell, DrawProfile, Window};
+use work::profile::{AttachmentProfile, BINS, Cell, DrawProfile, REUSE, Window};
 use work::{LINE, TILE};
 
 /// Bytes of a list that are allocated at a time.
@@ -26,9 +27,6 @@ const QUEUED: usize = 5;
 /// Bytes of a request in addition to what is written.
 const HEADER: f64 = 8.0;
 
-/// Bytes of a sector, which is fetched when a part of it is written.
-const SECTOR: f64 = 32.0;
-
 /// Where triangles and lists lie in the cache in miniature, in groups of 256 bytes: above all that traces use.
 const TRIANGLES: u32 = 3 << 28;
 const LISTS: u32 = 7 << 27;
@@ -37,7 +35,7 @@ const LISTS: u32 = 7 << 27;
 pub(super) struct Lists {
     /// Entries for each triangle in a screen tile, by draw.
     entries: Vec<f64>,
-    /// Bytes of an entry, and of a triangle.
+    /// Bytes of an entry, and of a triangle with those vertices that are kept with it, on average.
     entry: f64,
     triangle: f64,
     /// What is binned before tiles are drawn: all of the pass, or what fits.
@@ -84,15 +82,30 @@ impl Lists {
         [triangles, entries, triangles * self.triangle + entries * self.entry]
     }
 
-    /// Bytes that are fetched because parts of sectors are written: those of entries, and of triangles that end inside of one.
+    /// Bytes that are fetched because parts of sectors are written: those of entries.
     pub fn completed(&self) -> f64 {
-        let [triangles, entries, _] = self.sums();
-        let ends = if (self.triangle as u32).is_multiple_of(SECTOR as u32) { 0.0 } else { 0.5 * SECTOR };
-        triangles * ends + entries * self.entry
+        self.sums()[1] * self.entry
     }
 }
 
 impl Bound<'_> {
+    /// Bytes that are kept of a triangle of a draw. Triangles that are drawn have vertices in common as all of the draw have; those of clipped
+    /// primitives have their own.
+    fn kept_bytes(&self, draw: &DrawProfile) -> f64 {
+        let bin = &self.config.bin;
+        let primitives = draw.primitives.max(1) as f64;
+        let vertices = match bin.vertices {
+            Vertices::Each => 3.0,
+            Vertices::Once => {
+                let clipped = draw.clipped as f64 / primitives;
+                let shared = (draw.shaded_vertices[REUSE.len() - 1] as f64 / primitives).min(3.0);
+                3.0 * clipped + (1.0 - clipped) * shared
+            }
+        };
+        let vertex = u64::from(bin.position_bytes) + draw.varyings * u64::from(bin.word_bytes);
+        f64::from(bin.triangle_bytes) + vertices * vertex as f64
+    }
+
     /// The lists of a pass.
     pub(super) fn lists(&self, draws: &[DrawProfile], windows: &[Window], cells: &[Cell]) -> Lists {
         let config = &self.config.bin;
@@ -100,7 +113,11 @@ impl Bound<'_> {
         let exact = usize::from(config.overlap == Overlap::Bounds);
         let ratio = |draw: &DrawProfile| draw.bins[exact][at] as f64 / draw.visits.max(1) as f64;
         let entries: Vec<f64> = draws.iter().map(ratio).collect();
-        let (entry, triangle) = (ENTRY[usize::from(config.compression)], f64::from(config.triangle_bytes));
+        let own: f64 = windows.iter().map(|window| f64::from(window.triangles)).sum();
+        let kept = |window: &Window| f64::from(window.triangles) * self.kept_bytes(&draws[window.draw as usize]);
+        let triangle = windows.iter().map(kept).sum::<f64>() / own.max(1.0);
+        let triangle = if own > 0.0 { triangle } else { f64::from(config.triangle_bytes) };
+        let entry = ENTRY[usize::from(config.compression)];
         let (mut rounds, mut round, mut segments, mut first) = (Vec::new(), Round::default(), 0, 0);
         // Fences of all segments that can be kept but one are held back.
         let most = config.segments.saturating_sub(1).max(1);
@@ -213,17 +230,16 @@ impl Bound<'_> {
         let grid = size.map(|pixels| pixels.div_ceil(TILE) as usize);
         let (config, pipelines) = (self.config, self.config.card.pipelines as usize);
         let bin = &config.bin;
-        // 1. Binning: a write for each triangle, and for each entry.
+        // 1. Binning: triangles in whole requests, and a write for each entry.
         let [triangles, entries, bytes] = lists.sums();
-        let bytes = bytes + HEADER * (triangles * (1.0 + (lists.triangle - 1.0) / REQUEST_BYTES as f64) + entries);
+        let bytes = bytes + HEADER * (triangles * lists.triangle / REQUEST_BYTES as f64 + entries);
         let port = f64::from(config.memory.port_width);
         let taken = triangles / f64::from(bin.triangles_per_cycle);
         let units = [("bin", taken.max(entries / f64::from(bin.entries_per_cycle))), ("bin port", bytes / port)];
         units.into_iter().for_each(|(unit, cycles)| roofs[0].add(unit, cycles));
         let binning = units[0].1.max(units[1].1);
-        // 2. Reading: so many requests are on their way.
-        let crossing = 1.0 + (lists.triangle - 1.0) / REQUEST_BYTES as f64;
-        let entry = (crossing * latency / f64::from(bin.misses)).max(lists.triangle / port)
+        // 2. Reading, line by line: so many requests are on their way.
+        let entry = (lists.triangle / LINE as f64 * latency / f64::from(bin.misses)).max(lists.triangle / port)
             + lists.entry / CHUNK * latency / f64::from(bin.misses);
         // 3. At the end of a tile its blocks leave one a cycle, and over the port; meanwhile nothing goes on.
         let subtiles = f64::from((TILE / bin.tile).pow(2));

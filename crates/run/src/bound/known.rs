@@ -48,6 +48,7 @@ impl Holds {
 /// Knobs that change cycles and that no estimate reads: the values for which estimates hold, and what the others have that is not estimated.
 const HELD: &[(&str, Holds, &str)] = &[
     ("assembly.deal", Is(&["round-robin", "least-loaded"]), "one run of a pass for each pipeline"),
+    ("bin.cache_lines", AtLeast(32), "vertices that tiles read again"),
     ("bin.hide", Is(&["false"]), "quads that are held back"),
     ("bin.skip_same_tiles", Is(&["false"]), "tiles that are left out"),
     ("clip.cull_facing", Is(&["true"]), "triangles that are not drawn"),
@@ -125,7 +126,6 @@ const SLIGHT: &[&str] = &[
     "bin.memory_kib",
     "bin.overlap",
     "bin.segments",
-    "bin.triangle_bytes",
     "clock_mhz",
     "color.blend_full",
     "color.blend_halves",

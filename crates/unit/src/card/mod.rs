@@ -18,7 +18,7 @@ pub use self::in_flight::{Ahead, ComputeWork, Group, Output, Work};
 pub use self::pass::{DepthStart, PassState};
 pub use self::pool::Pool;
 pub use self::presented::Presented;
-pub use self::tiles::{TileEntry, TileList};
+pub use self::tiles::{KeptVertices, TileEntry, TileList};
 
 use self::notes::Notes;
 use std::collections::VecDeque;
@@ -61,6 +61,8 @@ pub struct Card {
     pub interleave: Interleave,
     /// The lists of tiles, by number, on a machine that bins.
     pub bins: Vec<TileList>,
+    /// The vertices that these share.
+    pub kept: KeptVertices,
     /// What the command processor has begun in this frame.
     pub phases: Phases,
     /// What was thrown away where, on this machine.
@@ -105,6 +107,7 @@ impl Card {
             class_state,
             interleave,
             bins: Vec::new(),
+            kept: KeptVertices::default(),
             phases: Phases::default(),
             funnel: Funnels::new(segments),
             events: VecDeque::new(),

@@ -1,5 +1,7 @@
 //! The lists of tiles, where triangles are binned.
 
+use std::num::NonZeroU64;
+
 /// A triangle in a tile's list.
 #[derive(Clone, Copy, Debug)]
 pub struct TileEntry {
@@ -9,8 +11,39 @@ pub struct TileEntry {
     pub bytes: u8,
     /// The triangle in its segment.
     pub triangle: u32,
-    /// Where in memory the triangle is kept.
+    /// Where in memory its record is, behind those vertices that are its own.
     pub address: u64,
+}
+
+/// Where the vertices of triangles in lists are kept in memory, those that triangles share.
+#[derive(Clone, Debug, Default)]
+pub struct KeptVertices {
+    /// By slot of the segment and number of the vertex.
+    addresses: Vec<Vec<Option<NonZeroU64>>>,
+}
+
+impl KeptVertices {
+    /// The address of a vertex, if it is kept.
+    #[inline(always)]
+    pub fn of(&self, slot: u16, vertex: u32) -> Option<u64> {
+        self.addresses.get(usize::from(slot))?.get(vertex as usize)?.map(NonZeroU64::get)
+    }
+
+    /// Keeps a vertex, of so many in its segment, at an address, which is not 0.
+    pub fn keep(&mut self, slot: u16, (vertex, count): (u32, usize), address: u64) {
+        let slot = usize::from(slot);
+        if self.addresses.len() <= slot {
+            self.addresses.resize_with(slot + 1, Vec::new);
+        }
+        let own = &mut self.addresses[slot];
+        own.resize(count, None);
+        own[vertex as usize] = NonZeroU64::new(address);
+    }
+
+    /// Forgets all.
+    pub fn clear(&mut self) {
+        self.addresses.iter_mut().for_each(Vec::clear);
+    }
 }
 
 /// The list of a tile. Binning writes it, and the pipeline that draws the tile reads it, from the tile's token on.
@@ -22,7 +55,7 @@ pub struct TileList {
     pub chunks: Vec<u64>,
     /// Bytes of its entries.
     pub bytes: u64,
-    /// Bytes read of it and its triangles.
+    /// Bytes read of it, its triangles and their vertices.
     pub read_bytes: u64,
 }
 
