@@ -5,6 +5,8 @@ use anyhow::Result;
 use super::bench::Bench;
 use super::recipes::{Grid, Mesh};
 use super::{Because, Benchmark, Class, Family, seen, unconfirmed};
+use crate::scenes::kit::{Draw, Kit, Pass};
+use gfx::format::Format;
 use gfx::state::*;
 
 /// A benchmark of this family on the GeForce GTX 980.
@@ -69,6 +71,20 @@ pub(super) const BENCHMARKS: &[Benchmark] = &[
         measure: |bench| {
             Ok(vec![triangles(bench, CULLED, IndexFormat::Uint32)? / triangles(bench, CULLED, IndexFormat::Uint16)?])
         },
+        ..GEOMETRY
+    },
+    Benchmark {
+        name: "tri-attributes",
+        what: "layers with 1, 2, 3, 4 interpolated vectors of four words",
+        unit: "of the time with 4 vectors",
+        published: &[0.5, 0.5, 0.75, 1.0],
+        class: Class::Shape,
+        source: unconfirmed(
+            "special function units interpolate: 32 words a cycle in each of 16 multiprocessors, for 64 pixels of the ROPs",
+        ),
+        fault: &["interpolate.words_per_cycle=4"],
+        because: Some(Because { what: "a quad takes whole cycles of interpolation, of 8 words each", off: 0.25 }),
+        measure: attributes,
         ..GEOMETRY
     },
     Benchmark {
@@ -139,6 +155,37 @@ fn reused(bench: &Bench) -> Result<Vec<f64>> {
         Ok(phase.counts.funnel.vertices_shaded as f64)
     };
     [96, 99, 384].into_iter().map(of).collect()
+}
+
+/// The time of layers with 1, 2, 3, 4 interpolated vectors, divided by that of the last.
+fn attributes(bench: &Bench) -> Result<Vec<f64>> {
+    let of = |vectors: usize| {
+        let each = |of: &dyn Fn(usize) -> String| (0..vectors).map(of).collect::<String>();
+        let fields = each(&|n| format!("@location({n}) v{n}: vec4f, "));
+        let values = each(&|n| format!(", c * {}.0", n + 1));
+        let sum = (0..vectors).map(|n| format!("v.v{n}")).collect::<Vec<_>>().join(" + ");
+        let source = format!(
+            "struct V {{ @builtin(position) at: vec4f, {fields} }}
+             @vertex fn vs(@builtin(vertex_index) i: u32) -> V {{
+                 let c = vec4f(f32(i & 1u), f32(i >> 1u), 0.5, 1.0);
+                 return V(vec4f(c.xy * 4.0 - 1.0, 0.5, 1.0){values});
+             }}
+             @fragment fn fs(v: V) -> @location(0) vec4f {{ return {sum}; }}"
+        );
+        bench.slope(
+            &|layers| {
+                let mut kit = Kit::new("attributes");
+                let target = kit.target("target", [256, 256], Format::Rgba8Unorm);
+                let mut draw = Draw::list(source.clone(), 0, Vec::new()).count(3);
+                draw.instances = layers;
+                kit.pass(&Pass { color: vec![(target, Some([0.0; 4]))], ..Pass::default() }, &[draw]);
+                kit.finish()
+            },
+            [8, 24],
+        )
+    };
+    let times = [1, 2, 3, 4].into_iter().map(of).collect::<Result<Vec<f64>>>()?;
+    Ok(times.iter().map(|time| time / times[3]).collect())
 }
 
 fn draws(bench: &Bench) -> Result<Vec<f64>> {

@@ -196,6 +196,20 @@ pub(super) const BENCHMARKS: &[Benchmark] = &[
         ..ROP
     },
     Benchmark {
+        name: "hiz",
+        card: "rx-5700-xt",
+        what: "layers behind another, which fail a depth test",
+        unit: "pixels/cycle",
+        published: &[256.0],
+        class: Class::C,
+        source: seen(
+            "AMD GCN white paper (2012), p. 12, of the architecture before: a block of 8x8 pixels a cycle in each of four pipelines",
+        ),
+        fault: &["traverse.hierarchical_z=false"],
+        measure: hidden,
+        ..ROP
+    },
+    Benchmark {
         name: "rop-rgba8",
         card: "mali-g57-mc2",
         what: "opaque layers of RGBA8",
@@ -375,6 +389,12 @@ fn targets(bench: &Bench) -> Result<Vec<f64>> {
 fn samples(bench: &Bench, samples: u32) -> Result<f64> {
     let depth = Some((Format::Depth32Float, Compare::LessEqual));
     rate(bench, &Layers { samples, depth, ..Layers::plain(SMALL, Format::Rgba8Unorm) })
+}
+
+/// Pixels per cycle of layers that are as far as the first, and have to be nearer.
+fn hidden(bench: &Bench) -> Result<Vec<f64>> {
+    let depth = Some((Format::Depth32Float, Compare::Less));
+    Ok(vec![rate(bench, &Layers { depth, ..Layers::plain(BIG, Format::Rgba8Unorm) })?])
 }
 
 /// A fragment stage whose colours differ without a pattern between cells of `x` by `y` pixels.
