@@ -165,7 +165,7 @@ limits! {
     /// What shaders do, and what is done around them. A step is one simple operation on up to 64 invocations at once; memory operations are 8,
     /// texture operations 64; a draw is 600, a vertex 4, a triangle in a screen tile 16, a quad of it 3, a workgroup 80. Recorded traces have up to
     /// 587 million.
-    work_steps: "work.shader_steps", 4_000_000_000, "shader steps";
+    work_steps: "work.shader_steps", 3_000_000_000, "shader steps";
     /// Turns of one loop between its entry and its end: a program that needs more hangs a card.
     work_loop_turns: "work.loop_turns", 1 << 20, "turns of a loop";
     /// Bytes that creations, copies, clears, loads of attachments and presents touch. Recorded traces have up to 1.9 GB.
