@@ -13,6 +13,7 @@ mod ideal;
 mod image;
 mod knobs;
 mod laws;
+mod metamorphic;
 mod rendering_elimination;
 mod runs;
 mod shortcuts;
