@@ -1,9 +1,12 @@
 //! What lists of tiles take: vertices once, by their size, and what is read of them.
 
+use crate::common::{self, config};
 use fillrate::gfx::format::Format;
 use fillrate::gfx::state::*;
 use fillrate::machine::Config;
 use fillrate::run::replay::{Fidelity, Options, Replay, replay};
+use fillrate::sim::Clock;
+use fillrate::synthetic::{Scene, events};
 use fillrate::trace::record::{self, Recorder};
 
 /// Cells along an edge of the grid.
@@ -126,4 +129,24 @@ fn a_small_cache_reads_vertices_again() {
     let ((most, small), (least, large)) = (read("4"), read("4096"));
     assert!(most > 1.5 * least, "{most} and {least} bytes");
     assert!(small.frames[0].shown == large.frames[0].shown);
+}
+
+#[test]
+fn bins_are_dealt_to_all_pipelines_whatever_the_tiles_of_the_screen() {
+    // An even load: triangles of 8 pixels everywhere on 256 x 256.
+    let place = |n: u32| [(n % 32 * 8) as f32, (n / 32 * 8) as f32];
+    let shapes = (0..1024).map(|n| {
+        let [x, y] = place(n);
+        [[x, y], [x + 8.0, y], [x, y + 8.0]]
+    });
+    let work = events(&Scene::plain(256, 256, shapes.collect(), 64));
+    for pattern in ["morton", "skewed", "blocks"] {
+        for tile in [8, 16, 32, 64] {
+            let (tile, pattern) = (format!("distribute.tile={tile}"), format!("distribute.pattern={pattern}"));
+            let config = config("sort-middle-binned", &[&tile, &pattern]);
+            let imbalance =
+                common::run(&config, &work, Clock::SkipIdle).total.number("sort.load_imbalance").expect("a statistic");
+            assert!(imbalance < 1.05, "{tile} {pattern}: the busiest pipeline has {imbalance} of the mean");
+        }
+    }
 }

@@ -125,7 +125,7 @@ impl Machine {
             config.card.pipelines as usize,
             config.segments() as usize,
             config.command.workgroup_runs as usize,
-            Interleave::new(config.distribute.pattern, config.card.pipelines, config.distribute.tile),
+            Interleave::new(config.distribute.pattern, config.card.pipelines, config.owned_tile()),
             config.core.execution,
             (class.state)(config),
         );

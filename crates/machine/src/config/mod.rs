@@ -273,6 +273,13 @@ impl Config {
         self.order.keep == Keep::Always && self.card.sort.class().sorted != Sorted::Images
     }
 
+    /// Edge in pixels of the squares of the screen that one pipeline owns: `distribute.tile`, or `bin.tile` where that is larger and tiles are
+    /// drawn from bins, since a pipeline draws a bin whole.
+    pub fn owned_tile(&self) -> u32 {
+        let bins = self.card.sort.class().one_place;
+        if bins { self.distribute.tile.max(self.bin.tile) } else { self.distribute.tile }
+    }
+
     /// What of a render this machine's work depends on: a machine whose early tests cannot see all earlier depths shades quads
     /// that they would have thrown away.
     pub fn render_key(&self) -> RenderKey {

@@ -224,12 +224,12 @@ impl Bound<'_> {
     /// The owner of each cell; none: all in turn.
     fn owners(&self, size: [u32; 2], cells: &[Cell]) -> Vec<Option<u8>> {
         let distribute = &self.config.distribute;
-        let mut interleave = Interleave::new(distribute.pattern, self.config.card.pipelines, distribute.tile);
+        // Of distribute.tile, or bin.tile where that is larger.
+        let tile = self.config.owned_tile();
+        let mut interleave = Interleave::new(distribute.pattern, self.config.card.pipelines, tile);
         interleave.begin_pass(size[0], size[1]);
         // Tiles that are smaller than a screen tile share it evenly.
-        let own = |[x, y]: [u16; 2]| {
-            (distribute.tile >= TILE).then(|| interleave.owner(u32::from(x) * BLOCKS, u32::from(y) * BLOCKS))
-        };
+        let own = |[x, y]: [u16; 2]| (tile >= TILE).then(|| interleave.owner(u32::from(x) * BLOCKS, u32::from(y) * BLOCKS));
         cells.iter().map(|cell| own(cell.tile)).collect()
     }
 
