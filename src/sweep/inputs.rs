@@ -293,7 +293,7 @@ mod tests {
     fn what_differs_is_told_with_both_values() {
         let text = |base: &Config| base.resolved();
         let (mut a, mut b) = (inputs(), inputs());
-        let base = Config::built_in("baseline").expect("it is built in");
+        let base = Config::built_in("four-pipelines").expect("it is built in");
         let mut other = base.clone();
         other.set("texture.cache_lines=32").expect("a knob");
         (a.base, b.base) = (hash(text(&base).as_bytes()), hash(text(&other).as_bytes()));

@@ -358,8 +358,8 @@ mod tests {
 
     #[test]
     fn a_rule_between_knobs_is_one_machines_own_error() {
-        let plan = plan(r#"vary: ["memory.l2.slices=3,4"]"#).expect("a plan");
-        let error = plan.machine(0).expect("a machine").config.expect_err("three slices for four channels");
+        let plan = plan(r#"vary: ["memory.l2.slices=3,16"]"#).expect("a plan");
+        let error = plan.machine(0).expect("a machine").config.expect_err("three slices for eight channels");
         assert!(error.contains("memory.l2.slices") && !error.contains(" with "), "{error}");
         assert!(plan.machine(1).expect("a machine").config.is_ok());
     }

@@ -353,7 +353,7 @@ mod tests {
 
     #[test]
     fn the_baselines_relaxations_are_machines() {
-        let base = Config::built_in("baseline").expect("it is built in");
+        let base = Config::built_in("four-pipelines").expect("it is built in");
         let list = all(&base);
         assert_eq!(
             options(&list, "traverse: twice as fast"),
@@ -385,7 +385,7 @@ mod tests {
 
     #[test]
     fn sections_without_units_are_left_out_and_limits_of_knobs_are_kept() {
-        let mut base = Config::built_in("baseline").expect("it is built in");
+        let mut base = Config::built_in("four-pipelines").expect("it is built in");
         base.traverse.blocks_per_cycle = 8;
         base.dram.burst_cycles = 1;
         let list = all(&base);

@@ -13,9 +13,13 @@ use fillrate::unit::network::Topology;
 use fillrate::unit::scanout::{ScanoutMode, Swap};
 use fillrate::work::*;
 
-/// A built-in configuration with changes.
+/// A built-in configuration with changes. The name of a sort class is the machine of four pipelines with it.
 pub fn config(name: &str, changes: &[&str]) -> Config {
-    let mut config = Config::built_in(name).expect("a built-in configuration");
+    let class = SortClass::NAMES.contains(&name);
+    let mut config = Config::built_in(if class { "four-pipelines" } else { name }).expect("a built-in configuration");
+    if class {
+        config.set(&format!("sort={name}")).unwrap_or_else(|error| panic!("{error}"));
+    }
     for change in changes {
         config.set(change).unwrap_or_else(|error| panic!("{error}"));
     }

@@ -113,7 +113,7 @@ fn machine(class: &str, pipelines: u32, off: &[&str], more: &[&str]) -> Config {
     let mut changes = vec![format!("sort={class}"), format!("pipelines={pipelines}")];
     changes.extend(off.iter().map(|switch| format!("{switch}=false")));
     changes.extend(more.iter().map(|&change| change.to_owned()));
-    config("baseline", &changes.iter().map(String::as_str).collect::<Vec<_>>())
+    config("four-pipelines", &changes.iter().map(String::as_str).collect::<Vec<_>>())
 }
 
 /// Counters that no cull may change.

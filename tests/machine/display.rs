@@ -280,7 +280,7 @@ fn what_cannot_be_shown_is_refused_by_name_and_place() {
     assert!(error.contains("use after-frame"), "{error}");
 
     let rule = |changes: &[&str]| {
-        let mut config = Config::built_in("baseline").expect("built in");
+        let mut config = Config::built_in("four-pipelines").expect("built in");
         changes.iter().for_each(|change| config.set(change).expect("a knob"));
         config.check().expect_err("a rule").to_string()
     };

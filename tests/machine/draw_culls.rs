@@ -106,7 +106,7 @@ fn visible_traces_are_drawn_the_same() {
 }
 
 fn simulated(trace: &Trace, sort: &str, cull: &str) -> Replay {
-    let mut config = Config::built_in("baseline").expect("it is built in");
+    let mut config = Config::built_in("four-pipelines").expect("it is built in");
     for setting in [format!("sort={sort}"), format!("command.cull={cull}"), "pipelines=2".into()] {
         config.set(&setting).unwrap_or_else(|error| panic!("{error}"));
     }

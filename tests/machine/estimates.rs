@@ -25,7 +25,7 @@ fn run(trace: &str, fidelity: Fidelity, changes: &[&str]) -> Replay {
 fn frames(trace: &str, fidelity: Fidelity, changes: &[&str], frames: Range<u32>) -> Replay {
     let trace =
         Trace::open(Path::new(env!("CARGO_MANIFEST_DIR")).join("traces").join(trace)).expect("a trace of the repository");
-    let mut config = Config::built_in("baseline").expect("it is built in");
+    let mut config = Config::built_in("four-pipelines").expect("it is built in");
     for change in changes {
         config.set(change).expect("a knob");
     }
@@ -175,7 +175,7 @@ fn bounds_know_how_far_blocks_are_compressed() {
     let bytes = [("unpack4x8unorm(n)", 0.03), ("vec4f(0.25, 0.5, 0.75, 1.0)", 0.15)].map(|(color, allowed)| {
         let trace = scene(color);
         let [bound, cycle] = [Fidelity::Bound, Fidelity::Cycle].map(|fidelity| {
-            let options = Options::new(Config::built_in("baseline").expect("it is built in"), fidelity);
+            let options = Options::new(Config::built_in("four-pipelines").expect("it is built in"), fidelity);
             let done = replay(&trace, &options, &|_| ()).expect("a replay");
             ["read", "write"]
                 .map(|way| done.total.number(&format!("memory.dram.{way}_bytes")).expect("bytes"))
@@ -205,7 +205,7 @@ fn bounds_are_near_the_cycles_of_recorded_traces() {
             continue;
         }
         let trace = import::open(path.join("trace")).expect("a recorded trace");
-        let config = Config::built_in("baseline").expect("it is built in");
+        let config = Config::built_in("four-pipelines").expect("it is built in");
         let run = |fidelity| {
             let options = Options::new(config.clone(), fidelity);
             cycles(&replay(&trace, &options, &|_| ()).expect("a replay"))
@@ -307,7 +307,11 @@ fn programs_that_run_by_sample_are_counted_by_sample_in_every_fidelity() {
              @fragment fn fs(@builtin(sample_index) s: u32) -> @location(0) vec4f {{ return vec4f(f32(s)); }}"
         );
         let trace = counting_trace(4, &source, [3 + seed, 9]);
-        let counts = [("baseline", Fidelity::Functional), ("baseline", Fidelity::Bound), ("baseline", Fidelity::Cycle)];
+        let counts = [
+            ("four-pipelines", Fidelity::Functional),
+            ("four-pipelines", Fidelity::Bound),
+            ("four-pipelines", Fidelity::Cycle),
+        ];
         let counts = counts.into_iter().chain([("tiny", Fidelity::Cycle), ("sort-first", Fidelity::Cycle)]);
         let counts: Vec<_> = counts
             .map(|(config, fidelity)| {
@@ -404,7 +408,7 @@ fn a_survey_does_not_depend_on_its_parts() {
         Trace::open(Path::new(env!("CARGO_MANIFEST_DIR")).join("traces/flight.zip")).expect("a trace of the repository");
     let particles = (SEQUENCES[1].record)(40).finish();
     for (trace, frames) in [(&trace, 7..47), (&particles, 0..u32::MAX)] {
-        let config = Config::built_in("baseline").expect("it is built in");
+        let config = Config::built_in("four-pipelines").expect("it is built in");
         let options = Options { frames, ..Options::new(config, Fidelity::Functional) };
         let dependencies = Dependencies::of(trace, options.frames.end).expect("it renders");
         let surveys = [1, 2, 5]
@@ -438,7 +442,7 @@ fn what_only_the_first_frame_reads_is_in_the_estimate() {
     for sequence in &SEQUENCES[..2] {
         let trace = (sequence.record)(12).finish();
         let bytes = |fidelity| {
-            let config = Config::built_in("baseline").expect("it is built in");
+            let config = Config::built_in("four-pipelines").expect("it is built in");
             let told = replay(&trace, &Options::new(config, fidelity), &|_| ()).expect("a replay").total;
             told.number("memory.dram.read_bytes").expect("bytes") + told.number("memory.dram.write_bytes").expect("bytes")
         };
@@ -452,7 +456,7 @@ fn what_only_the_first_frame_reads_is_in_the_estimate() {
 fn sampling_without_an_interval_is_refused() {
     let refused = |fidelity| {
         let trace = Trace::open(Path::new(env!("CARGO_MANIFEST_DIR")).join("traces/triangle")).expect("a trace");
-        let config = Config::built_in("baseline").expect("it is built in");
+        let config = Config::built_in("four-pipelines").expect("it is built in");
         let options = Options::new(config, fidelity);
         replay(&trace, &options, &|_| ()).expect_err("too few").to_string()
     };

@@ -89,7 +89,7 @@ fn declared(config: &Config, index_bytes: u32) -> f64 {
 #[test]
 fn long_indexed_draws_reach_the_rate_that_each_configuration_declares() {
     // All but tiny, whose queues are short so that units wait for each other.
-    for name in ["baseline", "wide", "gtx-titan", "geforce2-ultra", "attila"] {
+    for name in ["four-pipelines", "wide", "gtx-titan", "geforce2-ultra", "attila"] {
         for index_bytes in [2, 4] {
             let config = config(name, &[]);
             let time = |rows| cycles(&config, &frame(vec![grid(rows, index_bytes)]));
@@ -169,7 +169,7 @@ fn draws_share_a_state_until_a_command_changes_it() {
     // The ground has a pipeline, and all that stands on it another.
     assert_eq!((states.len(), changes), (398, 2));
     let counted = |changes: &[&str]| {
-        let report = run(&config("baseline", changes), &events, Clock::SkipIdle).total;
+        let report = run(&config("four-pipelines", changes), &events, Clock::SkipIdle).total;
         ["command.state_changes", "cycles"].map(|name| report.number(name).expect("a counter"))
     };
     let [free, slow] = [0, 1000].map(|cycles| counted(&[&format!("command.state_cycles={cycles}")]));

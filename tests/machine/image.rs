@@ -40,14 +40,14 @@ fn scenes() -> Vec<Scene> {
 #[test]
 fn every_scene_on_every_machine() {
     let machines = [
-        config("baseline", &[]),
-        config("baseline", &["memory.kind=ideal", "distribute.tile=16", "distribute.overlap=bounding-box"]),
-        config("baseline", &["pipelines=3", "geometry_units=3", "assembly.batch=1", "core.warp_width=8"]),
+        config("four-pipelines", &[]),
+        config("four-pipelines", &["memory.kind=ideal", "distribute.tile=16", "distribute.overlap=bounding-box"]),
+        config("four-pipelines", &["pipelines=3", "geometry_units=3", "assembly.batch=1", "core.warp_width=8"]),
         config("tiny", &[]),
         config("attila", &[]),
         config("wide", &[]),
-        config("baseline", &["depth.cache_blocks=4", "color.cache_blocks=4", "traverse.hierarchical_update=write"]),
-        config("baseline", &["traverse.hierarchical_z=false", "color.fast_clear=false", "fetch.reuse=0"]),
+        config("four-pipelines", &["depth.cache_blocks=4", "color.cache_blocks=4", "traverse.hierarchical_update=write"]),
+        config("four-pipelines", &["traverse.hierarchical_z=false", "color.fast_clear=false", "fetch.reuse=0"]),
     ];
     for (number, scene) in scenes().iter().enumerate() {
         for (_, config) in machines.iter().enumerate().filter(|&(at, _)| is_chosen(2, &[number, at])) {
@@ -62,7 +62,7 @@ fn every_scene_on_every_machine() {
 
 #[test]
 fn both_clocks_leave_the_same_statistics() {
-    let machines = [config("baseline", &[]), config("tiny", &["memory.kind=ideal"])];
+    let machines = [config("four-pipelines", &[]), config("tiny", &["memory.kind=ideal"])];
     for (number, scene) in scenes().into_iter().enumerate() {
         for (_, config) in machines.iter().enumerate().filter(|&(at, _)| is_chosen(2, &[number, at])) {
             let every = run(config, &scene, Clock::EveryCycle);

@@ -33,20 +33,20 @@ const SCENES: [(&str, bool); 8] = [
 /// every cycle take long over them.
 fn machines(scene: &str) -> Vec<(Config, bool)> {
     let ideal = ["memory.kind=ideal", "distribute.tile=8", "distribute.overlap=bounding-box", "geometry_units=3"];
-    let mut machines = vec![(config("baseline", &[]), scene != "sprites")];
+    let mut machines = vec![(config("four-pipelines", &[]), scene != "sprites")];
     // Of these two one run takes as long as all of most others.
     if !matches!(scene, "sprites" | "shadow") {
-        machines.push((config("baseline", &ideal), false));
+        machines.push((config("four-pipelines", &ideal), false));
     }
     if matches!(scene, "triangle" | "cube" | "spokes-msaa") {
         let one = ["pipelines=1", "geometry_units=1", "core.unified=false", "traverse.hierarchical_update=write"];
         let small = scene == "triangle";
-        machines.push((config("baseline", &["memory.kind=ideal"]), true));
+        machines.push((config("four-pipelines", &["memory.kind=ideal"]), true));
         machines.extend([
             (config("tiny", &[]), small),
             (config("attila", &[]), false),
             (config("wide", &[]), false),
-            (config("baseline", &one), false),
+            (config("four-pipelines", &one), false),
         ]);
     }
     machines
@@ -93,7 +93,7 @@ fn accounts_add_up_nothing_is_lost_and_clocks_agree_on_any_scene() {
 
 #[test]
 fn no_order_of_ticks_changes_the_statistics() {
-    let baseline = config("baseline", &[]);
+    let baseline = config("four-pipelines", &[]);
     let events = rendered("triangle");
     let expected = everything(&run(&baseline, &events, Clock::SkipIdle));
     for seed in 0..8 {
@@ -150,7 +150,7 @@ const DISPLAY: [&str; 2] = ["scanout.line_cycles=300", "scanout.blank_lines=3"];
 fn every_knob_at_its_ends_makes_a_lawful_machine() {
     // Some hundreds of machines, of which the usual suite takes one in three.
     let work = [mixture(false, true), mixture(true, true)];
-    let baseline = Config::built_in("baseline").unwrap();
+    let baseline = Config::built_in("four-pipelines").unwrap();
     let (mut number, mut ran, mut refused) = (0, 0, Vec::new());
     for (section, knobs) in baseline.sections() {
         for knob in knobs.knobs() {
@@ -203,7 +203,7 @@ fn every_knob_at_its_ends_makes_a_lawful_machine() {
     }
     for (end, shorter) in LONG {
         let ideal = if end.contains("ideal") { "memory.kind=ideal" } else { "memory.kind=dram" };
-        lawful(&config("baseline", &[ideal, shorter]), &work, ran, &[Clock::EveryCycle]);
+        lawful(&config("four-pipelines", &[ideal, shorter]), &work, ran, &[Clock::EveryCycle]);
         ran += 1;
     }
     assert!(number > 250 && ran >= number / 3 - refused.len(), "{ran} of {number} ran");
@@ -229,7 +229,7 @@ fn machines_made_at_random_are_lawful() {
     let mut random = Random::new(17);
     let mut made = 0;
     while made < 16 {
-        let mut config = Config::built_in("baseline").unwrap();
+        let mut config = Config::built_in("four-pipelines").unwrap();
         config.name = format!("machine {made} made at random");
         // Some keep the baseline's value: a refresh as often as once in a few cycles is no machine, and a core with few registers takes
         // long over all this work.
@@ -248,7 +248,7 @@ fn machines_made_at_random_are_lawful() {
 
 /// Gives knobs the values that are drawn for them.
 fn change_at_random(config: &mut Config, mut value: impl FnMut(&Knob) -> Option<String>) {
-    for (section, knobs) in Config::built_in("baseline").unwrap().sections() {
+    for (section, knobs) in Config::built_in("four-pipelines").unwrap().sections() {
         for knob in knobs.knobs() {
             if let Some(value) = value(knob) {
                 let path = if section.is_empty() { knob.name.to_owned() } else { format!("{section}.{}", knob.name) };
@@ -385,7 +385,7 @@ fn the_slowest_machine_of_each_class_is_not_taken_for_stuck() {
     }
     // Both clocks agree where cycles can be counted one by one.
     lawful(
-        &config("baseline", &[&SLOW[..13], &["memory.kind=ideal", "memory.ideal_latency=65535"]].concat()),
+        &config("four-pipelines", &[&SLOW[..13], &["memory.kind=ideal", "memory.ideal_latency=65535"]].concat()),
         &work,
         1,
         &[Clock::EveryCycle],
@@ -396,8 +396,8 @@ fn the_slowest_machine_of_each_class_is_not_taken_for_stuck() {
 fn a_workgroup_of_256_invocations_runs_on_the_smallest_machine() {
     let machines = [
         ("tiny", &[][..]),
-        ("baseline", &["core.warps=1"]),
-        ("baseline", &["core.registers=256"]),
+        ("four-pipelines", &["core.warps=1"]),
+        ("four-pipelines", &["core.registers=256"]),
         ("tiny", &["core.warp_width=4", "core.warps=1", "core.registers=256"]),
     ];
     for (name, changes) in machines {
@@ -439,7 +439,7 @@ fn workgroup_memory_beyond_a_cores_is_refused_by_name() {
 fn a_machine_that_is_stuck_is_stopped_at_once_and_shows_what_it_holds() {
     // Fragments that end at a barrier, which no fragment shader has: nobody ever releases them. What was before them goes on to its
     // end, and the most patient machine waits no longer than that.
-    let config = config("baseline", &["watchdog=1000000000"]);
+    let config = config("four-pipelines", &["watchdog=1000000000"]);
     let at_barrier = |event| match event {
         Event::Segment(segment) => {
             let mut segment = (*segment).clone();
@@ -474,7 +474,7 @@ fn a_machine_that_is_stuck_is_stopped_at_once_and_shows_what_it_holds() {
 fn a_display_that_goes_on_does_not_hide_that_drawing_is_stuck() {
     // As above, from the second frame on: the first one is shown again and again.
     let free = ["scanout.mode=free-running", "scanout.line_cycles=100", "scanout.buffers=2", "watchdog=1000"];
-    let config = config("baseline", &free);
+    let config = config("four-pipelines", &free);
     let mut ended = 0;
     let at_barrier = |event| match event {
         Event::Segment(segment) if ended > 0 => {

@@ -183,7 +183,7 @@ fn record(other: Other, samples: u32) -> Recorder {
 }
 
 fn run(card: Recorder, settings: &[&str], clock: Clock) -> Replay {
-    let mut config = Config::built_in("baseline").expect("it is built in");
+    let mut config = Config::built_in("four-pipelines").expect("it is built in");
     for setting in ["sort=sort-middle-binned", "bin.tile=16", "pipelines=2"].iter().chain(settings) {
         config.set(setting).expect("a knob");
     }

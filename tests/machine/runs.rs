@@ -19,7 +19,7 @@ fn open(trace: &str) -> Trace {
 }
 
 fn card(changes: &[&str]) -> Config {
-    let mut config = Config::built_in("baseline").expect("it is built in");
+    let mut config = Config::built_in("four-pipelines").expect("it is built in");
     changes.iter().for_each(|change| config.set(change).expect("a knob"));
     config
 }

@@ -7,7 +7,7 @@ use fillrate::machine::Config;
 use fillrate::trace::Trace;
 
 fn taken(trace: &Trace) -> Vec<Taken> {
-    shortcuts(trace, &Config::built_in("baseline").expect("it is built in")).expect("all run")
+    shortcuts(trace, &Config::built_in("four-pipelines").expect("it is built in")).expect("all run")
 }
 
 fn of<'a>(taken: &'a [Taken], name: &str) -> &'a Taken {

@@ -39,7 +39,7 @@ fn scene(name: &str) -> Trace {
 
 fn all(trace: &Trace) -> Vec<Saving> {
     let turns = Turns { least: 1, time: Duration::ZERO };
-    savings(trace, &Config::built_in("baseline").expect("it is built in"), turns).expect("all run")
+    savings(trace, &Config::built_in("four-pipelines").expect("it is built in"), turns).expect("all run")
 }
 
 #[test]

@@ -12,7 +12,7 @@ use fillrate::synthetic::{Scene, events, in_two_passes};
 use fillrate::work::{Event, Shade};
 
 fn config(changes: &[&str]) -> Config {
-    let mut config = Config::built_in("baseline").unwrap();
+    let mut config = Config::built_in("four-pipelines").unwrap();
     for change in changes {
         config.set(change).unwrap_or_else(|error| panic!("{error}"));
     }
@@ -393,7 +393,7 @@ fn early_tests_save_shading_and_traffic() {
 #[test]
 fn early_tests_ahead_of_an_owner_are_refused_where_pipelines_own_what_they_draw() {
     for class in ALL {
-        let mut config = Config::built_in("baseline").unwrap();
+        let mut config = Config::built_in("four-pipelines").unwrap();
         config.set(&format!("sort={class}")).unwrap();
         config.set("order.early=remote").unwrap();
         let checked = config.check();

@@ -14,7 +14,7 @@ use fillrate::work::Event;
 const SCHEMES: [&str; 3] = ["binary-swap", "direct-send", "pipeline"];
 
 fn config(changes: &[&str]) -> Config {
-    let mut config = Config::built_in("baseline").unwrap();
+    let mut config = Config::built_in("four-pipelines").unwrap();
     for change in ["sort=sort-last-image"].iter().chain(changes) {
         config.set(change).unwrap_or_else(|error| panic!("{error}"));
     }

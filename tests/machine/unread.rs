@@ -94,7 +94,7 @@ fn run(extra: Extra) -> Replay {
 }
 
 fn run_with(extra: Extra, changes: &[&str]) -> Replay {
-    let mut config = Config::built_in("baseline").expect("it is built in");
+    let mut config = Config::built_in("four-pipelines").expect("it is built in");
     for change in changes {
         config.set(change).expect("a knob");
     }

@@ -353,7 +353,7 @@ fn a_machine_is_drawn_from_itself() {
         assert!(svg.contains(&format!(">{class}, 4 pipelines<")) && svg.contains("traverse x4"), "{svg}");
         assert_eq!(run(&["configs", class, "--draw=svg"]).1, svg, "the same again");
         // Parts that only this class has.
-        let own = ["route x4", "distribute x2", "tile_fetch x4", "order x4", "compose x4"];
+        let own = ["route x4", "distribute x8", "tile_fetch x4", "order x4", "compose x4"];
         let place = classes.iter().position(|c| *c == class);
         assert!(svg.contains(own[place.expect("a class")]) && dot.contains(own[place.expect("a class")]));
         assert!(!svg.contains("router"));

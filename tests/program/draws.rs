@@ -11,7 +11,8 @@ use crate::cli::{refused, run};
 /// Replays into a folder; the report and `stats.json`.
 fn replayed(out: &Path, more: &[&str]) -> (String, Value) {
     let folder = out.display().to_string();
-    let (code, report, message) = run(&[&["replay", "traces/town.zip", "--out", &folder], more].concat());
+    let (code, report, message) =
+        run(&[&["replay", "traces/town.zip", "--config", "four-pipelines", "--out", &folder], more].concat());
     assert_eq!(code, 0, "{message}");
     let text = fs::read_to_string(out.join("stats.json")).expect("statistics");
     (report, serde_json::from_str(&text).expect("JSON"))

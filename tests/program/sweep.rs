@@ -13,7 +13,7 @@ use crate::cli::{refused, run};
 /// Six machines on the cube, of which the first has a rule against it.
 const AXES: [&str; 8] = [
     "--vary",
-    "memory.l2.slices=3,4",
+    "memory.l2.slices=3,16",
     "--vary",
     "texture.cache_lines=16..256*4",
     "--keep",
@@ -358,7 +358,7 @@ fn an_experiment_in_a_file_is_the_same_as_its_options() {
     let (options, written) = (home.path().join("options"), home.path().join("written"));
     let file = home.path().join("caches.ron");
     let text = "// Why?\n(\n    traces: [\"traces/cube\"],\n    set: [\"scanout.enabled=false\"],\n    \
-                vary: [\"memory.l2.slices=3,4\", \"texture.cache_lines=16..256*4\"],\n    keep: [\"caches.texture\"],\n)\n";
+                vary: [\"memory.l2.slices=3,16\", \"texture.cache_lines=16..256*4\"],\n    keep: [\"caches.texture\"],\n)\n";
     fs::write(&file, text).expect("written");
     assert_eq!(sweep(&options, &[]).0, 0);
     let [file, out] = [&file, &written].map(|path| path.display().to_string());

@@ -83,7 +83,7 @@ fn found(machines: &[(&str, &[&str], &str)]) {
     for (name, scarce, title) in machines.iter().step_by(step) {
         let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("traces").join(name);
         let trace = Trace::open(path).expect("the trace is there");
-        let mut config = Config::built_in("baseline").expect("it is built in");
+        let mut config = Config::built_in("four-pipelines").expect("it is built in");
         for setting in ["scanout.enabled=false"].iter().chain(*scarce) {
             config.set(setting).expect("a knob");
         }
@@ -109,7 +109,7 @@ fn the_verdict_has_what_was_counted_and_the_knobs_to_set() {
     let home = tempfile::tempdir().expect("a folder");
     let out = home.path().display().to_string();
     // A card that asks for the indices of a draw when those of the one before are read: its small draws wait for memory.
-    let set = ["--set", "fetch.runs=1"];
+    let set = ["--config", "four-pipelines", "--set", "fetch.runs=1"];
     assert_eq!(run(&[&["replay", "traces/town.zip", "--per-draw", "--out", &out], &set[..]].concat()).0, 0);
     let json = std::fs::read(home.path().join("stats.json")).expect("statistics");
     let json: serde_json::Value = serde_json::from_slice(&json).expect("JSON");

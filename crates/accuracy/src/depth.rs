@@ -114,7 +114,7 @@ fn machine(hierarchical: bool, update: &str) -> Result<Config> {
         &format!("traverse.hierarchical_update={update}"),
         "scanout.enabled=false",
     ];
-    config("baseline", &changes)
+    config("four-pipelines", &changes)
 }
 
 /// Depth writes a pixel that a machine counts under a scene, which loses its first triangle where a fault is injected.
@@ -246,7 +246,7 @@ fn fast_clear(setting: &Setting) -> Result<Vec<Row>> {
             &format!("color.fast_clear={by_flag}"),
             &format!("color.clears_per_cycle={rate}"),
         ];
-        replay(&config("baseline", &changes)?, scene)
+        replay(&config("four-pipelines", &changes)?, scene)
     };
     let by_flag = run(!setting.inject_fault, 1, &scene)?;
     let faster = run(!setting.inject_fault, 2, &scene)?;
@@ -352,7 +352,7 @@ fn plane_codec(setting: &Setting) -> Result<Vec<Row>> {
     let mut scene = layers(BLOCK, |_| Vec::new());
     (scene.width, scene.height, scene.triangles, scene.segments) = (64, 64, 1, 1);
     scene.shapes = vec![[[-1.0, -1.0], [200.0, -1.0], [-1.0, 200.0]]];
-    let total = replay(&config("baseline", &["memory.kind=ideal"])?, &scene)?.total;
+    let total = replay(&config("four-pipelines", &["memory.kind=ideal"])?, &scene)?.total;
     let compressed = counts::<BlockCounts>(&total, ROP.named("depth"))?.compressed;
     rows.push(Row::exact("blocks that a machine writes compressed", 64.0, compressed as f64));
     Ok(rows)

@@ -5,6 +5,7 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 
 use anyhow::{Context, Result, anyhow, ensure};
 
+use machine::config::SortClass;
 use machine::{Config, Machine, MachineReport};
 use num::OUR_FAULT;
 use sim::{Clock, UNITS, UnitCounts};
@@ -12,12 +13,16 @@ use stats::{Group, Heading, Tree};
 use synthetic::{Scene, events};
 use work::{Event, FUNNEL, Funnel, Shade};
 
-/// A built-in configuration with changes.
+/// A built-in configuration with changes. The name of a sort class is the machine of four pipelines with it.
 ///
 /// # Errors
 /// If there is none of that name, a change is none, or the knobs do not fit each other.
 pub fn config(name: &str, changes: &[&str]) -> Result<Config> {
-    let mut config = Config::built_in(name)?;
+    let class = SortClass::NAMES.contains(&name);
+    let mut config = Config::built_in(if class { "four-pipelines" } else { name })?;
+    if class {
+        config.set(&format!("sort={name}"))?;
+    }
     for change in changes {
         config.set(change)?;
     }

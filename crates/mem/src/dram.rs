@@ -43,11 +43,11 @@ knob::knobs! {
     #[derive(Copy)]
     pub struct DramConfig {
         /// Channels.
-        channels: u32 ["channels", Allowed::Range(1, 64), "128 bits of GDDR5 in channels of 32, as the GeForce GTX 960"],
+        channels: u32 ["channels", Allowed::Range(1, 64), "256 bits of GDDR5 in channels of 32 (NVIDIA 2014, GeForce GTX 980 white paper, p. 7)"],
         /// Cycles of the DRAM's command clock in `card_cycles` of the card.
-        clock: u32 ["cycles", Allowed::Range(1, 10000), "1.5 GHz: GDDR5 of 6 Gbit/s a pin"],
+        clock: u32 ["cycles", Allowed::Range(1, 10000), "1,753 MHz: GDDR5 of 7 Gbit/s a pin (NVIDIA 2014, GeForce GTX 980 white paper, p. 7)"],
         /// Cycles of the card in which the DRAM's clock ticks `clock` times.
-        card_cycles: u32 ["cycles", Allowed::Range(1, 10000), "see clock"],
+        card_cycles: u32 ["cycles", Allowed::Range(1, 10000), "1,126 MHz: see clock"],
         /// Cycles of the card from a slice to the queues of its channel, and from the last data of a read back to the slice: controller, PHY and
         /// wires.
         latency: u32 ["cycles", Allowed::Range(1, 1024), "60: an access of DRAM takes 150 cycles more than an L2 hit on Maxwell (357 against 207; Arafa et al. 2019, Jia et al. 2019), 30 of them in the chip"],

@@ -15,13 +15,13 @@ knob::knobs! {
     #[derive(Copy)]
     pub struct L2Config {
         /// Slices; a multiple of the DRAM channels.
-        slices: u32 ["slices", Allowed::Range(1, 64), "one or two a memory channel"],
+        slices: u32 ["slices", Allowed::Range(1, 64), "assumed: two a memory channel"],
         /// Bytes that stay together in a slice.
         interleave: u32 ["bytes", Allowed::PowerOfTwo(256, 65536), "ATTILA bGPU.ini V2ChannelInterleavingMask \"10 9 8\": 256"],
         /// Whether lines stay in a slice. If not, a slice is a queue before its channel: all that is asked of it is asked of DRAM.
         cached: bool ["", Allowed::Switch, "in cards since 2010; ATTILA's memory controller has no cache"],
         /// Lines of a slice.
-        lines: u32 ["lines", Allowed::PowerOfTwo(1, 1048576), "256 KB a slice: 1 MB in all, as the GeForce GTX 960"],
+        lines: u32 ["lines", Allowed::PowerOfTwo(1, 1048576), "128 KB a slice: 2 MB in all (NVIDIA 2014, GeForce GTX 980 white paper, p. 7)"],
         /// Ways.
         ways: u32 ["ways", Allowed::PowerOfTwo(1, 64), "16 in cards since 2010"],
         /// Bytes of a line.
@@ -37,7 +37,7 @@ knob::knobs! {
         /// Requests between lookup and answer.
         entries: u32 ["requests", Allowed::Range(1, 4096), "two a missing line"],
         /// Bytes a cycle into a slice, and out of it.
-        width: u32 ["bytes/cycle", Allowed::Range(8, 4096), "64 a slice (Jia et al. 2018)"],
+        width: u32 ["bytes/cycle", Allowed::Range(8, 4096), "32 a slice: 512 in all, of which 379 are measured (Jia et al. 2019, table 3.4)"],
         /// Cycles from the crossbar to a slice, and back.
         latency: u32 ["cycles", Allowed::Range(1, 1024), "assumed: the rest of a hit's 207 cycles (Jia et al. 2019, table 3.1, GM204)"],
     }

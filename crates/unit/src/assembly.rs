@@ -54,7 +54,7 @@ knob::knobs! {
         /// Cycles from here to the geometry units.
         latency: u32 ["cycles", Allowed::Range(1, 64), "ATTILA bGPU.ini InputBusLatency = 10, less what shading adds here"],
         /// Runs of primitives queued before each geometry unit.
-        queue: u32 ["runs", Allowed::Range(2, 1024), "ATTILA bGPU.ini AssemblyQueueSize = 32"],
+        queue: u32 ["runs", Allowed::Range(2, 1024), "assumed: covers the latency at the rate of primitives; ATTILA bGPU.ini AssemblyQueueSize = 32"],
     }
 }
 

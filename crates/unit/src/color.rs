@@ -50,7 +50,7 @@ knob::knobs! {
         /// Samples of a pixel that take as long as one; more take as many times as long.
         samples: u32 ["samples/pixel", Allowed::Range(1, 16), "4: no loss where samples compress (AMD GCN white paper 2012: up to 8 colour samples a pixel)"],
         /// Blocks of 8x8 pixels of 32 bits, 256 bytes, that the colour cache holds. A block with more bytes takes the places of several.
-        cache_blocks: u32 ["blocks", Allowed::PowerOfTwo(4, 65536), "16 KB: ATTILA bGPU.ini ColorCacheWays = 4, ColorCacheLines = 16 lines of 16 stamps"],
+        cache_blocks: u32 ["blocks", Allowed::PowerOfTwo(4, 65536), "assumed: 64 KB cover the latency of the second level; ATTILA bGPU.ini ColorCacheWays = 4, ColorCacheLines = 16 lines of 16 stamps"],
         /// Ways of the colour cache; where they are as many as its blocks or more, any block goes anywhere.
         cache_ways: u32 ["ways", Allowed::PowerOfTwo(2, 65536), "assumed: all 64 tags are compared at once, so that no full set holds up what lies elsewhere; ATTILA bGPU.ini ColorCacheWays = 4"],
         /// Which set of the cache is a block's.
@@ -58,7 +58,7 @@ knob::knobs! {
         /// Requests to memory in flight.
         misses: u32 ["requests", Allowed::Range(1, 1024), "covers the latency of memory"],
         /// Groups of quads between lookup and blending.
-        fifo: u32 ["groups", Allowed::Range(8, 4096), "ATTILA bGPU.ini COLORWRITE FetchQueueSize = 256 stamps"],
+        fifo: u32 ["groups", Allowed::Range(8, 4096), "assumed: covers the latency of the second level; ATTILA bGPU.ini COLORWRITE FetchQueueSize = 256 stamps"],
         /// Cycles from lookup to blending where the block is in the cache.
         latency: u32 ["cycles", Allowed::Range(1, 256), "ATTILA bGPU.ini BlendALULatency = 2 and the queues before it"],
         /// Whether blocks are compressed as they leave the cache.

@@ -23,12 +23,12 @@ knob::choices! {
 knob::knobs! {
     /// Distribution of triangles from each geometry unit to the rasterisers.
     pub struct DistributeConfig {
-        /// Edge of the screen tiles that are dealt to pipelines.
+        /// Edge of the screen tiles that are dealt to pipelines. Where tiles are drawn from bins they are at least as large as those.
         tile: u32 ["pixels", Allowed::PowerOfTwo(8, 1024),
-            "16 to 64 in cards since 2004 (ATTILA bGPU.ini ScanWidth = 16); larger tiles mean less overlap, smaller ones better balance"],
+            "tiles of 16 x 16 pixels and more on Maxwell (Kanter 2016); ATTILA bGPU.ini ScanWidth = 16. Larger tiles mean less overlap, smaller ones better balance"],
         /// How tiles are dealt.
         pattern: super::interleave::Pattern ["", Allowed::Choice(super::interleave::Pattern::NAMES),
-            "a skewed interleave gives neighbours in both directions to different pipelines, and small targets to all"],
+            "assumed: evenly; how GM204 deals the screen is not published. A skewed interleave gives neighbours in both directions to different pipelines, and small targets to all"],
         /// How precisely the receivers of a triangle are found.
         overlap: Overlap ["", Allowed::Choice(Overlap::NAMES), "hardware tests bounding boxes (Molnar et al. 1994)"],
         /// Triangles routed a cycle by each geometry unit.

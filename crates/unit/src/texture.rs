@@ -43,7 +43,7 @@ knob::knobs! {
         /// Whether a sample between two levels asks for the second only where that has a weight.
         skip_levels: bool ["", Allowed::Switch, "known with the level of detail; off: always both levels, as Vulkan's \"Image Level(s) Selection\" has it"],
         /// Lines of the first-level cache; a multiple of its ways, or fewer than they are.
-        cache_lines: u32 ["lines", Allowed::Range(1, 65536), "24 KB an SM in 2014; 16 KB is enough for one screen row of bilinear (Hakura and Gupta 1997)"],
+        cache_lines: u32 ["lines", Allowed::Range(1, 65536), "48 KB a multiprocessor (NVIDIA 2016, GeForce GTX 1080 white paper); 16 KB is enough for one screen row of bilinear (Hakura and Gupta 1997)"],
         /// Bytes of a line of the first-level cache, which a miss reads whole. Whatever it is, 64 bytes are looked up at a time: rates of misses compare.
         line_bytes: u32 ["bytes", Allowed::PowerOfTwo(64, 256), "16 texels of 4 bytes; Hakura and Gupta 1997 vary it from 32 to 256"],
         /// Ways of the first-level cache; where they are as many as its lines or more, any line goes anywhere.
@@ -53,7 +53,7 @@ knob::knobs! {
         /// Quads between address and filter.
         fifo: u32 ["quads", Allowed::Range(1, 4096), "covers the latency of memory (357 cycles) at the rate of quads (Igehy et al. 1998); ATTILA bGPU.ini TextureAccessQueue = 256"],
         /// Cycles from address to filter where all lines are in the cache.
-        latency: u32 ["cycles", Allowed::Range(1, 256), "a hit takes 82 cycles on GM204 (Jia et al. 2019, table 3.1), 3 of them in queues; ATTILA bGPU.ini AddressALULatency + FilterALULatency = 10"],
+        latency: u32 ["cycles", Allowed::Range(1, 256), "a hit takes 82 cycles on GM204 (Jia et al. 2019, table 3.1), 8 of them outside; ATTILA bGPU.ini AddressALULatency + FilterALULatency = 10"],
         /// Warps queued before the unit.
         queue: u32 ["warps", Allowed::Range(2, 256), "ATTILA bGPU.ini TextureRequestQueueSize = 512 texels"],
     }

@@ -234,7 +234,7 @@ fn drawn(machine: &Config, picture: &Picture) -> Result<[u64; 3]> {
 fn of_machines(setting: &Setting, about: &str, kinds: &[&[&str]], pictures: &[&Picture]) -> Result<[Row; 2]> {
     let machines = kinds.iter().map(|changes| {
         let keep: &[&str] = if setting.inject_fault { &["order.keep=never"] } else { &[] };
-        config("baseline", &[*changes, keep].concat())
+        config("four-pipelines", &[*changes, keep].concat())
     });
     let machines = machines.collect::<Result<Vec<Config>>>()?;
     let runs: Vec<(&Config, &Picture)> =

@@ -45,7 +45,7 @@ pub(super) const CLOCKS: Target = Target {
 /// A machine of every sort class.
 pub(super) fn machines() -> Result<Vec<Config>> {
     let machine = |class: &SortClass| match class {
-        SortClass::LastImage => config("baseline", &[&format!("sort={}", class.name())]),
+        SortClass::LastImage => config("four-pipelines", &[&format!("sort={}", class.name())]),
         _ => config(class.name(), &[]),
     };
     SortClass::ALL.iter().map(machine).collect()

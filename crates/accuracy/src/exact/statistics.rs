@@ -258,7 +258,7 @@ fn statistics(trace: &Trace, machines: &[Config]) -> Result<Vec<(Tree, SortClass
         let options = Options::new(config.clone(), fidelity);
         Ok((replay(trace, &options, &|_| ())?.total, config.card.sort))
     };
-    let alone = config("baseline", &[])?;
+    let alone = config("four-pipelines", &[])?;
     let alone = std::iter::once((&alone, Fidelity::Functional));
     alone
         .chain(machines.iter().map(|machine| (machine, Fidelity::Cycle)))
@@ -269,7 +269,7 @@ fn statistics(trace: &Trace, machines: &[Config]) -> Result<Vec<(Tree, SortClass
 fn check(setting: &Setting) -> Result<Vec<Row>> {
     let rounds = setting.pick(1, 4, 40);
     let mut machines = machines()?;
-    machines.push(config("baseline", &["depth.early=false"])?);
+    machines.push(config("four-pipelines", &["depth.early=false"])?);
     let mut rows: Vec<Row> = Vec::new();
     for round in 0..rounds {
         let mut random = Random::nth(setting.seed, round);

@@ -85,8 +85,10 @@ impl Recording {
             return Err(anyhow!("not supported: {refusal}"));
         }
         ensure!(report.errors.is_empty(), "calls with errors: {:?}", report.errors);
-        let options =
-            Options { frames: 0..report.frames as u32, ..Options::new(Config::built_in("baseline")?, Fidelity::Functional) };
+        let options = Options {
+            frames: 0..report.frames as u32,
+            ..Options::new(Config::built_in("four-pipelines")?, Fidelity::Functional)
+        };
         let replayed = replay(&trace, &options, &|_| ())?;
         let center = |frame: &Frame| {
             let (surface, bytes) = frame.shown.as_ref().context("a frame has no picture")?;

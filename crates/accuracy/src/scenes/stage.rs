@@ -17,7 +17,7 @@ use work::{RenderKey, Surface};
 
 /// The baseline with changes.
 fn config(changes: &[&str]) -> Result<Config> {
-    let mut config = Config::built_in("baseline")?;
+    let mut config = Config::built_in("four-pipelines")?;
     for change in changes {
         config.set(change)?;
     }

@@ -48,7 +48,7 @@ fn check(setting: &Setting) -> Result<Vec<Row>> {
                     &format!("compose.scheme={scheme}"),
                     &format!("compose.number_bytes={number}"),
                 ];
-                let report = replay(&config("baseline", &changes)?, &given)?;
+                let report = replay(&config("four-pipelines", &changes)?, &given)?;
                 wrong += wrong_pixels(&report)?;
                 let total = &report.total;
                 let of_nodes: Vec<ComposeCounts> = each(total, COMPOSITION)?;

@@ -66,7 +66,7 @@ pub(super) fn shaded(triangles: &[[u32; 3]], reuse: u32) -> Result<f64> {
         "fetch.reuse_until=replaced",
         &format!("fetch.reuse={reuse}"),
     ];
-    Ok(funnel(&run(&config("baseline", &changes)?, work)?.total)?.vertices_shaded as f64)
+    Ok(funnel(&run(&config("four-pipelines", &changes)?, work)?.total)?.vertices_shaded as f64)
 }
 
 fn check(setting: &Setting) -> Result<Vec<Row>> {

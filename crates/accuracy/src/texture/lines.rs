@@ -88,7 +88,7 @@ fn of_buffer(edge: u32, way: Way) -> Trace {
 fn missed(work: &[Event], lines: u32, bytes: u32) -> Result<f64> {
     let [lines, bytes] = [format!("texture.cache_lines={lines}"), format!("texture.line_bytes={bytes}")];
     let changes = [&ALONE[..], &["core.warps=1", "core.warp_width=4", "texture.cache_ways=65536", &lines, &bytes]].concat();
-    misses(&run(&config("baseline", &changes)?, work.iter().cloned())?)
+    misses(&run(&config("four-pipelines", &changes)?, work.iter().cloned())?)
 }
 
 /// Misses, shown by the fragment and compared as they are.

@@ -50,7 +50,7 @@ fn cycles(setting: &Setting, events: &[Event], depth: u32, latency: u32) -> Resu
         &format!("memory.ideal_latency={latency}"),
     ];
     let changes = [&ALONE[..], &changes].concat();
-    Ok(run(&config("baseline", &changes)?, events.iter().cloned())?.cycles as f64)
+    Ok(run(&config("four-pipelines", &changes)?, events.iter().cloned())?.cycles as f64)
 }
 
 /// Cycles to the memory, and back.

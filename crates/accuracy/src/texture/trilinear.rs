@@ -32,7 +32,7 @@ fn texels_a_fragment(setting: &Setting, texels: u32, pixels: u32, from: [f32; 2]
     let color = format!("textureSample(t, s, p.xy / {pixels}.0 + vec2f({u:?}, {v:?}))");
     let events = rendered(&textured([pixels; 2], texture, sampler, 3, COVER, &color))?;
     let changes = [&ALONE[..], &["texture.cache_lines=65536", "texture.cache_ways=64"]].concat();
-    let lines = misses(&run(&config("baseline", &changes)?, events)?)?;
+    let lines = misses(&run(&config("four-pipelines", &changes)?, events)?)?;
     Ok(lines * TEXELS / f64::from(pixels * pixels))
 }
 

@@ -45,6 +45,7 @@ use work::{Cull, Needless, RenderKey, Shade};
 /// The configurations that are built in: name and text.
 pub const BUILT_IN: &[(&str, &str)] = &[
     ("baseline", include_str!("../../../../configs/baseline.ron")),
+    ("four-pipelines", include_str!("../../../../configs/four-pipelines.ron")),
     ("tiny", include_str!("../../../../configs/tiny.ron")),
     ("attila", include_str!("../../../../configs/attila.ron")),
     ("wide", include_str!("../../../../configs/wide.ron")),

@@ -64,7 +64,7 @@ fn wrong_values_are_refused_by_key_value_and_range() {
     assert_eq!(message(&base("scanout: (enabled: 1)")), "mine.ron:1:33: scanout.enabled is 1, and must be true or false");
     assert_eq!(
         message(&base("memory: (l2: (slices: 3))")),
-        "mine.ron: memory.l2.slices is 3, and must be a multiple of memory.dram.channels, which is 4"
+        "mine.ron: memory.l2.slices is 3, and must be a multiple of memory.dram.channels, which is 8"
     );
     assert_eq!(
         message(&base("texture: (cache_lines: 257)")),
@@ -219,7 +219,7 @@ fn a_queue_too_short_for_its_latency_is_warned_of() {
         ("memory.port_queue", "memory.port_latency", 1),
     ] {
         for (places, warned) in [(rate * 11, false), (rate * 11 - 1, true)] {
-            let mut config = Config::built_in("baseline").unwrap();
+            let mut config = Config::built_in("four-pipelines").unwrap();
             config.set(&format!("{latency}=10")).unwrap();
             config.set(&format!("{queue}={places}")).unwrap();
             let expected = format!(
@@ -229,7 +229,7 @@ fn a_queue_too_short_for_its_latency_is_warned_of() {
             assert_eq!(config.warnings(), if warned { vec![expected] } else { Vec::new() }, "{queue}");
         }
     }
-    let mut config = Config::built_in("baseline").unwrap();
+    let mut config = Config::built_in("four-pipelines").unwrap();
     for change in ["setup.triangles_per_cycle=3", "setup.latency=10", "setup.queue=32"] {
         config.set(change).unwrap();
     }

@@ -82,13 +82,13 @@ fn functional_warming_leaves_what_a_simulation_leaves() {
         "memory.l2.cached=false",
     ];
     let machines = [
-        config("baseline", &[]),
-        config("baseline", &told),
-        config("baseline", &["color.cache_blocks=4", "depth.cache_blocks=4", "color.cache_ways=2", "depth.cache_ways=2"]),
-        config("baseline", &["sort=sort-first", "distribute.pattern=balanced"]),
-        config("baseline", &owners),
-        config("baseline", &["depth.early=false", "memory.kind=ideal"]),
-        config("baseline", &references),
+        config("four-pipelines", &[]),
+        config("four-pipelines", &told),
+        config("four-pipelines", &["color.cache_blocks=4", "depth.cache_blocks=4", "color.cache_ways=2", "depth.cache_ways=2"]),
+        config("four-pipelines", &["sort=sort-first", "distribute.pattern=balanced"]),
+        config("four-pipelines", &owners),
+        config("four-pipelines", &["depth.early=false", "memory.kind=ideal"]),
+        config("four-pipelines", &references),
     ];
     for machine in &machines {
         the_same(machine, "cube", &rendered("cube", machine.render_key()));
@@ -113,7 +113,7 @@ fn held(machine: &Machine) -> Vec<(SurfaceKey, Vec<u32>, Vec<BlockState>)> {
 #[test]
 fn a_clone_goes_on_as_the_machine_does() {
     let machines = [&[][..], &["sort=sort-middle-binned"], &["sort=sort-last-image"], &["sort=sort-last-fragment"]];
-    for config in machines.map(|changes| config("baseline", changes)) {
+    for config in machines.map(|changes| config("four-pipelines", changes)) {
         let frames = frames("particles", &config);
         let mut machine = Machine::new(&config).unwrap();
         let run = |machine: &mut Machine, frames: &[Vec<Event>]| {
@@ -134,7 +134,7 @@ fn warming_with_frames_leaves_what_they_leave() {
     {
         // When DRAM refreshes depends on the time that has passed, which warming does not know.
         let changes = [changes, &["memory.dram.t_refi=0"]].concat();
-        let config = config("baseline", &changes);
+        let config = config("four-pipelines", &changes);
         let frames = frames("particles", &config);
         let mut simulated = Machine::new(&config).unwrap();
         simulated.run(frames[..3].concat().into_iter(), Clock::SkipIdle).unwrap();
@@ -252,7 +252,7 @@ fn a_run_begins_with_the_hierarchical_z_of_one_machine() {
     for changes in [&[][..], &few, &accepts, &["sort=sort-first"]] {
         // Where each write is told, all is the same.
         let mut told = Vec::new();
-        let every_write = config("baseline", &[changes, &["traverse.hierarchical_update=write"]].concat());
+        let every_write = config("four-pipelines", &[changes, &["traverse.hierarchical_update=write"]].concat());
         before_each_frame(&every_write, |number, simulated, warmed| {
             let at = format!("{changes:?}, told each write: before frame {number}");
             let (begin, own) = (depths_known(warmed), depths_known(simulated));
@@ -264,7 +264,7 @@ fn a_run_begins_with_the_hierarchical_z_of_one_machine() {
         });
         assert_eq!(told.len(), 4);
         // Where it is told of blocks that leave the cache, it is a matter of time which have left. What is known holds, in both.
-        before_each_frame(&config("baseline", changes), |number, simulated, warmed| {
+        before_each_frame(&config("four-pipelines", changes), |number, simulated, warmed| {
             let at = format!("{changes:?}: before frame {number}");
             assert!(held(warmed) == held(simulated), "{at}: blocks");
             for machine in [simulated, warmed] {
@@ -302,7 +302,7 @@ fn a_pipeline_that_draws_nothing_after_a_clear_forgets_the_depths_before() {
     card.present(window);
     let trace = card.finish();
     for changes in [&[][..], &["traverse.hierarchical_update=write"], &["sort=sort-first"], &["sort=sort-last-fragment"]] {
-        let config = config("baseline", changes);
+        let config = config("four-pipelines", changes);
         let events = rendered_trace(&trace, config.render_key());
         let Some(Event::EndFrame(end)) = events.last().cloned() else { panic!("a frame ends") };
         let report = Machine::new(&config).unwrap().run(events.into_iter(), Clock::SkipIdle).unwrap();
@@ -314,7 +314,7 @@ fn a_pipeline_that_draws_nothing_after_a_clear_forgets_the_depths_before() {
 #[test]
 fn depths_that_are_forgotten_are_seen() {
     // What is warmed functionally leaves no depths here: quads behind it pass that are not shaded in API order.
-    let events = rendered("cube", config("baseline", &[]).render_key());
+    let events = rendered("cube", config("four-pipelines", &[]).render_key());
     let mut forgetful = Vec::new();
     for event in applied(&events, |number| number % 2 == 0) {
         match event {
@@ -328,7 +328,7 @@ fn depths_that_are_forgotten_are_seen() {
             event => forgetful.push(event),
         }
     }
-    let machine = || Machine::new(&config("baseline", &[])).unwrap();
+    let machine = || Machine::new(&config("four-pipelines", &[])).unwrap();
     machine().run(applied(&events, |number| number % 2 == 0).into_iter(), Clock::SkipIdle).unwrap();
     let error = machine().run(forgetful.into_iter(), Clock::SkipIdle).unwrap_err();
     assert!(matches!(error, MachineError::Fault(Fault::Visibility { .. })), "{error}");
@@ -337,7 +337,7 @@ fn depths_that_are_forgotten_are_seen() {
 #[test]
 fn machines_that_keep_pixels_elsewhere_refuse() {
     for changes in [["sort=sort-middle-binned"], ["sort=sort-last-image"]] {
-        let machine = config("baseline", &changes);
+        let machine = config("four-pipelines", &changes);
         let events = applied(&rendered("triangle", machine.render_key()), |_| true);
         let error = Machine::new(&machine).unwrap().run(events.into_iter(), Clock::SkipIdle).unwrap_err();
         assert!(matches!(error, MachineError::Fault(_)), "{error}");

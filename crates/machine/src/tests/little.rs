@@ -97,16 +97,19 @@ pub(super) fn config(name: &str, changes: &[&str]) -> Config {
 #[test]
 fn the_integral_of_occupancy_is_the_sum_of_residence_times_on_every_channel() {
     let triangle = rendered("triangle", RenderKey::default());
-    the_counts_are_what_is_seen(&config("baseline", &[]), &triangle);
+    the_counts_are_what_is_seen(&config("four-pipelines", &[]), &triangle);
     the_counts_are_what_is_seen(&config("tiny", &[]), &triangle);
     the_counts_are_what_is_seen(&config("attila", &[]), &triangle);
     let cube = rendered("cube", RenderKey::default());
-    the_counts_are_what_is_seen(&config("baseline", &[]), &cube);
+    the_counts_are_what_is_seen(&config("four-pipelines", &[]), &cube);
     // Short queues, which are full much of the time.
     let short =
         ["traverse.queue=2", "depth.output_queue=2", "network.receive_queue=2", "memory.port_queue=2", "texture.queue=2"];
-    the_counts_are_what_is_seen(&config("baseline", &short), &cube);
+    the_counts_are_what_is_seen(&config("four-pipelines", &short), &cube);
     // Samples that are resolved, and workgroups over several frames.
-    the_counts_are_what_is_seen(&config("baseline", &["memory.kind=ideal"]), &rendered("spokes-msaa", RenderKey::default()));
-    the_counts_are_what_is_seen(&config("baseline", &[]), &rendered("particles", RenderKey::default()));
+    the_counts_are_what_is_seen(
+        &config("four-pipelines", &["memory.kind=ideal"]),
+        &rendered("spokes-msaa", RenderKey::default()),
+    );
+    the_counts_are_what_is_seen(&config("four-pipelines", &[]), &rendered("particles", RenderKey::default()));
 }

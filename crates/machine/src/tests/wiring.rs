@@ -39,8 +39,8 @@ fn every_channel_that_cannot_carry_its_width_is_warned_of() {
     let (mut short, mut fine) = (0, 0);
     for _ in 0..60 {
         // Queues, latencies and rates at random.
-        let mut config = Config::built_in("baseline").unwrap();
-        for (section, knobs) in Config::built_in("baseline").unwrap().sections() {
+        let mut config = Config::built_in("four-pipelines").unwrap();
+        for (section, knobs) in Config::built_in("four-pipelines").unwrap().sections() {
             for knob in knobs.knobs() {
                 let shapes = ["queue", "latency", "per_cycle", "width", "quads", "batches"];
                 if let Allowed::Range(low, high) = knob.allowed

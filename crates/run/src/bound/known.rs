@@ -228,7 +228,7 @@ mod tests {
 
     /// All knobs of configurations.
     fn knobs() -> Vec<String> {
-        let config = Config::built_in("baseline").expect("it is built in");
+        let config = Config::built_in("four-pipelines").expect("it is built in");
         let of = |(section, knobs): (&str, &dyn knob::Section)| -> Vec<String> {
             let path =
                 |knob: &knob::Knob| if section.is_empty() { knob.name.to_owned() } else { format!("{section}.{}", knob.name) };
@@ -282,7 +282,7 @@ mod tests {
             check(&config).map_err(|error| error.to_string())
         };
         for name in [
-            "baseline",
+            "four-pipelines",
             "wide",
             "gtx-titan",
             "tiny",
@@ -298,17 +298,17 @@ mod tests {
         }
         // What is known of tiny as a whole is not known of its values one by one.
         for change in ["fetch.misses=8", "fetch.cache_lines=16"] {
-            with("baseline", &[change]).expect_err(change);
+            with("four-pipelines", &[change]).expect_err(change);
         }
         assert_eq!(
-            with("baseline", &["memory.dram.t_faw=400"]),
+            with("four-pipelines", &["memory.dram.t_faw=400"]),
             Err("memory.dram.t_faw is 400, and estimates of the bound fidelity hold where it is 56 or less: they know nothing of a limit \
                  on activations; use --fidelity cycle"
                 .to_owned())
         );
         // What has no effect is not asked for.
         assert_eq!(
-            with("baseline", &["memory.dram.t_faw=400", "memory.kind=ideal", "route.mode=immediate", "bin.hide=true"]),
+            with("four-pipelines", &["memory.dram.t_faw=400", "memory.kind=ideal", "route.mode=immediate", "bin.hide=true"]),
             Ok(())
         );
         with("sort-first", &["route.mode=immediate"]).expect_err("it has an effect");

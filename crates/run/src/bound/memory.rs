@@ -203,7 +203,7 @@ mod tests {
     use super::*;
 
     fn shared(lines: u32, ways: u32) -> Shared {
-        let mut config = Config::built_in("baseline").expect("it is built in");
+        let mut config = Config::built_in("four-pipelines").expect("it is built in");
         (config.l2.slices, config.l2.lines, config.l2.ways) = (1, lines, ways);
         Shared::new(&config)
     }

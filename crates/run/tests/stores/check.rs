@@ -22,7 +22,7 @@ impl Machines {
     /// One machine of each kind, and one that leaves tiles out which memory already has.
     pub fn new() -> Machines {
         let built_in = |name: &str| Config::built_in(name).unwrap_or_else(|error| panic!("{error}"));
-        let ordered = ["tiny", "baseline", "sort-first", "sort-middle-binned", "sort-last-fragment", "attila"];
+        let ordered = ["tiny", "four-pipelines", "sort-first", "sort-middle-binned", "sort-last-fragment", "attila"];
         let mut ordered: Vec<Config> = ordered.map(built_in).into();
         let mut same_tiles = built_in("sort-middle-binned");
         same_tiles.set("bin.skip_same_tiles=true").unwrap_or_else(|error| panic!("{error}"));
@@ -70,7 +70,7 @@ impl Machines {
     pub fn show(&self, trace: &Trace, pictures_by_hand: &[Vec<u8>]) -> Result<(), String> {
         let expected: Pictures = (0..).zip(pictures_by_hand.iter().cloned()).collect();
         same("functional rendering", &expected, &pictures(&rendered(trace, Options::default())?))?;
-        for config in self.ordered.iter().filter(|config| config.name != "baseline") {
+        for config in self.ordered.iter().filter(|config| config.name != "four-pipelines") {
             let events = rendered(trace, Options { key: config.render_key(), record: true, ..Options::default() })?;
             same(&config.name, &expected, &simulated(config, &events)?)?;
         }

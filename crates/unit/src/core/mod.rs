@@ -42,7 +42,7 @@ knob::knobs! {
     /// A shader core.
     pub struct CoreConfig {
         /// Cores in each pipeline.
-        per_pipeline: u32 ["cores", Allowed::Range(1, 8), "a cluster of one or two"],
+        per_pipeline: u32 ["cores", Allowed::Range(1, 8), "four multiprocessors a cluster (NVIDIA 2014, GeForce GTX 980 white paper, p. 6)"],
         /// Whether these cores also shade vertices; if not, there are vertex cores.
         unified: bool ["", Allowed::Switch, "unified since 2006"],
         /// Vertex cores, where they are separate.
@@ -62,7 +62,7 @@ knob::knobs! {
         /// Parts of a core that have equal shares of its registers, so that a core holds a multiple of as many warps of one kind.
         register_files: u32 ["files", Allowed::PowerOfTwo(1, 8), "one a scheduler, four since 2012 (NVIDIA, CUDA occupancy calculator: warp allocation granularity)"],
         /// Bytes of workgroup memory of a core.
-        shared_bytes: u32 ["bytes", Allowed::Range(16384, 1048576), "48 to 100 KB an SM; WebGPU asks for 16 KB"],
+        shared_bytes: u32 ["bytes", Allowed::Range(16384, 1048576), "96 KB (NVIDIA 2014, GeForce GTX 980 white paper, p. 9); WebGPU asks for 16 KB"],
         /// Warp instructions issued a cycle.
         issue: u32 ["instructions/cycle", Allowed::Range(1, 8), "four schedulers an SM since 2012"],
         /// Single-precision invocations executed a cycle.

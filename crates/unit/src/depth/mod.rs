@@ -45,7 +45,7 @@ knob::knobs! {
         /// Quads tested a cycle, early and late together.
         quads_per_cycle: u32 ["quads/cycle", Allowed::Range(1, 16), "assumed: twice as many as colours are written; ATTILA bGPU.ini ZSTENCILTEST StampsPerCycle = 1"],
         /// Blocks of 8x8 pixels of 32 bits, 256 bytes, that the Z cache holds. A block with more bytes takes the places of several.
-        cache_blocks: u32 ["blocks", Allowed::PowerOfTwo(4, 65536), "16 KB: ATTILA bGPU.ini ZCacheWays = 4, ZCacheLines = 16 lines of 16 stamps"],
+        cache_blocks: u32 ["blocks", Allowed::PowerOfTwo(4, 65536), "assumed: 64 KB cover the latency of the second level; ATTILA bGPU.ini ZCacheWays = 4, ZCacheLines = 16 lines of 16 stamps"],
         /// Ways of the Z cache; where they are as many as its blocks or more, any block goes anywhere.
         cache_ways: u32 ["ways", Allowed::PowerOfTwo(2, 65536), "as those of the colour cache; ATTILA bGPU.ini ZCacheWays = 4"],
         /// Which set of the cache is a block's.
@@ -53,7 +53,7 @@ knob::knobs! {
         /// Requests to memory in flight.
         misses: u32 ["requests", Allowed::Range(1, 1024), "covers the latency of memory"],
         /// Groups of quads between lookup and test, for the early and for the late tests each.
-        fifo: u32 ["groups", Allowed::Range(1, 4096), "ATTILA bGPU.ini ZSTENCILTEST FetchQueueSize = 256 stamps"],
+        fifo: u32 ["groups", Allowed::Range(1, 4096), "assumed: covers the latency of the second level; ATTILA bGPU.ini ZSTENCILTEST FetchQueueSize = 256 stamps"],
         /// Cycles from lookup to test where the block is in the cache.
         latency: u32 ["cycles", Allowed::Range(1, 256), "ATTILA bGPU.ini ZALULatency = 2 and the queues before it"],
         /// What becomes of the cache at the end of a pass. Kept blocks are still in the cache for what reads depths from memory: no time is

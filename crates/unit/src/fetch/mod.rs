@@ -73,11 +73,11 @@ knob::knobs! {
         /// Bytes of a line of the attribute cache, which is fetched whole.
         line_bytes: u32 ["bytes", Allowed::PowerOfTwo(64, 256), "a memory line; ATTILA bGPU.ini SLInputCacheLineSize = 256"],
         /// Lines of the attribute cache.
-        cache_lines: u32 ["lines", Allowed::PowerOfTwo(2, 65536), "8 KB: ATTILA bGPU.ini SLInputCacheLines = 32 of 256 bytes"],
+        cache_lines: u32 ["lines", Allowed::PowerOfTwo(2, 65536), "assumed: 256 KB stand for the first-level caches of 16 multiprocessors; ATTILA bGPU.ini SLInputCacheLines = 32 of 256 bytes"],
         /// Ways of the attribute cache.
         cache_ways: u32 ["ways", Allowed::PowerOfTwo(1, 65536), "fully associative in ATTILA"],
         /// Requests for lines of attributes in flight.
-        misses: u32 ["requests", Allowed::Range(1, 1024), "ATTILA bGPU.ini SLInputRequestQueueSize = 128"],
+        misses: u32 ["requests", Allowed::Range(1, 1024), "assumed: covers the latency of memory at the rate of attributes; ATTILA bGPU.ini SLInputRequestQueueSize = 128"],
         /// Batches of vertices in flight, from the first index to the last primitive assembled.
         batches: u32 ["batches", Allowed::Range(1, MAX_BATCHES as u64), "assumed: covers the latency of memory at the rate of indices; ATTILA bGPU.ini OutputMemorySize = 512 vertices: 16 batches of 32"],
         /// Batches, runs and marks that have been read and that assembly has not taken.

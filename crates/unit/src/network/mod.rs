@@ -135,7 +135,7 @@ knob::knobs! {
         /// Parcels that a link between routers holds, those under way included; as many again in the store behind it.
         queue: u32 ["parcels", Allowed::Range(2, 1024), "more than the latency, so that the link carries its width"],
         /// Parcels that a receiver has places for, for each sender.
-        receive_queue: u32 ["parcels", Allowed::Range(1, 4096), "ATTILA bGPU.ini SetupFIFOSize = 32"],
+        receive_queue: u32 ["parcels", Allowed::Range(1, 4096), "assumed: raster engines work on several tiles at a time; ATTILA bGPU.ini SetupFIFOSize = 32"],
         /// Cycles from a receiver that gives places free to the sender that may use them; no matter in a point-to-point network.
         credit_latency: u32 ["cycles", Allowed::Range(2, 256), "the way back, without queues"],
         /// Which of several inputs an output of a router takes from.
