@@ -239,7 +239,7 @@ fn machines_made_at_random_are_lawful() {
         if config.check().is_err() {
             continue;
         }
-        if is_chosen(2, &[made]) {
+        if is_chosen(4, &[made]) {
             lawful(&config, &work, made, &[Clock::Shuffled(made as u64)]);
         }
         made += 1;
