@@ -15,7 +15,7 @@ use super::bind::ResolvedBindings;
 use super::draw::{self, BufferRange, IndexRange, RenderPass, Signer};
 use super::execute::{Fault, Renderer, counts};
 use super::flight::{self, Begin, Boarding, Departure, Source, Tiles};
-use super::ledger::{DRAW_STEPS, MANY_STEPS, VERTEX_STEPS};
+use super::ledger::{DRAW_STEPS, Ledger, MANY_STEPS, VERTEX_STEPS};
 use super::needs::Need;
 use super::pipeline::RenderPipeline;
 use super::queued::{self, Charges, QueuedDraw, Shared};
@@ -570,14 +570,10 @@ impl ActivePass {
             Way::Away(departure) => departure.end().into_iter().map(|away| away.map(Tiles::Away)).collect(),
             Way::Over => Vec::new(),
         };
-        let stored = (renderer.recording() && renderer.options.stored).then(|| {
-            let of = |tiles: &Option<Tiles>| match tiles {
-                Some(Tiles::Here(tiles)) => Some(stored_blocks(tiles)),
-                _ => None,
-            };
-            let (color, depth) = images.split_at(self.color.len().min(images.len()));
-            Arc::new(Stored { color: color.iter().map(of).collect(), depth: depth.first().and_then(of) })
-        });
+        let stored = match renderer.recording() && renderer.options.stored {
+            true => Some(Arc::new(stored(&renderer.ledger, &images, self.color.len())?)),
+            false => None,
+        };
         if !renderer.recording() {
             // A machine does not see what this pass has written.
             let places = self.color.iter().chain([&self.depth]).flatten().filter(|bound| !bound.read_only);
@@ -614,6 +610,20 @@ impl ActivePass {
         }
         renderer.emit(Event::EndPass(stored))
     }
+}
+
+/// What the blocks of attachments, of which the first `colors` are colours, take in memory. That goes over all of their texels.
+fn stored(ledger: &Ledger, images: &[Option<Tiles>], colors: usize) -> Result<Stored, Fault> {
+    let of = |tiles: &Option<Tiles>| match tiles {
+        Some(Tiles::Here(tiles)) => {
+            ledger.bytes.charge(tiles.shape().bytes())?;
+            Ok(Some(stored_blocks(tiles)))
+        }
+        _ => Ok(None),
+    };
+    let (color, depth) = images.split_at(colors.min(images.len()));
+    let color = color.iter().map(of).collect::<Result<_, Fault>>()?;
+    Ok(Stored { color, depth: depth.first().map_or(Ok(None), of)? })
 }
 
 /// Part of a buffer as a draw takes it.

@@ -51,6 +51,12 @@ pub struct Stored {
     pub depth: Option<Vec<[u8; CODECS]>>,
 }
 
+impl Stored {
+    fn bytes(&self) -> u64 {
+        self.color.iter().chain([&self.depth]).flatten().map(|blocks| (CODECS * blocks.len()) as u64).sum()
+    }
+}
+
 /// One step of the stream.
 #[derive(Clone, Debug)]
 pub enum Event {
@@ -85,6 +91,7 @@ impl Event {
             Event::Segment(segment) | Event::Applied(segment) => segment.bytes(),
             Event::Groups(groups) => groups.bytes(),
             Event::Contents(contents) => contents.bytes.len() as u64,
+            Event::EndPass(Some(stored)) => stored.bytes(),
             Event::EndFrame(end) => {
                 end.reference.len() as u64 + end.sprites.iter().map(|sprite| sprite.texels.len() as u64).sum::<u64>()
             }

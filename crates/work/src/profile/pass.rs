@@ -261,40 +261,35 @@ impl OpenPass {
         self.phase
     }
 
-    /// Takes over what blocks take in memory.
+    /// Takes over what blocks take in memory; raw where the work does not say.
     fn learn_stored(&mut self, touches: &mut Touches, stored: Option<&Stored>) {
         let PhaseProfile::Pass { color, depth, .. } = &mut self.phase else { return };
-        let Some(stored) = stored else {
-            return touches.of_phase().for_each(|touch| {
-                let place = match touch.by {
-                    Toucher::Color => self.memory.color.get(usize::from(touch.step & !WHOLE)).copied().flatten(),
-                    _ => self.memory.depth,
-                };
-                touch.stored = [place.map_or(0, |(_, bytes)| (bytes / LINE) as u8); CODECS];
-            });
+        let none = Stored::default();
+        let (stored, memory) = (stored.unwrap_or(&none), &self.memory);
+        let of_color = |at: usize| stored.color.get(at).and_then(Option::as_ref);
+        // Blocks count as often as they are touched, and alike where none is.
+        let mean = |stored: &Vec<[u8; CODECS]>, touched: &[u32]| -> [f32; CODECS] {
+            let alike = u64::from(touched.iter().all(|&n| n == 0));
+            let weights = || touched.iter().map(|&n| u64::from(n) + alike);
+            let all = weights().sum::<u64>().max(1) as f64;
+            let lines = |codec: usize| stored.iter().zip(weights()).map(|(lines, n)| u64::from(lines[codec]) * n).sum::<u64>();
+            std::array::from_fn(|codec| (lines(codec) as f64 / all) as f32)
         };
-        let mean = |stored: &[[u8; CODECS]], touched: &[u32]| {
-            let all: u64 = touched.iter().map(|&n| u64::from(n)).sum();
-            let lines = |codec: usize| {
-                stored.iter().zip(touched).map(|(lines, &n)| u64::from(lines[codec]) * u64::from(n)).sum::<u64>()
-            };
-            (all > 0).then(|| std::array::from_fn(|codec| (lines(codec) as f64 / all as f64) as f32))
-        };
-        let places = self.memory.color.iter().zip(&stored.color).filter(|(place, _)| place.is_some());
-        for (attachment, (_, stored)) in color.iter_mut().zip(places) {
-            let found = stored.as_ref().and_then(|stored| mean(stored, &self.caches.blocks[1].touches));
+        let places = (0..memory.color.len()).filter(|&at| memory.color[at].is_some());
+        for (attachment, at) in color.iter_mut().zip(places) {
+            let found = of_color(at).map(|stored| mean(stored, &self.caches.blocks[1].touches));
             attachment.lines = found.unwrap_or(attachment.lines);
         }
         if let (Some(attachment), Some(stored)) = (depth, &stored.depth) {
-            attachment.lines = mean(stored, &self.caches.blocks[0].touches).unwrap_or(attachment.lines);
+            attachment.lines = mean(stored, &self.caches.blocks[0].touches);
         }
         for touch in touches.of_phase() {
             let (place, stored) = match touch.by {
                 Toucher::Color => {
                     let at = usize::from(touch.step & !WHOLE);
-                    (self.memory.color.get(at).copied().flatten(), stored.color.get(at).and_then(Option::as_ref))
+                    (memory.color.get(at).copied().flatten(), of_color(at))
                 }
-                Toucher::Depth => (self.memory.depth, stored.depth.as_ref()),
+                Toucher::Depth => (memory.depth, stored.depth.as_ref()),
                 _ => continue,
             };
             let Some((address, bytes)) = place else { continue };
