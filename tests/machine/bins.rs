@@ -3,7 +3,6 @@
 use crate::common::{self, config};
 use fillrate::gfx::format::Format;
 use fillrate::gfx::state::*;
-use fillrate::machine::Config;
 use fillrate::run::replay::{Fidelity, Options, Replay, replay};
 use fillrate::sim::Clock;
 use fillrate::synthetic::{Scene, events};
@@ -58,11 +57,8 @@ fn grid(clipped: bool) -> Recorder {
 }
 
 fn run(clipped: bool, changes: &[&str]) -> Replay {
-    let mut config = Config::built_in("sort-middle-binned").expect("it is built in");
-    for change in changes {
-        config.set(change).expect("a knob");
-    }
-    replay(&grid(clipped).finish(), &Options::new(config, Fidelity::Cycle), &|_| ()).expect("it runs")
+    let options = Options::new(config("sort-middle-binned", changes), Fidelity::Cycle);
+    replay(&grid(clipped).finish(), &options, &|_| ()).expect("it runs")
 }
 
 /// Numbers of the binning unit.

@@ -123,6 +123,18 @@ pub fn triangles(count: usize, blocks: u32, quads: u8, empty: u16) -> Segment {
     segment
 }
 
+/// A unit between a source of triangles and a sink of groups, over channels without a limit.
+fn gather_circuit(
+    items: Vec<(Cycle, TriangleToken)>,
+    unit: impl FnOnce(sim::In<TriangleToken>, sim::Out<GroupToken>) -> Traverse,
+) -> GatherCircuit {
+    let mut wiring = Wiring::new();
+    let ids = ["source", "traverse", "sink"].map(|name| wiring.unit(name, 0));
+    let (output, into) = wiring.channel("in", 0, FREE, ids[0], ids[1]);
+    let (out, input) = wiring.channel("out", 0, FREE, ids[1], ids[2]);
+    GatherCircuit::new(wiring, One(Source::new(items, output)), One(unit(into, out)), One(Sink::new(input)))
+}
+
 #[test]
 fn triangles_wait_for_those_of_their_batch_that_come_here() {
     // Six triangles of a block of four quads, in batches of four; they come in these cycles, and a mark behind the last. Groups leave a cycle apart.
@@ -130,10 +142,6 @@ fn triangles_wait_for_those_of_their_batch_that_come_here() {
         let segment = triangles(6, 1, 4, 0);
         settle(
             || {
-                let mut wiring = Wiring::new();
-                let ids = ["source", "traverse", "sink"].map(|name| wiring.unit(name, 0));
-                let (output, into) = wiring.channel("in", 0, FREE, ids[0], ids[1]);
-                let (out, input) = wiring.channel("out", 0, FREE, ids[1], ids[2]);
                 let mut card = card_of_tiles(rasterisers, 8);
                 let mut segment = segment.clone();
                 // Those with an odd number lie in the next tile, of another rasteriser.
@@ -144,11 +152,11 @@ fn triangles_wait_for_those_of_their_batch_that_come_here() {
                 let last = come.last().expect("a triangle").0;
                 let items = come.iter().map(|&(at, number)| (at, triangle(Kind::DATA, 0, number)));
                 let items = items.chain([(last, triangle(Kind::SEGMENT, 0, 0))]).collect();
-                let unit = Traverse::new(config.clone(), 0, Territory::Tiles, into, None, out);
-                let unit = unit.gathering(Overlap::Bounds, rasterisers);
-                let circuit = GatherCircuit::new(wiring, One(Source::new(items, output)), One(unit), One(Sink::new(input)));
                 assert_eq!(card.interleave.owner(0, 0), owner as u8);
-                (circuit, card)
+                let unit = |into, out| {
+                    Traverse::new(config.clone(), 0, Territory::Tiles, into, None, out).gathering(Overlap::Bounds, rasterisers)
+                };
+                (gather_circuit(items, unit), card)
             },
             |c, _| c.sink.got.last().is_some_and(|(_, token)| token.kind == Kind::SEGMENT),
             |c, _| c.sink.got.iter().filter(|(_, token)| token.kind == Kind::DATA).map(|&(at, _)| at).collect::<Vec<_>>(),
@@ -447,16 +455,12 @@ fn of_a_triangle_that_all_pipelines_get_each_draws_its_own_tiles() {
         let segment = row_of_tiles(4, 1, 4, 0);
         settle(
             || {
-                let mut wiring = Wiring::new();
-                let ids = ["source", "traverse", "sink"].map(|name| wiring.unit(name, 0));
-                let (output, into) = wiring.channel("in", 0, FREE, ids[0], ids[1]);
-                let (out, input) = wiring.channel("out", 0, FREE, ids[1], ids[2]);
                 let mut card = card(4);
                 card.install(0, Arc::new(segment.clone()), Arc::new(draw()), 0);
                 card.work[0].as_mut().expect("installed").shared = vec![shared];
                 let items = vec![(0, triangle(Kind::DATA, 0, 0)), (0, triangle(Kind::PART_END, 0, 0))];
-                let unit = Traverse::new(config(), pipeline, territory, into, None, out);
-                (GatherCircuit::new(wiring, One(Source::new(items, output)), One(unit), One(Sink::new(input))), card)
+                let unit = |into, out| Traverse::new(config(), pipeline, territory, into, None, out);
+                (gather_circuit(items, unit), card)
             },
             |c, _| c.sink.got.last().is_some_and(|(_, token)| token.kind == Kind::PART_END),
             |c, card| {
