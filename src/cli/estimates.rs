@@ -40,7 +40,7 @@ pub fn run(arguments: &Arguments) -> Result<Verdict> {
         println!("written to {}", folder.display());
         return Ok(Verdict::Done);
     }
-    let found = estimates::generated(seeds, &options, |_| ())?;
+    let found = estimates::generated(seeds, &options)?;
     if arguments.each {
         println!("{}", classes::table(&found));
     }

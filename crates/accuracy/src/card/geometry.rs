@@ -65,9 +65,9 @@ pub(super) const BENCHMARKS: &[Benchmark] = &[
         unit: "of the rate with 16 bits",
         published: &[1.0],
         class: Class::A,
-        source: seen("12 bytes of indices a triangle are 96 of 199 bytes a cycle"),
+        source: seen("12 bytes of indices per triangle are 96 of 199 bytes per cycle"),
         fault: &["fetch.index_lines=4"],
-        because: Some(Because { what: "the fetch unit has one port of 64 bytes a cycle", off: -0.328 }),
+        because: Some(Because { what: "the fetch unit has one port of 64 bytes per cycle", off: -0.328 }),
         measure: |bench| {
             Ok(vec![triangles(bench, CULLED, IndexFormat::Uint32)? / triangles(bench, CULLED, IndexFormat::Uint16)?])
         },
@@ -80,7 +80,7 @@ pub(super) const BENCHMARKS: &[Benchmark] = &[
         published: &[0.5, 0.5, 0.75, 1.0],
         class: Class::Shape,
         source: unconfirmed(
-            "special function units interpolate: 32 words a cycle in each of 16 multiprocessors, for 64 pixels of the ROPs",
+            "special function units interpolate: 32 words per cycle in each of 16 multiprocessors, for 64 pixels of the ROPs",
         ),
         fault: &["interpolate.words_per_cycle=4"],
         because: Some(Because { what: "a quad takes whole cycles of interpolation, of 8 words each", off: 0.25 }),

@@ -203,7 +203,7 @@ pub(super) const BENCHMARKS: &[Benchmark] = &[
         published: &[256.0],
         class: Class::C,
         source: seen(
-            "AMD GCN white paper (2012), p. 12, of the architecture before: a block of 8x8 pixels a cycle in each of four pipelines",
+            "AMD GCN white paper (2012), p. 12, of the architecture before: a block of 8x8 pixels per cycle in each of four pipelines",
         ),
         fault: &["traverse.hierarchical_z=false"],
         measure: hidden,

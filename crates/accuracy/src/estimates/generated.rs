@@ -25,7 +25,7 @@ fn scrambled(x: u32) -> u32 {
     return b ^ (b >> 16u);
 }
 fn unit(x: u32) -> f32 { return f32(scrambled(x) >> 8u) / 16777216.0; }
-struct Place { at: vec2f, edge: f32, depth: f32 }
+struct Place { at: vec2f, depth: f32 }
 ";
 
 /// A whole number from 1 to `most`, evenly by its logarithm.
@@ -74,7 +74,7 @@ fn geometry(random: &mut Random, draws: u32) -> (String, u32, f32) {
         // Triangles over the whole target.
         0 => {
             let layers = 1 + random.below(6);
-            let body = "return Place(vec2f(f32((v % 3u) & 1u) * 4.0 - 1.0, f32((v % 3u) >> 1u) * 4.0 - 1.0), 0.0, Z);";
+            let body = "return Place(vec2f(f32((v % 3u) & 1u) * 4.0 - 1.0, f32((v % 3u) >> 1u) * 4.0 - 1.0), Z);";
             (body.replace('Z', z), 3 * layers, layers as f32 * draws as f32)
         }
         // A grid in rows.
@@ -85,7 +85,7 @@ fn geometry(random: &mut Random, draws: u32) -> (String, u32, f32) {
                 let cell = v / 6u; let corner = array(0u, 1u, 2u, 1u, 2u, 3u)[v % 6u];
                 let at = vec2f(f32(cell % CELLSu + (corner & 1u)), f32(cell / CELLSu + (corner >> 1u))) / CELLS.0 * 2.0 - 1.0;
                 let moved = at * (1.0 - 0.05 * f32(i % 8u)) + vec2f(BEND, 0.0);
-                return Place(moved, 0.0, Z);";
+                return Place(moved, Z);";
             let body = body.replace("CELLS", &cells.to_string()).replace("BEND", bend).replace('Z', z);
             (body, 6 * cells * cells, draws as f32)
         }
@@ -98,7 +98,7 @@ fn geometry(random: &mut Random, draws: u32) -> (String, u32, f32) {
             let body = "
                 let t = v / 3u + i * 7919u; let turn = f32(v % 3u) * 2.0944 + unit(t);
                 let middle = vec2f(unit(t * 2u + 11u), unit(t * 2u + 12u)) * 2.0 - 1.0;
-                return Place(middle + EDGE * vec2f(cos(turn), sin(turn)), 0.0, Z);";
+                return Place(middle + EDGE * vec2f(cos(turn), sin(turn)), Z);";
             let body = body.replace("EDGE", &format!("{edge:.5}")).replace('Z', z);
             (body, 3 * triangles, triangles as f32 * draws as f32 * edge * edge * 0.33)
         }

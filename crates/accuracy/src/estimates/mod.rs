@@ -13,12 +13,10 @@ pub use generated::{record, scene};
 ///
 /// # Errors
 /// If a machine stops; the message names the scene.
-pub fn generated(seeds: impl Iterator<Item = u64>, options: &Options, mut each: impl FnMut(&Errors)) -> Result<Vec<Errors>> {
+pub fn generated(seeds: impl Iterator<Item = u64>, options: &Options) -> Result<Vec<Errors>> {
     let one = |seed| {
         let name = format!("scene {seed}");
-        let found = errors(&name, &scene(seed), options).with_context(|| name.clone())?;
-        each(&found);
-        Ok(found)
+        errors(&name, &scene(seed), options).with_context(|| name.clone())
     };
     seeds.map(one).collect()
 }
