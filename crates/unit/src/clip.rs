@@ -11,7 +11,7 @@ knob::knobs! {
     pub struct ClipConfig {
         /// Primitives tested a cycle, those that end here and those that go on untouched.
         primitives_per_cycle: u32 ["primitives/cycle", Allowed::Range(1, 16), "one (NVIDIA 2010, GF100 white paper); ATTILA bGPU.ini CLIPPER TrianglesCycle = 2, two units"],
-        /// Cycles in which `primitives_per_cycle` primitives are tested: rates below a primitive a cycle.
+        /// Cycles that testing `primitives_per_cycle` primitives takes, for rates below one primitive per cycle.
         interval: u32 ["cycles", Allowed::Range(1, 64), "pipelined; 2 in each of the 16 geometry units of the GeForce GTX 980"],
         /// Cycles that a primitive takes which has to be cut against a plane.
         clip_cycles: u32 ["cycles/primitive", Allowed::Range(1, 256),

@@ -31,8 +31,8 @@ knob::knobs! {
         quads_per_cycle: u32 ["quads/cycle", Allowed::Range(1, 16), "8 pixels a cycle and partition in cards of 2010 to 2016"],
         /// Quads blended a cycle where the stored colour is read.
         blends_per_cycle: u32 ["quads/cycle", Allowed::Range(1, 16), "RGBA8 blends at full rate since 2010 (Mavridis and Papaioannou 2012: 8.28 Gpixel/s with and without)"],
-        /// Cycles in which `quads_per_cycle` quads are written, or `blends_per_cycle` blended: rates below a quad a cycle.
-        interval: u32 ["cycles", Allowed::Range(1, 64), "pipelined; 2 where a core writes two pixels a cycle (Mali-G57, Arm GPU Datasheet v7)"],
+        /// Cycles that writing `quads_per_cycle` quads or blending `blends_per_cycle` quads takes, for rates below one quad per cycle.
+        interval: u32 ["cycles", Allowed::Range(1, 64), "pipelined; 2 where a core writes two pixels per cycle (Mali-G57, Arm GPU Datasheet v7)"],
         /// How many times as long a pixel of 64 bits takes to be written as one of up to 32 bits.
         write_64: u32 ["times", Allowed::Range(1, 16), "RGBA16F, RG32F: 2 (Mavridis and Papaioannou 2012: 4.61 and 4.56 of 8.28 Gpixel/s, GTX 460)"],
         /// The same of a pixel of 128 bits.

@@ -45,8 +45,8 @@ pub struct Deal {
     items: u64,
 }
 
-/// The groups of quads at which batches end by size: what a sender can always send on ahead of its turn to one receiver that has places for
-/// so many parcels of each, the mark behind them included, and no more than its shaded quads have places for.
+/// The groups of quads at which batches end by size. A sender can send this number on ahead of its turn to one receiver, which has places for
+/// `receive_queue` parcels, the mark behind them included, and it has places for the shaded quads.
 pub fn most_groups(receive_queue: u32, reorder: u32, warp_width: u32) -> u32 {
     let ahead = (receive_queue * 3 / 4).saturating_sub(1);
     ahead.min(reorder * warp_width / 16).max(1)

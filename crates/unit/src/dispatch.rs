@@ -19,8 +19,8 @@ knob::knobs! {
     pub struct DispatchConfig {
         /// Quads packed a cycle.
         quads_per_cycle: u32 ["quads/cycle", Allowed::Range(1, 16), "four; ATTILA: one (bGPU.ini FRAGMENTSHADER InputsPerCycle = 4 fragments)"],
-        /// Cycles in which `quads_per_cycle` quads are packed: rates below a quad a cycle.
-        interval: u32 ["cycles", Allowed::Range(1, 64), "pipelined; 2 where a core shades two fragments a cycle (Mali-G57, Arm GPU Datasheet v7)"],
+        /// Cycles that packing `quads_per_cycle` quads takes, for rates below one quad per cycle.
+        interval: u32 ["cycles", Allowed::Range(1, 64), "pipelined; 2 where a core shades two fragments per cycle (Mali-G57, Arm GPU Datasheet v7)"],
         /// Warps between packing and leaving in order.
         reorder: u32 ["warps", Allowed::Range(1, 1024), "all warps of four multiprocessors (CUDA, compute capability 5.2: 64 each); ATTILA bGPU.ini ShadedStampQueueSize = 640 stamps, 80 warps of 8"],
         /// Cycles without a further quad after which a warp is started though it is not full.

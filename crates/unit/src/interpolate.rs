@@ -10,8 +10,8 @@ knob::knobs! {
     pub struct InterpolateConfig {
         /// Quads begun a cycle.
         quads_per_cycle: u32 ["quads/cycle", Allowed::Range(1, 16), "ATTILA bGPU.ini NumInterpolators = 4"],
-        /// Cycles in which `quads_per_cycle` quads are begun: rates below a quad a cycle.
-        interval: u32 ["cycles", Allowed::Range(1, 64), "pipelined; 2 where a core shades two fragments a cycle (Mali-G57, Arm GPU Datasheet v7)"],
+        /// Cycles between beginnings of `quads_per_cycle` quads, for rates below one quad per cycle.
+        interval: u32 ["cycles", Allowed::Range(1, 64), "pipelined; 2 where a core shades two fragments per cycle (Mali-G57, Arm GPU Datasheet v7)"],
         /// Attribute words that each of these quads gets a cycle; more take more cycles.
         words_per_cycle: u32 ["words/quad/cycle", Allowed::Range(1, 64), "a vec4 a quad and cycle, as ATTILA's interpolators"],
         /// Whether only those varyings are computed and interpolated that the fragment stage reads; if not, all that the vertex stage writes.

@@ -41,7 +41,6 @@ pub struct Resolve {
     pipeline: u8,
     /// How blocks of pixels are written: as the colour unit writes them.
     compression: Compression,
-    /// Colour attachments by location.
     input: In<Piece>,
     output: Out<Ack>,
     memory: MemoryPort,

@@ -238,7 +238,7 @@ impl Bound<'_> {
         let units = [("bin", taken.max(entries / f64::from(bin.entries_per_cycle))), ("bin port", bytes / port)];
         units.into_iter().for_each(|(unit, cycles)| roofs[0].add(unit, cycles));
         let binning = units[0].1.max(units[1].1);
-        // 2. Reading, line by line: so many requests are on their way.
+        // 2. Reading, line by line, with `bin.misses` requests on their way.
         let entry = (lists.triangle / LINE as f64 * latency / f64::from(bin.misses)).max(lists.triangle / port)
             + lists.entry / CHUNK * latency / f64::from(bin.misses);
         // 3. At the end of a tile its blocks leave one a cycle, and over the port; meanwhile nothing goes on.

@@ -50,7 +50,7 @@ impl Bound<'_> {
         }
     }
 
-    /// Primitives of a batch, where each makes so many groups of quads.
+    /// Primitives of a batch, where each makes `groups` groups of quads.
     pub(super) fn batch_of(&self, groups: f64) -> f64 {
         let batch = f64::from(self.config.assembly.batch);
         (self.most_groups() / groups.max(1.0)).min(batch).floor().max(1.0)

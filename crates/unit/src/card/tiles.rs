@@ -29,7 +29,7 @@ impl KeptVertices {
         self.addresses.get(usize::from(slot))?.get(vertex as usize)?.map(NonZeroU64::get)
     }
 
-    /// Keeps a vertex, of so many in its segment, at an address, which is not 0.
+    /// Keeps a vertex at an address, which is not 0; with the vertex comes the number of vertices of its segment.
     pub fn keep(&mut self, slot: u16, (vertex, count): (u32, usize), address: u64) {
         let slot = usize::from(slot);
         if self.addresses.len() <= slot {

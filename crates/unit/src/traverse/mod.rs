@@ -67,8 +67,8 @@ knob::knobs! {
         quads_per_cycle: u32 ["quads/cycle", Allowed::Range(1, 16), "ATTILA bGPU.ini StampsPerCycle = 4"],
         /// Quads of draws without a fragment stage sent on a cycle.
         depth_quads_per_cycle: u32 ["quads/cycle", Allowed::Range(1, 16), "assumed: twice the rate with colours; GF100 and Cypress reach 80 to 90 % of theirs (Beyond3D 2010)"],
-        /// Cycles in which so many quads are sent: rates below a quad a cycle.
-        interval: u32 ["cycles", Allowed::Range(1, 64), "pipelined; 2 where a core shades two fragments a cycle (Mali-G57, Arm GPU Datasheet v7)"],
+        /// Cycles that sending `quads_per_cycle` quads takes, for rates below one quad per cycle.
+        interval: u32 ["cycles", Allowed::Range(1, 64), "pipelined; 2 where a core shades two fragments per cycle (Mali-G57, Arm GPU Datasheet v7)"],
         /// Cycles from here to the early depth test.
         latency: u32 ["cycles", Allowed::Range(1, 64), "ATTILA bGPU.ini HZAccessLatency = 5, HZUpdateLatency = 4"],
         /// Groups of quads queued before the early depth test.
