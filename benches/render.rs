@@ -243,7 +243,9 @@ fn run(name: &str, workload: &Workload, frames: usize, skips: Skips, record: boo
         c.clear([0xff00_0000, 0, 0, 0]);
         d.clear([1.0_f32.to_bits(), 0, 0, 0]);
         let mut pass = RenderPass::begin(WIDTH, HEIGHT, 1, vec![Some((c, Format::Rgba8Unorm))], Some(d));
+        let reach = Default::default();
         let call = DrawCall {
+            reach: &reach,
             number: 0,
             group: &group,
             pipeline: &pipeline,

@@ -91,6 +91,8 @@ const SKIPS: &[(&str, &str, &str)] = &[
     ("color.fast_clear", "true", "fast clears"),
     ("color.skip_reads", "true", "no reads of blocks that are overwritten whole"),
     ("color.masked_writes", "true", "blocks written in part, without reads"),
+    ("command.overlap", "true", "passes and copies beside each other"),
+    ("command.async_compute", "true", "dispatches beside passes"),
     ("command.skip_empty_passes", "true", "empty passes left out"),
     ("command.cull", "draws", "draws culled by their bounds"),
     ("command.cull", "instances", "draws and instances culled by their bounds"),

@@ -85,7 +85,10 @@ pub fn dispatch(groups: u32) -> Vec<Event> {
 /// [`dispatch`] of workgroups with these numbers of invocations and bytes of workgroup memory, with or without a barrier.
 pub fn dispatch_of(groups: u32, invocations: u32, shared_bytes: u32, barrier: bool) -> Vec<Event> {
     let shape = ShaderShape { registers: 16, inputs: 0, outputs: 0 };
-    let dispatch = Dispatch { number: 0, label: String::new(), shape, groups: groups.into(), invocations, shared_bytes };
+    // Packets load, store and add in lines of three areas of 4096.
+    let mut reach = Reach::default();
+    reach.writes.add(Extent::new((1 << 21) * LINE, 3 * 4096 * LINE));
+    let dispatch = Dispatch { number: 0, label: String::new(), shape, groups: groups.into(), invocations, shared_bytes, reach };
     let step = |instructions, then| Step::dependent(instructions, then);
     let mut steps = vec![
         step([2, 4, 0, 1, 0], RequestKind::Load),

@@ -38,7 +38,16 @@ fn frames(count: u32, bytes: u64) -> Vec<Event> {
         opaque: false,
     };
     let of = |number: u32| {
-        let transfer = Transfer { kind: TransferKind::Copy, from: Some(1 << 24), to: Some(1 << 25), bytes, surfaces: None };
+        let (from, to) = (1 << 24, 1 << 25);
+        let transfer = Transfer {
+            kind: TransferKind::Copy,
+            from: Some(from),
+            to: Some(to),
+            bytes,
+            reads: Some(Extent::new(from, bytes)),
+            writes: Some(Extent::new(to, bytes)),
+            surfaces: None,
+        };
         let reference = vec![number as u8; (LINES * ROW) as usize].into();
         [
             Event::Transfer(transfer),

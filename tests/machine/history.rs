@@ -77,7 +77,15 @@ fn fill(card: &str, side: u32, textures: u32, [pixels, texels]: [f64; 2]) {
 /// A dispatch of a number of workgroups of 64 invocations, each four of which load a line of their own, one after the other in memory.
 fn loads(groups: u32) -> Vec<Event> {
     let shape = ShaderShape { registers: 16, inputs: 0, outputs: 0 };
-    let dispatch = Dispatch { number: 0, label: String::new(), shape, groups: groups.into(), invocations: 64, shared_bytes: 0 };
+    let dispatch = Dispatch {
+        number: 0,
+        label: String::new(),
+        shape,
+        groups: groups.into(),
+        invocations: 64,
+        shared_bytes: 0,
+        reach: Reach::default(),
+    };
     let step = |then| Step::dependent([1, 1, 0, 0, 0], then);
     let costs = CostTable::from(vec![Cost::from(vec![step(RequestKind::Load), step(RequestKind::End)])]);
     let lines = groups * 16;
@@ -109,8 +117,15 @@ fn operations(config: &Config) -> f64 {
         let instructions = [8 * chain, 0, 0, 0, 0];
         let step = Step { chain: [chain, 0, 0, 0, 0], ..Step::dependent(instructions, RequestKind::End) };
         let shape = ShaderShape { registers: 16, inputs: 0, outputs: 0 };
-        let dispatch =
-            Dispatch { number: 0, label: String::new(), shape, groups: groups.into(), invocations: 256, shared_bytes: 0 };
+        let dispatch = Dispatch {
+            number: 0,
+            label: String::new(),
+            shape,
+            groups: groups.into(),
+            invocations: 256,
+            shared_bytes: 0,
+            reach: Reach::default(),
+        };
         let costs = CostTable::from(vec![Cost::from(vec![step])]);
         let packets = vec![Packet { cost: 0, first_request: 0, first_shared: 0 }; 64 * groups as usize];
         let work = Groups { groups, costs, packets, ..Groups::default() };

@@ -14,6 +14,7 @@ mod image;
 mod knobs;
 mod laws;
 mod metamorphic;
+mod overlap;
 mod rendering_elimination;
 mod runs;
 mod shortcuts;

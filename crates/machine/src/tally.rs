@@ -5,7 +5,7 @@ use mem::ClientCounts;
 use num::Cycle;
 use sim::{Circuit, Sum};
 use stats::{Cycles, Declaration, Group};
-use unit::phase::{DrawRecord, Mark, Phase};
+use unit::phase::{DrawRecord, Mark, Phase, PhaseRecord};
 use work::Funnel;
 
 stats::counters! {
@@ -190,14 +190,17 @@ impl Tallies {
     pub fn read(&mut self, machine: &mut Machine) {
         let now = Tally::of(machine);
         for mark in machine.card.phases.marks() {
+            let last = self.phases.len();
             match (mark, self.phases.last_mut()) {
                 (Mark::Phase, _) => self.phases.push((now.clone(), Vec::new())),
-                (Mark::Draw(at), Some((_, draws))) => match draws.last_mut().filter(|(known, _)| *known == at) {
+                // What retires behind the end of its phase is read there.
+                (Mark::Draw(phase, _), _) if phase + 1 < last => {}
+                (Mark::Draw(_, at), Some((_, draws))) => match draws.last_mut().filter(|(known, _)| *known == at) {
                     // Another segment of the same draw.
                     Some((_, reading)) => reading.clone_from(&now),
                     None => draws.push((at, now.clone())),
                 },
-                (Mark::Draw(_), None) => {}
+                (Mark::Draw(..), None) => {}
             }
         }
     }
@@ -214,11 +217,13 @@ impl Tallies {
         }
         let mut reports = Vec::with_capacity(records.len());
         let mut readings = readings.into_iter().peekable();
-        for (phase, cycles, records) in records {
+        for (PhaseRecord { phase, draws: records, funnel, .. }, cycles) in records {
             let Some((before, retirements)) = readings.next() else { break };
             let after = readings.peek().map_or(&self.start, |(next, _)| next);
             let draws = draws(&phase, cycles, &records, (&before, &retirements, after));
-            reports.push(PhaseReport { phase, cycles, counts: Some(Box::new(after.since(&before))), draws });
+            // What its draws have counted is the phase's, whenever they retired.
+            let counts = Tally { funnel, ..after.since(&before) };
+            reports.push(PhaseReport { phase, cycles, counts: Some(Box::new(counts)), draws });
         }
         reports
     }
@@ -237,8 +242,12 @@ fn draws(
     let (mut reports, mut last, mut since) = (Vec::with_capacity(records.len() + 1), before, phase.begin);
     let mut retirements = retirements.iter().peekable();
     for (at, DrawRecord { draw, funnel, retired, .. }) in records.iter().enumerate() {
-        let reading = retirements.next_if(|(known, _)| *known == at).map_or(last, |(_, reading)| reading);
-        let until = retired.unwrap_or(since);
+        // Where passes overlap, a draw may retire behind the end of its phase.
+        let own = retirements.next_if(|(known, _)| *known == at);
+        let end = phase.begin + cycles;
+        let reading =
+            if retired.is_some_and(|retired| retired > end) { after } else { own.map_or(last, |(_, reading)| reading) };
+        let until = retired.map_or(since, |retired| retired.min(end));
         let counts = Tally { funnel: *funnel, ..reading.since(last) };
         let (label, group) = (draw.label.clone(), draw.group.to_string());
         reports.push(DrawReport { number: Some(draw.number), label, group, cycles: until - since, counts });

@@ -7,6 +7,7 @@ use gfx::texture::{self, Sampler, ViewRange};
 use num::{BufferId, TextureId, ViewId, Words};
 use shader::{Binding, BindingKind, BufferRange, Interface, Resource, StorageImage};
 use trace::command::BoundResource;
+use work::{Extent, Reach};
 
 use super::draw::Signer;
 use super::resources::Resources;
@@ -21,10 +22,10 @@ enum Held {
         address: u64,
         buffer: BufferId,
     },
-    /// With the texture's address, which no other has, the version of its contents, and which part of it the view shows.
+    /// With the texture's memory, which no other has, the version of its contents, and which part of it the view shows.
     Texture {
         view: Arc<texture::View>,
-        address: u64,
+        extent: Extent,
         version: u64,
         range: ViewRange,
     },
@@ -34,7 +35,8 @@ enum Held {
         level: u32,
         base_layer: u32,
         layers: u32,
-        address: u64,
+        /// The texture's memory.
+        extent: Extent,
         texture: u32,
     },
     Sampler(Arc<Sampler>),
@@ -151,7 +153,7 @@ impl ResolvedBindings {
                         words.read(*offset, &mut bytes);
                         signer.bytes(&bytes);
                     }
-                    Held::Texture { address, version, range, .. } => signer.value(&(address, version, range)),
+                    Held::Texture { extent, version, range, .. } => signer.value(&(extent.begin, version, range)),
                     // A storage texture that is only read: its contents have no version apart from the texture's.
                     Held::Storage { words, desc, level, base_layer, layers, .. } => {
                         signer.value(&(desc, level, base_layer, layers));
@@ -164,6 +166,25 @@ impl ResolvedBindings {
         // Those that are not set read as zeros.
         let words = |at: usize| self.immediates.get(at).copied().unwrap_or(0);
         signer.words(&(0..immediates).map(words).collect::<Vec<u32>>());
+    }
+
+    /// Adds the memory that the program of this interface may read and write: of textures, all of them.
+    pub fn reach(&self, interface: &Interface, reach: &mut Reach) {
+        for (binding, elements) in interface.bindings.iter().zip(self.bindings()) {
+            for held in elements {
+                let extent = match held {
+                    Held::Buffer { words, offset, size, address, .. } => {
+                        Extent::new(*address, words.len().saturating_sub(*offset).min(*size))
+                    }
+                    Held::Texture { extent, .. } | Held::Storage { extent, .. } => *extent,
+                    Held::Sampler(_) => continue,
+                };
+                reach.reads.add(extent);
+                if binding.written {
+                    reach.writes.add(extent);
+                }
+            }
+        }
     }
 
     /// Notes that the program of this interface has written what it may write.
@@ -191,13 +212,13 @@ impl Held {
                 Resource::Buffer(BufferRange { words, offset: *offset, size: *size, address: *address })
             }
             Held::Texture { view, .. } => Resource::Texture(view),
-            Held::Storage { words, desc, level, base_layer, layers, address, .. } => Resource::Storage(StorageImage {
+            Held::Storage { words, desc, level, base_layer, layers, extent, .. } => Resource::Storage(StorageImage {
                 words,
                 desc: *desc,
                 level: *level,
                 base_layer: *base_layer,
                 layers: *layers,
-                address: *address,
+                address: extent.begin,
             }),
             Held::Sampler(sampler) => Resource::Sampler(sampler),
         }
@@ -304,7 +325,7 @@ fn hold_texture(res: &mut Resources, id: ViewId) -> Result<Held, String> {
     let prepared = res.prepare_view(id.0)?;
     let view = res.views.get(id.0)?;
     let texture = res.textures.get(view.texture.0)?;
-    Ok(Held::Texture { view: prepared, address: texture.address, version: texture.version, range: view.range })
+    Ok(Held::Texture { view: prepared, extent: texture.extent(), version: texture.version, range: view.range })
 }
 
 fn hold_storage(res: &mut Resources, id: ViewId) -> Result<Held, String> {
@@ -317,7 +338,7 @@ fn hold_storage(res: &mut Resources, id: ViewId) -> Result<Held, String> {
         level: range.base_level,
         base_layer: range.base_layer,
         layers: range.layers,
-        address: texture.address,
+        extent: texture.extent(),
         texture: id.0,
     })
 }

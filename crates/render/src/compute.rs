@@ -6,7 +6,7 @@ use host::one_line;
 use num::LANES;
 use shader::{self, Executor, Extra, Module, Program, QuadCost, Recorder, Stage as Kind};
 use trace::command::{Command, PassTimestamps, Stage};
-use work::{Dispatch, Event, Groups, Packet, ShaderShape};
+use work::{Dispatch, Event, Extent, Groups, Packet, Reach, ShaderShape};
 
 use super::bind::{Lent, ResolvedBindings};
 use super::execute::{Fault, Renderer};
@@ -87,11 +87,12 @@ impl ActiveCompute {
             Command::SetImmediates { offset, words } => self.bindings.set_immediates(*offset, words)?,
             Command::Dispatch { groups } => {
                 let needed = needed(renderer);
-                self.dispatch(renderer, *groups, needed)?;
+                self.dispatch(renderer, *groups, None, needed)?;
             }
             &Command::DispatchIndirect { buffer, offset } => {
                 let needed = needed(renderer);
-                let words = &renderer.res.buffers.get(buffer.0)?.words;
+                let arguments = renderer.res.buffers.get(buffer.0)?;
+                let (words, extent) = (&arguments.words, Extent::new(arguments.address.saturating_add(offset), 12));
                 if offset.checked_add(12).is_none_or(|end| end > words.len()) {
                     return Err(
                         format!("an indirect dispatch at byte {offset} of the {} of buffer {}", words.len(), buffer.0).into()
@@ -100,7 +101,7 @@ impl ActiveCompute {
                 let groups = std::array::from_fn(|i| words.u32_at(offset as usize + 4 * i));
                 // WebGPU: a dispatch beyond the limit that only the card sees does nothing.
                 if groups.iter().all(|&n| n <= MAX_GROUPS) {
-                    self.dispatch(renderer, groups, needed)?;
+                    self.dispatch(renderer, groups, Some(extent), needed)?;
                 }
             }
             &Command::WriteTimestamp { set, index } => renderer.write_timestamp(set, index)?,
@@ -124,8 +125,14 @@ impl ActiveCompute {
         Ok(())
     }
 
-    /// Runs a dispatch. For a dispatch that is not needed, only the size is reported.
-    fn dispatch(&mut self, renderer: &mut Renderer<'_, '_>, count: [u32; 3], needed: bool) -> Result<(), Fault> {
+    /// Runs a dispatch, whose size may lie in memory. For a dispatch that is not needed, only the size is reported.
+    fn dispatch(
+        &mut self,
+        renderer: &mut Renderer<'_, '_>,
+        count: [u32; 3],
+        arguments: Option<Extent>,
+        needed: bool,
+    ) -> Result<(), Fault> {
         let id = self.pipeline.ok_or("a dispatch without a pipeline")?;
         let pipeline = renderer.res.compute_pipeline(id)?;
         let number = renderer.dispatches;
@@ -139,7 +146,8 @@ impl ActiveCompute {
         if groups == 0 {
             return Ok(());
         }
-        let announced = |pipeline: &ComputePipeline| Dispatch {
+        let announced = |pipeline: &ComputePipeline, reach: Reach| Dispatch {
+            reach,
             number,
             label: pipeline.label.clone(),
             shape: ShaderShape { registers: interface.registers, inputs: 3, outputs: 0 },
@@ -148,7 +156,7 @@ impl ActiveCompute {
             shared_bytes: interface.workgroup_bytes,
         };
         if !renderer.recording() {
-            renderer.emit(Event::Dispatch(Arc::new(announced(&pipeline))))?;
+            renderer.emit(Event::Dispatch(Arc::new(announced(&pipeline, Reach::default()))))?;
         }
         if !needed {
             return Ok(());
@@ -171,7 +179,10 @@ impl ActiveCompute {
         let mut bound = self.executor.bind(&pipeline.program, &resources, &uniforms).within(&ledger.steps, Some(&growth));
         if renderer.recording() {
             let packets_a_group = u64::from(invocations.div_ceil(4));
-            renderer.emit(Event::Dispatch(Arc::new(announced(&pipeline))))?;
+            let mut reach = Reach::default();
+            resolved.reach(interface, &mut reach);
+            arguments.into_iter().for_each(|extent| reach.reads.add(extent));
+            renderer.emit(Event::Dispatch(Arc::new(announced(&pipeline, reach))))?;
             let step = (PACKETS_A_PIECE / packets_a_group).max(1);
             let mut recorder = Recorder::with(Extra::of(&renderer.options.key));
             let mut at = 0;

@@ -19,7 +19,8 @@ impl Renderer<'_, '_> {
     }
 
     pub(super) fn transfer(&mut self, command: &Command) -> Result<(), Fault> {
-        let mut moved = Transfer { kind: TransferKind::Copy, from: None, to: None, bytes: 0, surfaces: None };
+        let mut moved =
+            Transfer { kind: TransferKind::Copy, from: None, to: None, bytes: 0, reads: None, writes: None, surfaces: None };
         match command {
             &Command::WriteBuffer { id, offset, ref data } => {
                 let bytes = self.trace.data(data)?;
@@ -32,6 +33,7 @@ impl Renderer<'_, '_> {
                     kind: TransferKind::Upload,
                     to: Some(buffer.address + offset),
                     bytes: bytes.len() as u64,
+                    writes: Some(buffer.extent()),
                     ..moved
                 };
             }
@@ -40,7 +42,8 @@ impl Renderer<'_, '_> {
                 let (region, words, address) = self.texture_end(to, *size, true)?;
                 self.moves(region.bytes(), 0)?;
                 region.write_from(&words, &bytes, layout)?;
-                moved = Transfer { kind: TransferKind::Upload, to: Some(address), bytes: region.bytes(), ..moved };
+                let writes = Some(self.res.textures.get(to.texture.0)?.extent());
+                moved = Transfer { kind: TransferKind::Upload, to: Some(address), bytes: region.bytes(), writes, ..moved };
             }
             &Command::CopyBufferToBuffer { from, from_offset, to, to_offset, size } => {
                 self.res.buffers.get(from.0)?.range(from, from_offset, Some(size))?;
@@ -50,20 +53,24 @@ impl Renderer<'_, '_> {
                 let source = self.res.buffers.get(from.0)?;
                 source.words.read(from_offset, &mut bytes);
                 moved.from = Some(source.address + from_offset);
+                moved.reads = Some(source.extent());
                 let target = self.res.buffers.get_mut(to.0)?;
                 target.unshared()?.write(to_offset, &bytes);
                 target.changed();
                 moved.to = Some(target.address + to_offset);
+                moved.writes = Some(target.extent());
                 moved.bytes = size;
             }
             Command::CopyBufferToTexture { from, layout, to, size } => {
                 let source = self.res.buffers.get(from.0)?;
+                moved.reads = Some(source.extent());
                 let (source, address) = (source.words.clone(), source.address);
                 let (region, words, to_address) = self.texture_end(to, *size, true)?;
                 self.moves(region.bytes(), 0)?;
                 region.write_from_buffer(&words, &source, layout)?;
                 moved.from = Some(address + layout.offset);
                 moved.to = Some(to_address);
+                moved.writes = Some(self.res.textures.get(to.texture.0)?.extent());
                 moved.bytes = region.bytes();
             }
             Command::CopyTextureToBuffer { from, to, layout, size } => {
@@ -75,6 +82,8 @@ impl Renderer<'_, '_> {
                 target.changed();
                 moved.from = Some(address);
                 moved.to = Some(target.address + layout.offset);
+                moved.writes = Some(target.extent());
+                moved.reads = Some(self.res.textures.get(from.texture.0)?.extent());
                 moved.bytes = region.bytes();
                 self.copied = Some((from.texture, from.level, from.origin[2]));
             }
@@ -85,7 +94,13 @@ impl Renderer<'_, '_> {
                 let buffer = self.res.buffers.get_mut(id.0)?;
                 fill_zero(buffer.unshared()?, offset, size);
                 buffer.changed();
-                moved = Transfer { kind: TransferKind::Clear, to: Some(buffer.address + offset), bytes: size, ..moved };
+                moved = Transfer {
+                    kind: TransferKind::Clear,
+                    to: Some(buffer.address + offset),
+                    bytes: size,
+                    writes: Some(buffer.extent()),
+                    ..moved
+                };
             }
             &Command::ClearTexture { texture: id, aspect, base_level, levels, base_layer, layers } => {
                 let image = self.res.textures.get(id.0)?.image;
@@ -104,7 +119,8 @@ impl Renderer<'_, '_> {
                     }
                 }
                 moved.kind = TransferKind::Clear;
-                moved.to = Some(self.res.textures.get(id.0)?.address);
+                let texture = self.res.textures.get(id.0)?;
+                (moved.to, moved.writes) = (Some(texture.address), Some(texture.extent()));
             }
             &Command::WriteTimestamp { set, index } => return self.write_timestamp(set, index),
             &Command::ResolveQuerySet { set: id, first, count, to, to_offset } => {
@@ -115,14 +131,14 @@ impl Renderer<'_, '_> {
                 let target = self.res.buffers.get_mut(to.0)?;
                 target.range(to, to_offset, Some(size))?;
                 target.changed();
-                let (words, address) = (target.unshared()?.clone(), target.address);
+                let (words, address, writes) = (target.unshared()?.clone(), target.address, Some(target.extent()));
                 for index in first..first.saturating_add(count) {
                     let at = to_offset + u64::from(index - first) * set.stride() as u64 * 8;
                     for (k, value) in set.slot(index)?.iter().enumerate() {
                         words.write(at + k as u64 * 8, &value.to_le_bytes());
                     }
                 }
-                moved = Transfer { kind: TransferKind::Other, to: Some(address + to_offset), bytes: size, ..moved };
+                moved = Transfer { kind: TransferKind::Other, to: Some(address + to_offset), bytes: size, writes, ..moved };
             }
             &Command::SetSprite { index, view, x, y } => return Ok(self.sprites.set(index, view, [x, y])?),
             &Command::Present { texture } => {
@@ -149,6 +165,8 @@ impl Renderer<'_, '_> {
         moved.from = Some(source_address);
         moved.to = Some(target_address);
         moved.bytes = source.bytes();
+        moved.reads = Some(self.res.textures.get(from.texture.0)?.extent());
+        moved.writes = Some(self.res.textures.get(to.texture.0)?.extent());
         let surface = |end: &TextureEnd| {
             self.res.textures.get(end.texture.0).map(|texture| texture.surface(end.texture, end.level, end.origin[2]))
         };

@@ -8,7 +8,7 @@ use gfx::texel;
 use num::QuerySetId;
 use shader::{self, BuiltIn, Interface, Program};
 use trace::command::*;
-use work::{Aspects, Attachment, Event, Funnel, Load, Pass, Segment, Signature, Stored, Surface};
+use work::{Aspects, Attachment, Event, Extent, Funnel, Load, Pass, Reach, Segment, Signature, Stored, Surface};
 
 use super::attachments::{Clearing, Place, announce, clear_bits, discard, lost, place_of, put_tiles, take_tiles};
 use super::bind::ResolvedBindings;
@@ -69,6 +69,10 @@ pub(super) struct ActivePass {
     /// The state of the last draw, and its number in the pass.
     drawn: Option<FixedState>,
     states: u32,
+    /// Memory that the last draw may touch beside attachments.
+    reach: Arc<Reach>,
+    /// Where the arguments of the current indirect draws lie.
+    arguments: Vec<Extent>,
 }
 
 /// The part of the state that a card keeps for draws in flight: pipeline, viewport, scissor rectangle, blend constant, stencil reference.
@@ -224,6 +228,8 @@ impl ActivePass {
             spare: queued::Bound::default(),
             drawn: None,
             states: 0,
+            reach: Arc::default(),
+            arguments: Vec::new(),
         })
     }
 
@@ -355,6 +361,11 @@ impl ActivePass {
             )
             .into());
         }
+        self.arguments.clear();
+        self.arguments.push(Extent::new(renderer.res.buffers.get(buffer)?.address + offset, u64::from(count) * stride));
+        if let Some((id, at)) = count_buffer {
+            self.arguments.push(Extent::new(renderer.res.buffers.get(id)?.address + at, 4));
+        }
         for draw_index in 0..count {
             renderer.ledger.commands.charge(1)?;
             let at = (offset + u64::from(draw_index) * stride) as usize;
@@ -380,6 +391,7 @@ impl ActivePass {
             };
             self.draw(renderer, indexed, range)?;
         }
+        self.arguments.clear();
         Ok(())
     }
 
@@ -436,6 +448,19 @@ impl ActivePass {
         if self.drawn.replace(fixed) != Some(fixed) {
             self.states += 1;
         }
+        if renderer.recording() {
+            let mut reach = Reach::default();
+            for (program, resolved) in pipeline.programs().iter().zip(&bound.resolved) {
+                resolved.reach(program.interface(), &mut reach);
+            }
+            let vertices = bound.vertex_buffers.iter().flatten().chain(index.as_ref().map(|index| &index.range));
+            vertices.for_each(|range| reach.reads.add(range.extent()));
+            self.arguments.iter().for_each(|&extent| reach.reads.add(extent));
+            // Draws that follow each other mostly have the same.
+            if *self.reach != reach {
+                self.reach = reach.into();
+            }
+        }
         let draw = QueuedDraw {
             command: ledger.command(),
             charges,
@@ -454,6 +479,7 @@ impl ActivePass {
             counted: self.open_statistics.is_some(),
             record: renderer.recording(),
             signature,
+            reach: self.reach.clone(),
             state: self.states,
         };
         if !draw.can_wait() {

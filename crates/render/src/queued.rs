@@ -4,7 +4,7 @@ use std::sync::{Arc, Mutex};
 
 use gfx::state::{Rect, Viewport};
 use num::LimitExceeded;
-use work::{Event, RenderKey, Signature};
+use work::{Event, Reach, RenderKey, Signature};
 
 use super::bind::{Lent, ResolvedBindings};
 use super::draw::{self, Boxes, BufferRange, DrawCall, DrawError, Drawn, IndexRange, RenderPass};
@@ -87,6 +87,8 @@ pub(super) struct QueuedDraw {
     pub counted: bool,
     pub record: bool,
     pub signature: Option<Signature>,
+    /// Memory that it may touch beside attachments.
+    pub reach: Arc<Reach>,
     /// Number of its state in the pass.
     pub state: u32,
 }
@@ -130,6 +132,7 @@ impl QueuedDraw {
             key: shared.key,
             record: self.record,
             signature: self.signature,
+            reach: &self.reach,
             state: self.state,
             skips: shared.skips,
             boxes: (!self.counted).then_some(&*shared.boxes),

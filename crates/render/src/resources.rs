@@ -9,12 +9,12 @@ use gfx::texture::{self, Sampler, ViewRange};
 use num::{BufferId, NoMemory, NumberMap, TextureId, Words};
 use shader::Module;
 use trace::command::{BindGroupEntry, BindingKind, BoundResource, Command, LayoutEntry, QueryKind, ViewDesc};
-use work::{Funnel, Holdings, Surface, SurfaceKey};
+use work::{Extent, Funnel, Holdings, Surface, SurfaceKey};
 
 use super::deferred::Deferred;
 use super::flight::{Flights, Tiles};
 use super::ledger::{Claim, Ledger};
-use super::memory::target_offset;
+use super::memory::{target_offset, texture_bytes};
 use super::objects::{DeferredCompute, DeferredRender, ShaderText};
 use super::parallel;
 
@@ -92,6 +92,11 @@ impl Buffer {
     /// A buffer of these words, at this address.
     pub fn new(words: Words, address: u64) -> Buffer {
         Buffer { words: Arc::new(words), address, version: AtomicU64::new(0) }
+    }
+
+    /// The card's memory of it.
+    pub fn extent(&self) -> Extent {
+        Extent::new(self.address, self.words.len())
     }
 
     /// Its bytes, to write. Draws in flight that read them keep what they have: the buffer goes on with a copy, which does not count as memory
@@ -204,6 +209,11 @@ impl Texture {
             debug_assert!(state.stored || state.tiles.is_none(), "the newest contents were in tiles");
             (state.tiles, state.working, state.stored) = (None, None, false);
         }
+    }
+
+    /// The card's memory of all its images.
+    pub fn extent(&self) -> Extent {
+        Extent::new(self.address, texture_bytes(&self.image))
     }
 
     /// One image as a surface.

@@ -67,7 +67,9 @@ impl Renderer<'_, '_> {
             let texture = self.res.textures.get(id.0)?;
             let (bytes, from) = (texture.image.layer_bytes(level), texture.surface(id, level, layer).address);
             self.ledger.bytes.charge(bytes)?;
-            let moved = Transfer { kind: TransferKind::Sprite, from: Some(from), to: None, bytes, surfaces: None };
+            let reads = Some(texture.extent());
+            let moved =
+                Transfer { kind: TransferKind::Sprite, from: Some(from), to: None, bytes, reads, writes: None, surfaces: None };
             self.emit(Event::Transfer(moved))?;
             let Some(format) = picture else { continue };
             let texture = self.res.flushed(id)?;

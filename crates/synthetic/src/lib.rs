@@ -291,6 +291,7 @@ fn draw(scene: &Scene, number: u32, random: &mut Random, reference: &mut Referen
         hierarchical_z: early && !stencil,
         depth_range: [0.0, 1.0],
         signature: None,
+        reach: Default::default(),
         culling: Default::default(),
         // Draws that are all alike share one state.
         state: if scene.compares.is_empty() && scene.early && !scene.blind && !scene.stencil { 0 } else { number },

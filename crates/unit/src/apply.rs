@@ -37,8 +37,8 @@ pub struct WarmedUnits<'u> {
 
 /// Functional warming of the segment in a slot, while nothing is in flight. `memory` gets what the caches would have asked of it.
 pub fn apply(card: &mut Card, slot: u16, units: &mut WarmedUnits, memory: &mut Touching) {
-    let Card { work, pass, frame, interleave, epoch, fault, .. } = card;
-    let (Some(work), Some(pass)) = (&mut work[usize::from(slot)], pass) else { return };
+    let Card { work, passes, frame, interleave, epoch, fault, .. } = card;
+    let (Some(work), Some(pass)) = (&mut work[usize::from(slot)], passes.current()) else { return };
     for unit in &*units.deal {
         work.shared = unit.too_large(work);
     }

@@ -244,7 +244,7 @@ impl Bin {
 
     /// Tiles across and down the pass.
     fn grid(&self, card: &Card) -> (u32, u32) {
-        let pass = card.pass.as_ref().map_or((0, 0), |pass| (pass.pass.width, pass.pass.height));
+        let pass = card.passes.current().map_or((0, 0), |pass| (pass.pass.width, pass.pass.height));
         (pass.0.div_ceil(self.config.tile), pass.1.div_ceil(self.config.tile))
     }
 
@@ -358,7 +358,7 @@ impl Bin {
             left -= run;
         }
         list.last = number;
-        if card.pass.as_ref().is_some_and(|pass| pass.signature.is_some()) {
+        if card.passes.current().is_some_and(|pass| pass.signature.is_some()) {
             match rendering_elimination::add(list.signature, card.work(token.slot), token.triangle) {
                 Some(signature) => list.signature = signature,
                 None => self.unsigned = true,
@@ -467,8 +467,8 @@ impl Bin {
     /// Whether rendering elimination leaves out a tile: memory holds its result, and all of the pass is binned.
     fn eliminates(&self, card: &mut Card, tile: u32) -> bool {
         let grid = self.grid(card);
-        let Card { pass, frame, .. } = card;
-        match pass {
+        let Card { passes, frame, .. } = card;
+        match passes.current() {
             Some(pass) if !self.unsigned && (grid.0 * grid.1) as usize == self.lists.len() => {
                 rendering_elimination::eliminate(frame, pass, self.lists[tile as usize].signature, tile, grid, self.side())
             }
@@ -487,7 +487,7 @@ impl Bin {
                     if !self.writes.is_empty() {
                         return did.or(Tick::Blocked);
                     }
-                    if tile as usize == self.lists.len() || card.pass.is_none() {
+                    if tile as usize == self.lists.len() || card.passes.current().is_none() {
                         self.unsigned &= partial;
                         self.state = State::Fences { pending: 0, partial };
                         did = Tick::Moved;

@@ -269,9 +269,9 @@ impl Color {
     /// Writes back at the end of a tile what is wanted of it, and forgets the rest.
     #[cold]
     fn end_tile(&mut self, card: &mut Card, token: GroupToken) -> Tick {
-        let Card { frame, class_state: ClassState { copies, .. }, pass, .. } = card;
+        let Card { frame, class_state: ClassState { copies, .. }, passes, .. } = card;
         let frame = own(frame, copies, self.pipeline);
-        let pass = pass.as_ref().expect("tiles are drawn in a pass");
+        let pass = passes.current().expect("tiles are drawn in a pass");
         // More of the pass follows: all of it is needed again. What is resolved is read from memory, stored or not.
         let keep = |surface: usize| {
             let index = pass.color.iter().position(|&index| index == Some(surface));
@@ -289,9 +289,9 @@ impl Color {
     /// Writes the cache back at the end of a pass, then passes the fence on.
     #[cold]
     fn finish(&mut self, wires: &mut Wires, card: &mut Card, entry: Entry) -> Tick {
-        let Card { frame, class_state: ClassState { copies, .. }, pass, .. } = card;
+        let Card { frame, class_state: ClassState { copies, .. }, passes, .. } = card;
         let frame = own(frame, copies, self.pipeline);
-        let pass = pass.as_ref().expect("a pass is ending");
+        let pass = passes.get(entry.token.group as u8).expect("a pass is ending");
         let keep = |surface: usize| {
             let index = pass.color.iter().position(|&index| index == Some(surface));
             index.and_then(|index| pass.pass.color[index]).is_some_and(|attachment| attachment.store)
@@ -340,7 +340,7 @@ impl Color {
             let from = wires.now() + Cycle::from(self.config.latency);
             let mut entry = Entry { token, output: self.output, reads: false, times: 1, last: true, line: None, from };
             if token.kind == Kind::DATA && token.quads > 0 {
-                let Card { groups, work, pass, frame, class_state: ClassState { copies, .. }, notes, .. } = card;
+                let Card { groups, work, passes, frame, class_state: ClassState { copies, .. }, notes, .. } = card;
                 let frame = own(frame, copies, self.pipeline);
                 let group = &groups[usize::from(self.pipeline)][token.group];
                 let work = work[usize::from(group.slot)].as_ref().expect("a group's segment is in flight");
@@ -366,13 +366,13 @@ impl Color {
                 }
                 budget = budget.saturating_sub(u32::from(token.quads));
                 if let Some(notes) = notes {
-                    note(notes, pass.as_ref(), group.block, |block| block.drawn = from);
+                    note(notes, passes.get(work.pass), group.block, |block| block.drawn = from);
                 }
             }
             self.fifo.push_back(entry);
             did = Tick::Moved;
-            if token.kind == Kind::TILE {
-                // What is on the chip belongs to the tile that ends.
+            if matches!(token.kind, Kind::TILE | Kind::PASS) {
+                // What is in the cache belongs to the tile or pass that ends.
                 self.ending = true;
             }
             if entry.last {

@@ -97,7 +97,7 @@ impl Deal {
 
     /// Notes from which number on the quads of a segment, which is dealt from now on, may come in any order.
     fn relax(&mut self, card: &mut Card, slot: u16) {
-        let pass = card.pass.as_ref().map_or(0, |pass| pass.number);
+        let pass = card.pass_of(slot).map_or(0, |pass| pass.number);
         self.opaque = any_order(card.work(slot)).map(|kind| match self.opaque {
             Some((first, same, in_pass)) if same == kind && in_pass == pass => (first, kind, pass),
             _ => (self.sequence, kind, pass),
@@ -260,7 +260,7 @@ impl Unit<Card> for Deal {
             }
 
             // 5. A batch, or a fence with a number of its own.
-            let (output, most) = match (self.policy, &card.pass) {
+            let (output, most) = match (self.policy, card.passes.current()) {
                 (Policy::Contiguous, Some(pass)) => self.run_of(pass.primitives),
                 _ => (self.policy.choose(wires, &self.outputs, self.turn), u64::MAX),
             };

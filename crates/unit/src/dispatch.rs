@@ -175,7 +175,7 @@ impl Dispatch {
     /// Sends quads on; false while they have to wait. Of quads that were shaded, what the shader discarded is dropped.
     #[inline(always)]
     fn send(&mut self, wires: &mut Wires, card: &mut Card, token: GroupToken) -> bool {
-        let Card { groups, work, funnel, pass, frame, .. } = card;
+        let Card { groups, work, funnel, passes, frame, .. } = card;
         let group = &mut groups[usize::from(token.pool)][token.group];
         let work = work[usize::from(group.slot)].as_ref().expect("a group's segment is in flight");
         let room = match &mut self.ports.output {
@@ -188,7 +188,7 @@ impl Dispatch {
         let tile = &work.segment.tiles[group.tile as usize];
         let quads = &tile.quads[group.first as usize..];
         // The host is asked for the colours that will be blended in some cycles. No part of the model.
-        let surface = pass.as_ref().and_then(|pass| pass.color.first().copied().flatten());
+        let surface = passes.get(work.pass).and_then(|pass| pass.color.first().copied().flatten());
         if let (Some(surface), Some(first)) = (surface, quads.first()) {
             prefetch(&frame.stores[surface].quad(group.block, first.position)[0]);
             if let Some(word) = tile.payload.get(first.payload as usize) {
@@ -436,7 +436,7 @@ impl Dispatch {
                     }
                     if quad.flags & QUAD_SHADED == 0 {
                         let block = group.block;
-                        let across = card.pass.as_ref().map_or(1, |pass| pass.blocks_across);
+                        let across = card.pass_of(group.slot).map_or(1, |pass| pass.blocks_across);
                         let (x, y) = (block % across, block / across);
                         card.fault.get_or_insert(Fault::Visibility { draw: work.draw.number, x, y });
                         return Tick::Blocked;

@@ -178,10 +178,10 @@ impl Early {
 
     /// Asks for the depths of a group, if its draw has a test to be made with them.
     fn ask(&mut self, wires: &mut Wires, card: &mut Card, token: GroupToken) -> Result<Wait, Tick> {
-        let Card { groups, work, pass, class_state: ClassState { seen, .. }, .. } = card;
+        let Card { groups, work, passes, class_state: ClassState { seen, .. }, .. } = card;
         let group = &groups[usize::from(token.pool)][token.group];
         let work = work[usize::from(group.slot)].as_ref().expect("a group's segment is in flight");
-        let Some(pass) = pass else { return Ok(Wait::Nothing) };
+        let Some(pass) = passes.get(work.pass) else { return Ok(Wait::Nothing) };
         let (Some(_), Some(surface)) = (&work.ahead, pass.depth) else { return Ok(Wait::Nothing) };
         let wait = match &mut self.known {
             Known::Copy(cache) => {
@@ -279,12 +279,12 @@ impl Early {
 
     /// Tests a group, or takes note of what the owner has found; gives the quads still alive.
     fn test(&mut self, card: &mut Card, token: GroupToken, wait: Wait) -> u8 {
-        let Card { groups, work, pass, class_state: ClassState { seen, .. }, funnel, notes, .. } = card;
+        let Card { groups, work, passes, class_state: ClassState { seen, .. }, funnel, notes, .. } = card;
         let group = &mut groups[usize::from(token.pool)][token.group];
         let work = work[usize::from(group.slot)].as_ref().expect("a group's segment is in flight");
         let quads = &work.segment.tiles[group.tile as usize].quads[group.first as usize..][..usize::from(group.count)];
         if let (Known::Copy(cache), Wait::Block(place)) = (&mut self.known, wait)
-            && let (Some(state), Some(pass)) = (&work.ahead, &*pass)
+            && let (Some(state), Some(pass)) = (&work.ahead, passes.get(work.pass))
             && let Some(surface) = pass.depth
         {
             let store = &mut seen[usize::from(self.pipeline)].stores[surface];
@@ -300,7 +300,7 @@ impl Early {
         self.counts.culled_fragments += u64::from(before - after);
         funnel[group.slot].quads_early_culled += u64::from(token.quads - alive);
         if let Some(notes) = notes {
-            note(notes, pass.as_ref(), group.block, |block| block.early += u32::from(token.quads - alive));
+            note(notes, passes.get(work.pass), group.block, |block| block.early += u32::from(token.quads - alive));
         }
         alive
     }

@@ -89,7 +89,7 @@ impl Hide {
             let slot = work.draw.targets.get(target).and_then(Option::as_ref);
             state.is_some_and(|state| !state.reads() && !state.is_idle()) && slot.is_some_and(|slot| slot.payload.is_some())
         };
-        let Some(pass) = &card.pass else { return false };
+        let Some(pass) = card.passes.current() else { return false };
         let whole = (0..pass.color.len()).all(|target| pass.color[target].is_none() || writes(target));
         // Where early tests may cull, shading has no effect other than its colours.
         let plain = work.early && work.draw.hierarchical_z && work.depth.as_ref().is_none_or(|depth| !depth.uses_stencil());
@@ -101,7 +101,7 @@ impl Hide {
         let pipeline = usize::from(self.pipeline);
         let number = self.first + self.held.len() as u64;
         let group = card.groups[pipeline][token.group];
-        let across = card.pass.as_ref().map_or(1, |pass| pass.blocks_across);
+        let across = card.passes.current().map_or(1, |pass| pass.blocks_across);
         let (x, y) = (group.block % across % self.side, group.block / across % self.side);
         for index in 0..group.count {
             let live = group.live[usize::from(index)];

@@ -23,6 +23,13 @@ knob::choices! {
     }
 }
 
+impl Pattern {
+    /// Whether the size of a pass decides who owns a tile.
+    pub fn is_of_pass(self) -> bool {
+        matches!(self, Pattern::Bands | Pattern::Blocks | Pattern::Balanced)
+    }
+}
+
 /// A partition of the screen.
 #[derive(Clone, Debug)]
 pub struct Interleave {

@@ -1,4 +1,5 @@
-//! Phases of a frame: what the command processor does one after another, and what nothing overlaps.
+//! Phases of a frame: what the command processor begins one after another. One ends when the next begins. Where passes overlap
+//! (`command.overlap`), what is still under way of the one before then counts to the next.
 
 use std::fmt;
 use std::sync::Arc;
@@ -40,7 +41,7 @@ pub struct Phase {
     pub number: u32,
     /// Label of the pass or of the dispatch's pipeline, or empty.
     pub label: String,
-    /// When the command processor began it; it lasts until the next begins.
+    /// When the command processor began it.
     pub begin: Cycle,
     /// The unit that bounds it, where it was estimated; empty where it was simulated.
     pub limit: &'static str,
@@ -70,19 +71,32 @@ pub struct DrawRecord {
     pub retired: Option<Cycle>,
 }
 
+/// A phase that has begun.
+#[derive(Clone, Debug)]
+pub struct PhaseRecord {
+    /// The phase.
+    pub phase: Phase,
+    /// Its draws, where they are recorded.
+    pub draws: Vec<DrawRecord>,
+    /// What its draws' segments have counted that have retired, in whatever phase.
+    pub funnel: Funnel,
+    /// The number of its last draw on this machine.
+    last: Option<u32>,
+}
+
 /// What has just come to an end, so that counters are to be read.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Mark {
     /// The phase before the one that begins here.
     Phase,
-    /// A segment of the draw that has this place in its phase.
-    Draw(usize),
+    /// A segment of a draw, by the place of its phase in the frame and its own in the phase.
+    Draw(usize, usize),
 }
 
 /// The phases of a frame so far.
 #[derive(Clone, Debug, Default)]
 pub struct Phases {
-    list: Vec<(Phase, Vec<DrawRecord>)>,
+    list: Vec<PhaseRecord>,
     /// Whether draws are recorded.
     per_draw: bool,
     marks: Vec<Mark>,
@@ -96,28 +110,36 @@ impl Phases {
 
     /// A phase begins behind cycle `now`; transfers join transfers.
     pub fn begin(&mut self, kind: PhaseKind, number: u32, label: &str, now: Cycle) {
-        let joins = kind == PhaseKind::Transfers && self.list.last().is_some_and(|(last, _)| last.kind == kind);
+        let joins = kind == PhaseKind::Transfers && self.list.last().is_some_and(|last| last.phase.kind == kind);
         if !joins {
             self.marks.push(Mark::Phase);
-            self.list.push((Phase { kind, number, label: label.to_owned(), begin: now + 1, limit: "" }, Vec::new()));
+            let phase = Phase { kind, number, label: label.to_owned(), begin: now + 1, limit: "" };
+            self.list.push(PhaseRecord { phase, draws: Vec::new(), funnel: Funnel::default(), last: None });
         }
     }
 
     /// A draw begins, with its number on this machine.
     pub fn draw(&mut self, draw: &Arc<Draw>, number: u32) {
-        if let (true, Some((_, draws))) = (self.per_draw, self.list.last_mut()) {
+        let Some(PhaseRecord { draws, last, .. }) = self.list.last_mut() else { return };
+        *last = Some(number);
+        if self.per_draw {
             draws.push(DrawRecord { draw: draw.clone(), number, funnel: Funnel::default(), retired: None });
         }
     }
 
     /// A segment of a draw has retired in cycle `now`, with what it has counted.
     pub fn retire(&mut self, number: u32, funnel: Funnel, now: Cycle) {
-        if let (true, Some((_, draws))) = (self.per_draw, self.list.last_mut())
-            && let Some(at) = draws.iter().rposition(|record| record.number == number)
-        {
-            draws[at].funnel += funnel;
-            draws[at].retired = Some(now + 1);
-            self.marks.push(Mark::Draw(at));
+        // Where passes overlap, it may be of a phase before the last. Numbers of draws only grow.
+        let before = |record: &PhaseRecord| record.last.is_some_and(|last| (last.wrapping_sub(number) as i32) < 0);
+        let first = self.list.iter().rposition(before).map_or(0, |at| at + 1);
+        let Some(at) = self.list[first..].iter().position(|record| record.last.is_some()) else { return };
+        let phase = first + at;
+        let record = &mut self.list[phase];
+        record.funnel += funnel;
+        if let Some(at) = record.draws.iter().rposition(|draw| draw.number == number) {
+            record.draws[at].funnel += funnel;
+            record.draws[at].retired = Some(now + 1);
+            self.marks.push(Mark::Draw(phase, at));
         }
     }
 
@@ -140,17 +162,17 @@ impl Phases {
 
     /// The phases of the frame from `begin` to `end`, each with its cycles, which add up to the frame's: what comes before the
     /// first is the first's. Empties the list.
-    pub fn take(&mut self, begin: Cycle, end: Cycle) -> Vec<(Phase, Cycle, Vec<DrawRecord>)> {
+    pub fn take(&mut self, begin: Cycle, end: Cycle) -> Vec<(PhaseRecord, Cycle)> {
         let mut list = std::mem::take(&mut self.list);
-        if let Some((first, _)) = list.first_mut() {
-            first.begin = begin;
+        if let Some(first) = list.first_mut() {
+            first.phase.begin = begin;
         }
-        let ends: Vec<Cycle> = list.iter().skip(1).map(|(phase, _)| phase.begin).chain([end]).collect();
+        let ends: Vec<Cycle> = list.iter().skip(1).map(|record| record.phase.begin).chain([end]).collect();
         list.into_iter()
             .zip(ends)
-            .map(|((phase, draws), end)| {
-                let cycles = end - phase.begin;
-                (phase, cycles, draws)
+            .map(|(record, end)| {
+                let cycles = end - record.phase.begin;
+                (record, cycles)
             })
             .collect()
     }
@@ -168,7 +190,8 @@ mod tests {
         {
             phases.begin(kind, 0, "", at);
         }
-        let cycles: Vec<_> = phases.take(10, 100).into_iter().map(|(phase, cycles, _)| (phase.kind.name(), cycles)).collect();
+        let cycles: Vec<_> =
+            phases.take(10, 100).into_iter().map(|(record, cycles)| (record.phase.kind.name(), cycles)).collect();
         assert_eq!(cycles, [("transfers", 11), ("pass", 70), ("scan-out", 9)]);
         assert!(phases.marks().eq([Mark::Phase; 3]));
         assert!(phases.take(100, 110).is_empty());

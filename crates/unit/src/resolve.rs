@@ -34,6 +34,16 @@ pub(super) struct Operation {
     pub(super) bytes: u32,
 }
 
+/// The piece that asks for a colour attachment of the pass in a slot, by its location.
+pub fn piece_of(pass: u8, location: u16) -> Piece {
+    Piece { slot: u16::from(pass) << 8 | location, kind: Kind::DATA }
+}
+
+/// The slot of a pass and the location of its attachment.
+fn attachment_of(piece: Piece) -> (u8, usize) {
+    ((piece.slot >> 8) as u8, usize::from(piece.slot & 0xff))
+}
+
 /// A pipeline's resolve unit. Its items are blocks.
 #[derive(Clone)]
 pub struct Resolve {
@@ -156,9 +166,9 @@ impl Unit<Card> for Resolve {
 
         // 2. The current attachment.
         let Some(piece) = wires.front(&self.input) else { return did };
-        let Card { pass, frame, interleave, .. } = card;
-        let pass = pass.as_ref().expect("a pass is ending");
-        let location = usize::from(piece.slot);
+        let Card { passes, frame, interleave, .. } = card;
+        let (slot, location) = attachment_of(piece);
+        let pass = passes.get(slot).expect("a pass is ending");
         let attachment = pass.pass.color[location];
         let resolved = attachment.and_then(|attachment| Some((attachment.surface.format, attachment.resolve?)));
         let (Some(from), Some((format, target))) = (pass.color[location], resolved) else {

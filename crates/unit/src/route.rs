@@ -4,7 +4,7 @@
 
 use std::collections::VecDeque;
 
-use super::card::{Card, Work};
+use super::card::{Card, Work, is_newer};
 use super::distribute::{Overlap, owners};
 use super::index_runs::{IndexRuns, Walk};
 use super::misses::Misses;
@@ -302,8 +302,8 @@ impl Route {
                     self.segment = Some(work.number);
                     self.recent.clear();
                 }
-                if self.epoch != card.epoch {
-                    self.epoch = card.epoch;
+                if is_newer(work.epoch, self.epoch) {
+                    self.epoch = work.epoch;
                     self.tags.clear();
                 }
                 // Vertices that no other run counts.

@@ -3,8 +3,8 @@
 
 use std::collections::VecDeque;
 
-use super::card::Card;
 use super::card::notes::{block_of, note};
+use super::card::{Card, is_newer};
 use super::misses::Misses;
 use super::tags::{CacheCounts, Tags};
 use super::token::WarpToken;
@@ -245,8 +245,9 @@ impl Texture {
     /// Notes the misses of a quad's request.
     #[cold]
     fn note_misses(&self, card: &mut Card, slot: u16, item: &Item) {
-        let Card { work, pass, notes: Some(notes), .. } = card else { return };
-        let (Some(work), Some(pass)) = (&work[usize::from(slot)], pass) else { return };
+        let Card { work, passes, notes: Some(notes), .. } = card else { return };
+        let Some(work) = &work[usize::from(slot)] else { return };
+        let Some(pass) = passes.get(work.pass) else { return };
         let tile = &work.segment.tiles[item.source as usize];
         if let Some(block) = block_of(tile, item.request, pass.blocks_across) {
             note(notes, Some(pass), block, |of| of.misses += self.place.missed);
@@ -291,12 +292,14 @@ impl Texture {
         let mut lookups = self.config.lookups_per_cycle;
         let mut pieces = self.config.accesses_per_cycle;
         while let Some(token) = wires.front(&self.input) {
+            let warp = &card.warps[self.user.cluster][token.warp];
             // What an earlier pass or dispatch has written is not in the cache any more.
-            if self.epoch != card.epoch {
-                self.epoch = card.epoch;
+            let epoch = card.epoch_of(warp.program, warp.slot);
+            if is_newer(epoch, self.epoch) {
+                self.epoch = epoch;
                 self.tags.clear();
             }
-            let items = card.warps[self.user.cluster][token.warp].items.len();
+            let items = warp.items.len();
             while self.place.item < items {
                 let warp = &card.warps[self.user.cluster][token.warp];
                 let item = warp.items[self.place.item];

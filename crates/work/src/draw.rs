@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use crate::Signature;
+use crate::{Reach, Signature};
 use gfx::state::{Blend, DepthStencil, StepMode};
 
 /// Shading of a colour target, as the ROPs need it.
@@ -86,6 +86,8 @@ pub struct Draw {
     pub signature: Option<Signature>,
     /// What of it was left out by bounds.
     pub culling: Culling,
+    /// Memory that it may touch beside the attachments of its pass.
+    pub reach: Arc<Reach>,
     /// Number of its state. Of two draws of a pass that follow each other, the second has the same number if no command between them has
     /// changed the pipeline, the viewport, the scissor rectangle, the blend constant or the stencil reference.
     pub state: u32,

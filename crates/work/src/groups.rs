@@ -1,6 +1,6 @@
 //! Compute dispatches and their workgroups.
 
-use crate::{CostId, CostTable, Request, ShaderShape};
+use crate::{CostId, CostTable, Reach, Request, ShaderShape};
 
 impl Groups {
     /// Bytes that they take.
@@ -26,6 +26,8 @@ pub struct Dispatch {
     pub invocations: u32,
     /// Bytes of workgroup memory a group.
     pub shared_bytes: u32,
+    /// Memory that it may touch.
+    pub reach: Reach,
 }
 
 /// Four consecutive invocations of a workgroup.

@@ -236,7 +236,8 @@ mod tests {
     }
 
     fn copy(from: Surface, to: Surface) -> Event {
-        Event::Transfer(Transfer { kind: TransferKind::Copy, from: None, to: None, bytes: 0, surfaces: Some((from, to)) })
+        let (kind, surfaces) = (TransferKind::Copy, Some((from, to)));
+        Event::Transfer(Transfer { kind, from: None, to: None, bytes: 0, reads: None, writes: None, surfaces })
     }
 
     fn after(events: &[Event]) -> Holdings {

@@ -15,6 +15,7 @@ mod held;
 mod key;
 mod pass;
 pub mod profile;
+mod reach;
 mod segment;
 
 use std::sync::Arc;
@@ -28,6 +29,7 @@ pub use groups::{Dispatch, Groups, Packet};
 pub use held::{Aspects, Holdings, NotHeld, StoreShape};
 pub use key::{Cull, Needless, RenderKey, Shade, Signature};
 pub use pass::{Attachment, Contents, EndFrame, Load, Pass, Sprite, Surface, SurfaceKey, Transfer, TransferKind};
+pub use reach::{Extent, Extents, Reach};
 pub use segment::{
     Areas, Block, End, Outcome, Primitive, QUAD_SHADED, Quad, Request, Segment, TileWork, Triangle, Vertex, Visit,
 };

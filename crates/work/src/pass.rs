@@ -4,7 +4,9 @@ use std::sync::Arc;
 
 use gfx::format::Format;
 
+use super::BLOCK;
 use super::held::Aspects;
+use super::reach::{Extent, Reach};
 
 /// Names one image of a texture: all samples of one layer (or slice) of one level.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
@@ -34,6 +36,14 @@ pub struct Surface {
     pub address: u64,
     /// Where it is shown, the display ignores its alpha.
     pub opaque: bool,
+}
+
+impl Surface {
+    /// The memory in which it lies: whole blocks.
+    pub fn extent(&self) -> Extent {
+        let [width, height] = [self.width, self.height].map(|size| u64::from(size.next_multiple_of(BLOCK)));
+        Extent::new(self.address, width * height * u64::from(self.samples) * u64::from(self.format.block_bytes()))
+    }
 }
 
 /// Bytes of a surface: rows top to bottom, pixels left to right, samples in order, `block_bytes` each, tightly packed.
@@ -106,6 +116,17 @@ impl Pass {
     pub fn attachments(&self) -> impl Iterator<Item = &Attachment> {
         self.color.iter().flatten().chain(&self.depth)
     }
+
+    /// The memory of its attachments and of what they are resolved to, all of which it may write. A depth attachment that is only read is in it,
+    /// since machines test in place.
+    pub fn reach(&self) -> Reach {
+        let mut reach = Reach::default();
+        for attachment in self.attachments() {
+            reach.writes.add(attachment.surface.extent());
+            attachment.resolve.iter().for_each(|target| reach.writes.add(target.extent()));
+        }
+        reach
+    }
 }
 
 /// What a transfer is.
@@ -134,8 +155,22 @@ pub struct Transfer {
     pub to: Option<u64>,
     /// Bytes.
     pub bytes: u64,
+    /// The memory in which the bytes read lie: of a part of an image, the whole image.
+    pub reads: Option<Extent>,
+    /// The memory in which the bytes written lie.
+    pub writes: Option<Extent>,
     /// Surfaces: this one becomes that one, whole (a texture copy that the machine must repeat in its own frame buffers).
     pub surfaces: Option<(Surface, Surface)>,
+}
+
+impl Transfer {
+    /// The memory that it may touch.
+    pub fn reach(&self) -> Reach {
+        let mut reach = Reach::default();
+        self.reads.iter().for_each(|&span| reach.reads.add(span));
+        self.writes.iter().for_each(|&span| reach.writes.add(span));
+        reach
+    }
 }
 
 /// The end of a frame.

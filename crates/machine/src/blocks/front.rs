@@ -5,7 +5,7 @@ use sim::{In, Link, Out, StallProbe};
 use unit::assembly::{Assembly, AssemblyPorts, Mode};
 use unit::bin::{Bin, BinPorts};
 use unit::clip::Clip;
-use unit::command::{Command, CommandPorts};
+use unit::command::{Command, CommandConfig, CommandPorts};
 use unit::compute::{Compute, ComputePorts};
 use unit::deal::{Deal, most_groups};
 use unit::distribute::Distribute;
@@ -48,7 +48,7 @@ impl Builder<'_> {
         let memory = self.port("command", 0, command);
         let probe = self.card_probe();
         self.made.command.push(Command::new(
-            config.command.clone(),
+            CommandConfig { overlap: config.overlaps(), ..config.command.clone() },
             (config.card.pipelines, config.segments()),
             (config.color.fast_clear, config.color.clears_per_cycle * config.card.pipelines),
             &config.scanout,

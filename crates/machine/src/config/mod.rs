@@ -316,6 +316,11 @@ impl Config {
         rules::warnings(self)
     }
 
+    /// Whether passes and copies overlap.
+    pub fn overlaps(&self) -> bool {
+        self.command.overlap && rules::no_overlap(self).is_none()
+    }
+
     /// Why the knob at a path has no effect on this machine, whatever its value; none: it may have one.
     pub fn no_effect(&self, path: &str) -> Option<String> {
         rules::no_effect(self, path)

@@ -5,7 +5,7 @@ use crate::class::Sorted;
 use mem::{MemoryConfig, PagePolicy};
 use unit::fetch::{Reuse, VertexDeal};
 use unit::scanout::{ScanoutMode, Swap};
-use unit::sorting::EarlyTest;
+use unit::sorting::{EarlyTest, Keep};
 use unit::traverse::Walk;
 use unit::warp::MAX_WIDTH;
 
@@ -144,6 +144,23 @@ pub(super) fn warnings(config: &Config) -> Vec<String> {
     short.chain(without_effect(config)).collect()
 }
 
+/// Why no two passes overlap on this machine, whatever `command.overlap` is; none: they may.
+pub(super) fn no_overlap(config: &Config) -> Option<String> {
+    let sort = config.card.sort;
+    let class = sort.class();
+    if class.one_place || class.sorted == Sorted::Images {
+        return Some(format!("a machine whose sort is {} draws or composes one pass at a time", sort.name()));
+    }
+    if config.order.keep != Keep::Always {
+        return Some(format!("order.keep is {}, and quads of two passes would mix", config.order.keep.name()));
+    }
+    if config.order.early != EarlyTest::None {
+        return Some(format!("order.early is {}, and owners answer for one pass", config.order.early.name()));
+    }
+    let pattern = config.distribute.pattern;
+    pattern.is_of_pass().then(|| format!("distribute.pattern is {}, which parts each pass by its size", pattern.name()))
+}
+
 /// Why a knob has no effect on this machine, whatever its value; none: it may have one.
 pub(super) fn no_effect(config: &Config, path: &str) -> Option<String> {
     let sort = config.card.sort;
@@ -155,6 +172,7 @@ pub(super) fn no_effect(config: &Config, path: &str) -> Option<String> {
         "" if name == "geometry_units" && class.sorted != Sorted::Triangles => {
             without("has the geometry units of its pipelines")
         }
+        "command" if name == "overlap" => no_overlap(config),
         "bin" if !class.one_place => without("has no bins"),
         "fetch" if name == "batch_indices" && config.fetch.reuse_until != Reuse::Batch => {
             Some(format!("fetch.reuse_until is {}", config.fetch.reuse_until.name()))

@@ -40,7 +40,7 @@ use std::sync::{Arc, Mutex};
 use gfx::state::{IndexFormat, Rect, Viewport};
 use num::Words;
 use shader::Resources;
-use work::{Areas, Funnel, RenderKey, Signature};
+use work::{Areas, Extent, Funnel, Reach, RenderKey, Signature};
 
 use super::ledger::Ledger;
 use super::needs::Need;
@@ -64,6 +64,13 @@ pub struct BufferRange {
     pub address: u64,
     /// Counts changes of the buffer's contents.
     pub version: u64,
+}
+
+impl BufferRange {
+    /// The card's memory of it. A range that is longer than the buffer ends with the buffer.
+    pub fn extent(&self) -> Extent {
+        Extent::new(self.address, self.words.len().saturating_sub(self.offset).min(self.size))
+    }
 }
 
 /// The indices of a draw.
@@ -154,6 +161,8 @@ pub struct DrawCall<'a> {
     pub record: bool,
     /// Signature of what the pixels depend on beside attachments and primitives.
     pub signature: Option<Signature>,
+    /// Memory that it may touch beside attachments.
+    pub reach: &'a Arc<Reach>,
     /// Number of its state in the pass.
     pub state: u32,
     /// What may be left out.

@@ -215,6 +215,7 @@ pub fn draw(call: &DrawCall<'_>, frame: &PreparedDraw<'_>, has_depth: bool, cull
         hierarchical_z: frame.early && frame.depth.is_some_and(|d| !d.counts_failures() && d.reads_depth()),
         depth_range: [viewport.min_depth.min(viewport.max_depth), viewport.min_depth.max(viewport.max_depth)],
         signature: call.signature,
+        reach: call.reach.clone(),
         culling,
         state: call.state,
     }

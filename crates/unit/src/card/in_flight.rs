@@ -20,6 +20,10 @@ pub struct Work {
     pub draw_number: u32,
     /// Number of the segment on this machine, from 0.
     pub number: u32,
+    /// The slot of its pass.
+    pub pass: u8,
+    /// The card's epoch when it began.
+    pub epoch: u32,
     /// Where quads may reach the ROP out of order: all sequence numbers before this one must have ended. None: each quad waits for all
     /// before its own.
     pub order_from: Option<u32>,
@@ -131,4 +135,6 @@ pub struct ComputeWork {
     pub dispatch: Arc<Dispatch>,
     /// The groups.
     pub groups: Arc<Groups>,
+    /// The card's epoch when they began.
+    pub epoch: u32,
 }

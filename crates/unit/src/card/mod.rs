@@ -15,7 +15,7 @@ mod tiles;
 pub use self::fault::Fault;
 pub use self::funnels::Funnels;
 pub use self::in_flight::{Ahead, ComputeWork, Group, Output, Work};
-pub use self::pass::{DepthStart, PassState};
+pub use self::pass::{DepthStart, PASSES, PassState, Passes};
 pub use self::pool::Pool;
 pub use self::presented::Presented;
 pub use self::tiles::{KeptVertices, TileEntry, TileList};
@@ -38,6 +38,12 @@ use work::{Attachment, CostTable, Draw, EndFrame, Event, Holdings, Quad, Segment
 /// Pipelines that a set of them, a 64-bit mask, can name.
 pub const MAX_PIPELINES: usize = 64;
 
+/// Whether an epoch began after another one. Work of two passes in flight reaches a cache in any order: the later one decides.
+#[inline(always)]
+pub fn is_newer(epoch: u32, than: u32) -> bool {
+    epoch.wrapping_sub(than) as i32 > 0
+}
+
 /// All that tokens point into.
 #[derive(Clone)]
 pub struct Card {
@@ -49,8 +55,8 @@ pub struct Card {
     pub groups: Vec<Pool<Group>>,
     /// Warps, by cluster of cores.
     pub warps: Vec<Warps>,
-    /// The pass being drawn.
-    pub pass: Option<PassState>,
+    /// The passes in flight.
+    pub passes: Passes,
     /// The machine's own surfaces.
     pub frame: FrameBuffers,
     /// What they hold.
@@ -71,7 +77,7 @@ pub struct Card {
     pub events: VecDeque<Event>,
     /// Whether there are no more events than these.
     pub closed: bool,
-    /// Changes whenever what caches of read-only data hold may be stale.
+    /// Counts up whenever what caches of read-only data hold may be stale for what begins from then on.
     pub epoch: u32,
     /// Segments installed so far.
     pub segments: u32,
@@ -101,7 +107,7 @@ impl Card {
             groups: vec![Pool::default(); pipelines],
             // One cluster a pipeline, and one for vertex cores.
             warps: vec![Warps::new(execution); pipelines + 1],
-            pass: None,
+            passes: Passes::default(),
             frame: FrameBuffers::default(),
             holdings: Holdings::default(),
             class_state,
@@ -128,6 +134,21 @@ impl Card {
     #[inline(always)]
     pub fn work(&self, slot: u16) -> &Work {
         self.work[usize::from(slot)].as_ref().expect("a token's segment is in flight")
+    }
+
+    /// The pass of the segment in a slot.
+    #[inline(always)]
+    pub fn pass_of(&self, slot: u16) -> Option<&PassState> {
+        self.passes.get(self.work(slot).pass)
+    }
+
+    /// The epoch in which the work of a slot began: what caches of read-only data hold of earlier ones is stale for it.
+    #[inline(always)]
+    pub fn epoch_of(&self, program: Program, slot: u16) -> u32 {
+        match program {
+            Program::Compute => self.compute(slot).epoch,
+            Program::Fragment | Program::Vertex => self.work(slot).epoch,
+        }
     }
 
     /// The workgroups in a slot.
@@ -169,18 +190,18 @@ impl Card {
             }
             None => (None, Format::Stencil8),
         };
-        let ahead = match (&mut self.pass, &depth) {
+        let ahead = match (self.passes.current_mut(), &depth) {
             (Some(pass), Some(state)) => pass.ahead(early, state),
             _ => None,
         };
-        let attachments = self.pass.as_ref().map_or(&[][..], |pass| &pass.pass.color);
+        let attachments = self.passes.current().map_or(&[][..], |pass| &pass.pass.color);
         let color = |(target, attachment): (&Option<Target>, &Option<Attachment>)| {
             let (target, attachment) = (target.as_ref()?, attachment.as_ref()?);
             let state = ColorTarget { format: attachment.surface.format, blend: target.blend, write_mask: target.write_mask };
             Some(ColorState::new(&state, draw.blend_constant))
         };
         let colors: Vec<_> = draw.targets.iter().zip(attachments).map(color).collect();
-        let surfaces = self.pass.as_ref().map_or(&[][..], |pass| &pass.color);
+        let surfaces = self.passes.current().map_or(&[][..], |pass| &pass.color);
         let outputs = colors.iter().zip(&draw.targets).zip(surfaces);
         let outputs = outputs.filter_map(|((state, target), surface)| Output::new(state.as_ref(), target.as_ref(), *surface));
         let outputs = outputs.collect();
@@ -197,6 +218,8 @@ impl Card {
             early,
             draw_number,
             number,
+            pass: self.passes.last().unwrap_or(0),
+            epoch: self.epoch,
             order_from: None,
             owners,
             shared: Vec::new(),
@@ -218,7 +241,7 @@ impl Card {
         depth: Option<&DepthStencilState>,
         colors: &[Option<ColorState>],
     ) -> Marks {
-        let Some(pass) = &mut self.pass else { return Marks::default() };
+        let Some(pass) = self.passes.current_mut() else { return Marks::default() };
         pass.order.unnumbered = self.class_state.unnumbered;
         let marks = pass.order.note(draw, depth, colors);
         // Depths of fragments that are discarded after an early test stay, without their colours.

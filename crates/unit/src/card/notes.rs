@@ -34,17 +34,21 @@ pub struct PassNotes {
 /// Notes of the passes of a run, in their order.
 pub type Notes = Vec<PassNotes>;
 
-/// Notes something of a block of the current pass.
+/// Notes something of a block of a pass.
 #[cold]
 #[inline(never)]
 pub(crate) fn note(notes: &mut Notes, pass: Option<&PassState>, block: u32, what: impl FnOnce(&mut BlockNotes)) {
     let Some(state) = pass else { return };
-    if notes.last().is_none_or(|last| last.number != state.number) {
-        let blocks = vec![BlockNotes::default(); state.blocks];
-        notes.push(PassNotes { pass: state.pass.number, across: state.blocks_across, blocks, number: state.number });
-    }
-    let last = notes.last_mut().expect("it was pushed");
-    if let Some(block) = last.blocks.get_mut(block as usize) {
+    let place = match notes.binary_search_by_key(&state.number, |known| known.number) {
+        Ok(place) => place,
+        Err(place) => {
+            let blocks = vec![BlockNotes::default(); state.blocks];
+            let own = PassNotes { pass: state.pass.number, across: state.blocks_across, blocks, number: state.number };
+            notes.insert(place, own);
+            place
+        }
+    };
+    if let Some(block) = notes[place].blocks.get_mut(block as usize) {
         what(block);
     }
 }

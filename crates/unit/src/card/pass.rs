@@ -16,6 +16,65 @@ pub struct DepthStart {
     pub began: (u32, (u32, u32)),
 }
 
+/// Passes that can be in flight at one time.
+pub const PASSES: usize = 4;
+
+/// The passes in flight, each in a slot of its own.
+#[derive(Clone, Debug, Default)]
+pub struct Passes {
+    slots: [Option<PassState>; PASSES],
+    /// The slot of the pass that began last, until it has ended.
+    last: Option<u8>,
+}
+
+impl Passes {
+    /// Whether another pass can begin.
+    pub fn has_room(&self) -> bool {
+        self.slots.iter().any(Option::is_none)
+    }
+
+    /// Begins a pass; gives its slot.
+    ///
+    /// # Panics
+    /// If there is no room.
+    pub fn begin(&mut self, pass: PassState) -> u8 {
+        let slot = self.slots.iter().position(Option::is_none).expect("a pass begins when there is room");
+        self.slots[slot] = Some(pass);
+        self.last = Some(slot as u8);
+        slot as u8
+    }
+
+    /// Ends the pass in a slot.
+    pub fn end(&mut self, slot: u8) {
+        self.slots[usize::from(slot)] = None;
+        self.last = self.last.filter(|&last| last != slot);
+    }
+
+    /// The pass in a slot.
+    #[inline(always)]
+    pub fn get(&self, slot: u8) -> Option<&PassState> {
+        self.slots[usize::from(slot)].as_ref()
+    }
+
+    /// The slot of the pass that began last, until it has ended.
+    #[inline(always)]
+    pub fn last(&self) -> Option<u8> {
+        self.last
+    }
+
+    /// The pass that began last, until it has ended. Units of machines on which no two passes overlap read it; the others read the pass of
+    /// their token's segment.
+    #[inline(always)]
+    pub fn current(&self) -> Option<&PassState> {
+        self.last.and_then(|slot| self.get(slot))
+    }
+
+    /// See [`Passes::current`].
+    pub fn current_mut(&mut self) -> Option<&mut PassState> {
+        self.last.and_then(|slot| self.slots[usize::from(slot)].as_mut())
+    }
+}
+
 /// The pass that is being drawn, as pipelines need it.
 #[derive(Clone, Debug)]
 pub struct PassState {

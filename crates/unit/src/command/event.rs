@@ -1,12 +1,15 @@
 //! What each event of the stream begins.
 
+use std::sync::Arc;
+
 use super::super::card::{Card, ComputeWork, Fault};
 use super::super::phase::PhaseKind;
 use super::super::token::{Kind, Piece};
-use super::{Command, State};
+use super::ongoing::Doing;
+use super::{Command, EndStage, Ending, Moving, State};
 use num::Cycle;
 use sim::Wires;
-use work::Event;
+use work::{Event, Reach, TransferKind};
 
 impl Command {
     /// Hands the next event out; `None` if it has to wait.
@@ -14,7 +17,7 @@ impl Command {
         let now = wires.now();
         let order = |event: u64, what: &'static str| Fault::Order { event, what };
         let drained = self.free.len() == self.reports.len() && self.pieces.is_empty();
-        let in_pass = card.pass.is_some();
+        let in_pass = self.in_pass;
         let wrong = match card.events.front()? {
             Event::Draw(_) | Event::Segment(_) | Event::Applied(_) | Event::EndPass(_) if !in_pass => Some("outside a pass"),
             Event::Segment(_) | Event::Applied(_) if self.draw.is_none() => Some("a segment without a draw"),
@@ -31,9 +34,24 @@ impl Command {
             card.stop(order(event, what));
             return None;
         }
-        // What is not part of a dispatch waits for the dispatch.
-        if self.computing() && !matches!(card.events.front()?, Event::Groups(_)) {
+        // What is not part of a dispatch waits for the dispatch, or for what it depends on.
+        if !matches!(card.events.front()?, Event::Groups(_)) {
+            if !self.tracks && self.computing() {
+                return None;
+            }
+            self.ongoing.close_dispatch();
+        }
+        if self.tracks && self.must_hold(card) {
             return None;
+        }
+        if std::mem::take(&mut self.held) {
+            self.counts.waited += 1;
+            // What was written is not in caches of what is only read.
+            card.epoch += 1;
+            if self.barrier > now {
+                self.busy_until = self.barrier;
+                return Some(());
+            }
         }
         let mut cycles = Cycle::from(self.config.command_cycles);
         match card.events.front()? {
@@ -61,6 +79,9 @@ impl Command {
                 if changes && !self.states.has_room() {
                     return None;
                 }
+                if self.tracks && self.draw.as_ref().is_none_or(|last| !Arc::ptr_eq(&last.reach, &draw.reach)) {
+                    self.ongoing.widen(&draw.reach);
+                }
                 self.draw = Some(draw.clone());
                 self.draws = self.draws.wrapping_add(1);
                 card.phases.draw(&draw, self.draws);
@@ -85,11 +106,15 @@ impl Command {
                 if skips && next.is_none() && !card.closed {
                     return None;
                 }
+                if self.tracks {
+                    self.begin_ongoing(Doing::Pass, pass.reach());
+                }
                 let skipped = skips && matches!(next, Some(Event::EndPass(_)));
                 card.phases.begin(PhaseKind::Pass, pass.number, &pass.label, now);
                 if skipped {
                     cycles += self.skip_pass(card, &pass);
                     self.take_event(card);
+                    self.ongoing.close_pass().into_iter().for_each(|number| self.ongoing.end(number));
                 } else {
                     cycles += self.begin_pass(card, &pass);
                 }
@@ -97,13 +122,20 @@ impl Command {
                 self.state = State::Clearing;
             }
             Event::EndPass(_) => {
-                self.pieces.push_back(Piece { slot: 0, kind: Kind::PASS });
-                self.state = State::Ending(2 * self.pipelines);
+                let pass = card.passes.last()?;
+                self.pieces.push_back(Piece { slot: pass.into(), kind: Kind::PASS });
+                let (number, stage) = (self.ongoing.close_pass(), EndStage::Reports(2 * self.pipelines));
+                self.endings.push_back(Ending { pass, number, stage });
+                self.state = if self.tracks { State::Ready } else { State::Ending };
+                self.in_pass = false;
                 self.draw = None;
             }
             Event::Dispatch(dispatch) => {
                 card.phases.begin(PhaseKind::Dispatch, dispatch.number, &dispatch.label, now);
                 self.dispatch = Some(dispatch.clone());
+                if self.tracks {
+                    self.begin_ongoing(Doing::Dispatch, dispatch.reach.clone());
+                }
                 card.epoch += 1;
             }
             Event::Groups(groups) => {
@@ -112,7 +144,8 @@ impl Command {
                 if card.class_state.same_tiles {
                     card.frame.forget_lines(groups.lines.iter());
                 }
-                card.compute[usize::from(slot)] = Some(ComputeWork { dispatch, groups });
+                card.compute[usize::from(slot)] = Some(ComputeWork { dispatch, groups, epoch: card.epoch });
+                self.ongoing.begin_run(slot);
                 self.pieces.push_back(Piece { slot, kind: Kind::DATA });
                 self.state = State::Ready;
             }
@@ -130,7 +163,7 @@ impl Command {
                 cycles = 0;
             }
             Event::Transfer(transfer) => {
-                if !drained {
+                if !drained && !self.tracks {
                     return None;
                 }
                 let transfer = *transfer;
@@ -139,7 +172,9 @@ impl Command {
                 }
                 card.phases.begin(PhaseKind::Transfers, 0, "", now);
                 self.stream.begin(transfer.from, transfer.to, transfer.bytes);
-                self.state = State::Moving(transfer.surfaces);
+                let number = self.tracks.then(|| self.begin_ongoing(Doing::Copy, transfer.reach()));
+                self.moving = Some(Moving { from: now + cycles, number, surfaces: transfer.surfaces });
+                self.state = if self.tracks { State::Ready } else { State::Moving };
                 card.epoch += 1;
             }
             Event::EndFrame(end) => {
@@ -168,6 +203,37 @@ impl Command {
         self.take_event(card);
         self.busy_until = now + cycles;
         Some(())
+    }
+
+    /// Whether the event at the head waits for something under way that it may not run beside.
+    fn must_hold(&mut self, card: &Card) -> bool {
+        match card.events.front() {
+            Some(Event::BeginPass(pass)) => !card.passes.has_room() || self.must_wait(Doing::Pass, &pass.reach()),
+            Some(Event::Draw(draw)) if self.ongoing.others() => self.must_wait(Doing::Pass, &draw.reach.clone()),
+            Some(Event::Dispatch(dispatch)) if !self.ongoing.is_empty() => self.must_wait(Doing::Dispatch, &dispatch.reach),
+            // The stream makes one at a time. Results of queries depend on more than memory.
+            Some(Event::Transfer(transfer)) => {
+                self.moving.is_some()
+                    || if transfer.kind == TransferKind::Other {
+                        self.must_drain()
+                    } else {
+                        self.must_wait(Doing::Copy, &transfer.reach())
+                    }
+            }
+            Some(Event::Contents(contents)) => {
+                let mut reach = Reach::default();
+                reach.writes.add(contents.surface.extent());
+                self.must_wait(Doing::Copy, &reach)
+            }
+            Some(Event::EndFrame(_)) => self.must_drain(),
+            _ => false,
+        }
+    }
+
+    /// Begins something beside what is under way.
+    fn begin_ongoing(&mut self, doing: Doing, reach: Reach) -> u32 {
+        self.counts.overlapped += u64::from(!self.ongoing.is_empty());
+        self.ongoing.begin(doing, reach)
     }
 
     /// Takes the event at the head, which is carried out.

@@ -2,6 +2,7 @@
 //! attachments, moves memory.
 
 mod event;
+mod ongoing;
 mod pass;
 mod present;
 mod proceed;
@@ -18,6 +19,7 @@ use super::token::{Ack, Piece, Turn};
 use knob::Allowed;
 use mem::MemoryPort;
 use num::Cycle;
+use ongoing::AllOngoing;
 use present::Present;
 use sim::{Counted, In, Out, StallProbe, Tick, Unit, Wires};
 use states::States;
@@ -57,6 +59,11 @@ knob::knobs! {
         copy_misses: u32 ["requests", Allowed::Range(1, 1024), "covers the latency of memory"],
         /// Cycles between two passes, in addition to those that caches take.
         barrier_cycles: u32 ["cycles", Allowed::Range(0, 65536), "a wait-for-idle and the next pass's state"],
+        /// Whether passes and copies of memory follow each other without waiting where neither writes what the other reads or writes. At most four
+        /// passes are in flight then.
+        overlap: bool ["", Allowed::Switch, "Vulkan 1.3, section 7: commands may overlap unless a dependency orders them; before that, a wait for idle between render targets (assumed)"],
+        /// Whether dispatches run beside passes, copies and other dispatches where neither writes what the other reads or writes.
+        async_compute: bool ["", Allowed::Switch, "AMD 2012, GCN white paper: compute engines beside the graphics pipe. Maxwell parts its multiprocessors between both ahead of time (NVIDIA 2016, GTX 1080 white paper), which is not modelled"],
         /// Whether a pass without draws only clears its attachments, and is not sent to pipelines.
         skip_empty_passes: bool ["", Allowed::Switch, "a pass is recorded before it is submitted: drivers see that it draws nothing"],
         /// What is left out where bounds show that it lies outside the view volume.
@@ -76,6 +83,10 @@ stats::counters! {
         passes: "passes",
         /// Passes without draws that were not sent to pipelines.
         empty_passes: "passes",
+        /// Passes, dispatches and copies that have begun while another one was under way.
+        overlapped: "commands",
+        /// Passes, draws, dispatches, copies and ends of frames that have waited for what was under way, where the machine overlaps any.
+        waited: "commands",
         /// Changes of state between two draws of a pass, and the state of its first draw.
         state_changes: "changes",
         /// Draws, and instances of draws, whose bounds were tested against the view volume.
@@ -135,20 +146,48 @@ enum State {
     Ready,
     /// Attachments are being cleared in memory: those still to do.
     Clearing,
-    /// The pass drains: reports of its end still to come.
-    Ending(u32),
-    /// Copies of the attachments are being composed: units that still have to be started, and units that are not done.
-    Composing(usize, usize),
-    /// Attachments are being resolved: how many reports of units are still to come.
-    Resolving(u32),
-    /// Memory is moved.
-    Moving(Option<(Surface, Surface)>),
+    /// The pass drains, and nothing begins before it has ended.
+    Ending,
+    /// Memory is moved, and nothing begins before that is done.
+    Moving,
     /// The frame's picture is read; or, of a free-running display, a buffer is waited for.
     Scanning,
     /// The frame is copied to the buffer that is shown.
     Presenting,
     /// The frame is over, until the run takes the machine up again.
     Over,
+}
+
+/// How far a pass is from its end.
+#[derive(Clone, Debug)]
+enum EndStage {
+    /// Pipelines drain: their reports of its end still to come.
+    Reports(u32),
+    /// Copies of the attachments are being composed: units that still have to be started, and units that are not done.
+    Composing(usize, usize),
+    /// Attachments are being resolved: locations to be handed on, and how many reports of units are still to come.
+    Resolving(VecDeque<u16>, u32),
+}
+
+/// A pass whose end has been sent to the pipelines.
+#[derive(Clone, Debug)]
+struct Ending {
+    /// Its slot.
+    pass: u8,
+    /// Its number among what is under way.
+    number: Option<u32>,
+    stage: EndStage,
+}
+
+/// A transfer under way.
+#[derive(Clone, Copy, Debug)]
+struct Moving {
+    /// When its command is decoded.
+    from: Cycle,
+    /// Its number among what is under way.
+    number: Option<u32>,
+    /// Surfaces that become others when it is done.
+    surfaces: Option<(Surface, Surface)>,
 }
 
 /// The command processor. Its items are events.
@@ -160,6 +199,8 @@ pub struct Command {
     scanout: bool,
     /// Handing frames to a free-running display.
     present: Option<Present>,
+    /// Whether what may overlap is tracked.
+    tracks: bool,
     pipelines: u32,
     ports: CommandPorts,
     state: State,
@@ -185,9 +226,19 @@ pub struct Command {
     free_runs: Vec<u16>,
     /// Surfaces to be cleared in memory: address and bytes.
     clears: VecDeque<(u64, u64)>,
-    /// Attachments to be resolved, to be handed on.
-    resolves: VecDeque<u16>,
+    /// Passes that drain, in the order in which they began.
+    endings: VecDeque<Ending>,
+    /// Whether a pass has begun whose end has not been read.
+    in_pass: bool,
+    /// All that is under way, where it is tracked.
+    ongoing: AllOngoing,
+    /// Whether the event at the head has waited for something under way.
+    held: bool,
+    /// The first cycle in which what has waited for a pass can begin.
+    barrier: Cycle,
     stream: Stream,
+    /// The transfer that the stream makes.
+    moving: Option<Moving>,
     /// The depth surface whose hierarchical Z is still true.
     depth_known: Option<SurfaceKey>,
     /// The last pass that told all pipelines what the depths are, and what it told, as ordered keys.
@@ -222,6 +273,7 @@ impl Command {
             clears_per_cycle: clearing.1,
             scanout: scanout.enabled,
             present: (scanout.mode == ScanoutMode::FreeRunning).then(|| Present::new(scanout)),
+            tracks: config.overlap || config.async_compute,
             pipelines,
             ports,
             state: State::Ready,
@@ -240,7 +292,12 @@ impl Command {
             turn: None,
             free_runs: (0..runs).rev().collect(),
             clears: VecDeque::new(),
-            resolves: VecDeque::new(),
+            endings: VecDeque::new(),
+            in_pass: false,
+            ongoing: AllOngoing::new(usize::from(runs)),
+            held: false,
+            barrier: 0,
+            moving: None,
             stream: Stream::new(config.copy_misses),
             depth_known: None,
             depth_began: (0, (0, u32::MAX)),
@@ -280,6 +337,8 @@ impl Command {
             && self.pieces.is_empty()
             && self.free.len() == self.reports.len()
             && self.free_runs.len() == self.config.workgroup_runs as usize
+            && self.endings.is_empty()
+            && self.moving.is_none()
     }
 
     /// Installs the segment at the head of the events for functional warming, if nothing is in flight; gives its slot.
@@ -321,7 +380,7 @@ impl Command {
 
         // 2. Pieces go on their way.
         while let Some(&piece) = self.pieces.front() {
-            let port = if card.pass.is_some() { &self.ports.fetch } else { &self.ports.compute };
+            let port = if self.in_pass || piece.kind.is_fence() { &self.ports.fetch } else { &self.ports.compute };
             if !wires.try_push(port, piece) {
                 did = did.or(Tick::Blocked);
                 break;
@@ -330,7 +389,12 @@ impl Command {
             did = Tick::Moved;
         }
 
-        // 3. What is begun goes on, when its command is decoded.
+        // 3. What is under way beside the next command goes on.
+        if self.tracks {
+            did = did.or(self.end_passes(wires, card)).or(self.move_memory(wires, card));
+        }
+
+        // 4. What is begun goes on, when its command is decoded.
         if self.busy_until > wires.now() {
             wires.sleep_until(self.busy_until);
             return did.or(Tick::Working);
@@ -345,7 +409,7 @@ impl Command {
             return did.or(self.proceed(wires, card));
         }
 
-        // 4. The next event, as soon as there is place for what it brings.
+        // 5. The next event, as soon as there is place for what it brings.
         if self.pieces.is_empty() && self.event(wires, card).is_some() {
             did = Tick::Moved;
         }
@@ -356,7 +420,8 @@ impl Command {
 impl Unit<Card> for Command {
     fn tick(&mut self, wires: &mut Wires, card: &mut Card) -> Tick {
         let did = self.step(wires, card);
-        let drawing = card.pass.is_some() && !matches!(self.state, State::Resolving(_));
+        let drains = |ending: &Ending| !matches!(ending.stage, EndStage::Resolving(..));
+        let drawing = self.in_pass || self.endings.iter().any(drains);
         wires.set_probe(&self.ports.probe, u8::from(drawing || self.computing()));
         did
     }

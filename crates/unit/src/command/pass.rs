@@ -142,7 +142,8 @@ impl Command {
         self.load_presented(pass);
         self.states.begin_pass();
         self.counts.passes += 1;
-        card.pass = Some(state);
+        self.in_pass = true;
+        card.passes.begin(state);
         card.interleave.begin_pass(pass.width, pass.height);
         self.clears = clears;
         u64::from(flags).div_ceil(u64::from(self.clears_per_cycle))

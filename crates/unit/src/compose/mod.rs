@@ -193,8 +193,8 @@ impl Compose {
 
     /// Takes a pass in hand.
     fn begin(&mut self, card: &mut Card) {
-        let Card { pass, frame, class_state: ClassState { copies, .. }, .. } = card;
-        let pass = pass.as_ref().expect("a pass is being composed");
+        let Card { passes, frame, class_state: ClassState { copies, .. }, .. } = card;
+        let pass = passes.current().expect("a pass is being composed");
         self.active = true;
         self.counts.passes += 1;
         self.planes.clear();
@@ -253,7 +253,7 @@ impl Compose {
 
     /// Sends a block to a node that has room.
     fn send(&mut self, wires: &mut Wires, card: &Card, to: usize, block: u32) {
-        let pass = card.pass.as_ref().expect("a pass is being composed");
+        let pass = card.passes.current().expect("a pass is being composed");
         let samples = samples(pass, block);
         let bytes = samples * self.sample_bytes(&card.frame);
         self.ports.sender.send(wires, to, BlockToken { block }, bytes);
@@ -283,8 +283,8 @@ impl Compose {
             if self.writes.len() >= WRITES || on.is_some_and(|to| !self.ports.sender.can_send(wires, to)) {
                 return did.or(Tick::Blocked);
             }
-            let Card { pass, frame, class_state: ClassState { copies, .. }, .. } = card;
-            let pass = pass.as_ref().expect("a pass is being composed");
+            let Card { passes, frame, class_state: ClassState { copies, .. }, .. } = card;
+            let pass = passes.current().expect("a pass is being composed");
             copies::merge(copies, pass, self.node, from, block);
             let samples = samples(pass, block);
             if last {

@@ -131,6 +131,8 @@ pub struct Depth {
     ending: bool,
     /// All blocks of that tile are written back.
     ended: bool,
+    /// Passes that have ended here. What belongs to a later one than the next waits until all blocks are written back.
+    ended_passes: u32,
     /// When the testers are free, in cycles times `quads_per_cycle`.
     free_at: u64,
     /// Bounds to be sent.
@@ -154,6 +156,7 @@ impl Depth {
             questions: ports.questions.take().map(|ports| Box::new(Questions::new(ports))),
             away: 0,
             ending: false,
+            ended_passes: 0,
             ended: false,
             free_at: 0,
             bounds: VecDeque::with_capacity(4),
@@ -210,11 +213,11 @@ impl Depth {
     /// Looks a group's block up; `Ok(None)` where nothing is tested.
     #[inline(always)]
     fn look_up(&mut self, card: &mut Card, token: GroupToken) -> Result<Option<u32>, Tick> {
-        let Card { groups, work, pass, frame, class_state: ClassState { copies, .. }, .. } = card;
+        let Card { groups, work, passes, frame, class_state: ClassState { copies, .. }, .. } = card;
         let frame = own(frame, copies, self.pipeline);
         let group = &groups[usize::from(self.pipeline)][token.group];
         let work = work[usize::from(group.slot)].as_ref().expect("a group's segment is in flight");
-        let Some(pass) = pass else { return Ok(None) };
+        let Some(pass) = passes.get(work.pass) else { return Ok(None) };
         let (surface, pass_number) = (pass.depth, pass.number);
         let (Some(state), Some(surface)) = (&work.depth, surface) else { return Ok(None) };
         if state.is_idle() {
@@ -250,11 +253,11 @@ impl Depth {
     // Not inlined: the early and the late test share it, and the host's instruction cache is small.
     #[inline(never)]
     fn test(&mut self, card: &mut Card, token: GroupToken, line: u32, late: bool) -> u8 {
-        let Card { groups, work, pass, frame, class_state: ClassState { copies, .. }, funnel, .. } = card;
+        let Card { groups, work, passes, frame, class_state: ClassState { copies, .. }, funnel, .. } = card;
         let frame = own(frame, copies, self.pipeline);
         let group = &mut groups[usize::from(self.pipeline)][token.group];
         let work = work[usize::from(group.slot)].as_ref().expect("a group's segment is in flight");
-        let pass = pass.as_ref().expect("quads are tested in a pass");
+        let pass = passes.get(work.pass).expect("quads are tested in a pass");
         let (Some(state), Some(surface)) = (&work.depth, pass.depth) else { return token.quads };
         let store = &mut frame.stores[surface];
         let Tested { alive, failed_fragments, failed_samples } = test_group(state, work, group, pass, store, late);
@@ -346,8 +349,9 @@ impl Depth {
             let group = card.groups[pipeline][token.group];
             if entry.line.is_some() {
                 card.funnel[group.slot].quads_early_culled += u64::from(before - token.quads);
+                let pass = card.work(group.slot).pass;
                 if let Some(notes) = &mut card.notes {
-                    note(notes, card.pass.as_ref(), group.block, |block| block.early += u32::from(before - token.quads));
+                    note(notes, card.passes.get(pass), group.block, |block| block.early += u32::from(before - token.quads));
                 }
             }
             let work = card.work[usize::from(group.slot)].as_ref().expect("a group's segment is in flight");
@@ -376,6 +380,12 @@ impl Depth {
         }
     }
 
+    /// Whether work is of a pass that must wait for the end of the one before: that empties the cache.
+    #[inline(always)]
+    fn is_ahead(&self, card: &Card, work: &Work) -> bool {
+        card.passes.get(work.pass).is_some_and(|pass| pass.number != self.ended_passes)
+    }
+
     /// Looks up what comes from traversal.
     #[inline(always)]
     fn accept_early(&mut self, wires: &mut Wires, card: &mut Card) -> Tick {
@@ -395,7 +405,11 @@ impl Depth {
                     return Tick::Moved;
                 }
                 let group = &card.groups[usize::from(self.pipeline)][token.group];
-                if card.work(group.slot).early {
+                let work = card.work(group.slot);
+                if self.is_ahead(card, work) {
+                    return did.or(Tick::Blocked);
+                }
+                if work.early {
                     // Quads that are tested late come before this one in API order, and have yet to be.
                     if self.away > 0 {
                         return did.or(Tick::Blocked);
@@ -431,6 +445,10 @@ impl Depth {
             let line = if token.quads == 0 {
                 None
             } else {
+                let group = &card.groups[usize::from(self.pipeline)][token.group];
+                if self.ports.early.is_none() && self.is_ahead(card, card.work(group.slot)) {
+                    return did.or(Tick::Blocked);
+                }
                 match self.look_up(card, token) {
                     Ok(line) => line,
                     Err(stall) => return did.or(stall),
@@ -450,9 +468,9 @@ impl Depth {
         if self.ended || self.away > 0 || !self.late.is_empty() {
             return Tick::Starved;
         }
-        let Card { frame, class_state: ClassState { copies, .. }, pass, .. } = card;
+        let Card { frame, class_state: ClassState { copies, .. }, passes, .. } = card;
         let frame = own(frame, copies, self.pipeline);
-        let pass = pass.as_ref().expect("tiles are drawn in a pass");
+        let pass = passes.current().expect("tiles are drawn in a pass");
         // More of the pass follows: all of it is needed again.
         let keep = token.group != 0 || pass.pass.depth.is_some_and(|depth| depth.store || depth.stencil_store);
         let did = self.cache.flush_tile(frame, |_| keep);
@@ -464,11 +482,11 @@ impl Depth {
     #[cold]
     fn end(&mut self, wires: &mut Wires, card: &mut Card) -> Tick {
         let Some(ack) = wires.front(&self.ports.end) else { return Tick::Starved };
-        let Card { frame, class_state: ClassState { copies, .. }, pass, .. } = card;
+        let Card { frame, class_state: ClassState { copies, .. }, passes, .. } = card;
         // Copies are composed by their depths, stored or not.
         let composed = copies.len() > 1;
         let frame = own(frame, copies, self.pipeline);
-        let pass = pass.as_ref().expect("a pass is ending");
+        let pass = passes.get(ack.slot as u8).expect("a pass is ending");
         let keep = composed || pass.pass.depth.is_some_and(|depth| depth.store || depth.stencil_store);
         if self.config.pass_end == PassEnd::Keep && keep && !composed {
             if !self.cache.quiet() {
@@ -484,6 +502,7 @@ impl Depth {
             return Tick::Blocked;
         }
         wires.pop(&self.ports.end);
+        self.ended_passes = self.ended_passes.wrapping_add(1);
         Tick::Moved
     }
 }

@@ -68,10 +68,10 @@ impl Depth {
             if !wires.can_push(&questions.ports.answers[asker]) {
                 return did.or(Tick::Blocked);
             }
-            let Card { groups, work, pass, frame, .. } = card;
+            let Card { groups, work, passes, frame, .. } = card;
             let group = &mut groups[usize::from(self.pipeline)][question.group];
             let work = work[usize::from(group.slot)].as_ref().expect("a group's segment is in flight");
-            let pass = pass.as_ref().expect("quads are tested in a pass");
+            let pass = passes.get(work.pass).expect("quads are tested in a pass");
             let quads = group.live.iter().filter(|&&live| live != 0).count() as u32;
             let mut bytes = 0;
             if let (Some(state), Some(surface)) = (&work.ahead, pass.depth) {

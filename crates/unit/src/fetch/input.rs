@@ -1,6 +1,6 @@
 //! What comes to fetch, in each of its four modes: segments, runs of primitives, and those that were routed or brought.
 
-use super::super::card::Card;
+use super::super::card::{Card, is_newer};
 use super::super::index_runs::Walk;
 use super::super::token::{Kind, Run};
 use super::{ENTRIES, Fetch, Gathered, Reuse};
@@ -40,8 +40,8 @@ impl Fetch {
                 }
             }
         }
-        if self.epoch != card.epoch {
-            self.epoch = card.epoch;
+        if is_newer(work.epoch, self.epoch) {
+            self.epoch = work.epoch;
             self.tags.clear();
         }
         self.last_line = u64::MAX;

@@ -359,7 +359,16 @@ fn a_frame_is_shown_before_it_is_over() {
 }
 
 fn transfer(from: Option<u64>, to: Option<u64>, bytes: u64) -> Event {
-    Event::Transfer(Transfer { kind: TransferKind::Copy, from, to, bytes, surfaces: None })
+    let reach = |at: Option<u64>| at.map(|at| Extent::new(at, bytes));
+    Event::Transfer(Transfer {
+        kind: TransferKind::Copy,
+        from,
+        to,
+        bytes,
+        reads: reach(from),
+        writes: reach(to),
+        surfaces: None,
+    })
 }
 
 #[test]
@@ -392,6 +401,7 @@ fn runs_of_workgroups_need_places_and_passes_wait_for_them() {
         groups: 3,
         invocations: 32,
         shared_bytes: 0,
+        reach: Reach::default(),
     };
     let groups = || Event::Groups(Arc::new(Groups::default()));
     let events =
@@ -404,6 +414,140 @@ fn runs_of_workgroups_need_places_and_passes_wait_for_them() {
     // The pass begins when the third is done, and goes on as it does from cycle 0.
     let pass = third + 2 + REPLY + 1;
     assert_eq!(got.pieces[0], (pass + 12, Kind::DATA));
+}
+
+/// A pass over 16 blocks of a texture, with one segment of a draw that may touch this.
+fn pass_of(texture: u32, reads: &[u32]) -> Vec<Event> {
+    let target = attachment(surface(texture, Format::Rgba8Unorm, 16, 1));
+    let clear = Attachment { load: Load::Clear([0; 4]), ..target };
+    let mut reach = Reach::default();
+    reads.iter().for_each(|&texture| reach.reads.add(surface(texture, Format::Rgba8Unorm, 16, 1).extent()));
+    let draw = Draw { reach: Arc::new(reach), ..draw() };
+    let pass = Event::BeginPass(Arc::new(pass(vec![Some(clear)], None)));
+    vec![pass, Event::Draw(Arc::new(draw)), Event::Segment(Arc::new(Segment::default())), Event::EndPass(None)]
+}
+
+/// The processor with these switches. Clears take no time, so that passes are decoded as those that load.
+fn beside(overlap: bool, async_compute: bool) -> CommandConfig {
+    CommandConfig { overlap, async_compute, ..config() }
+}
+
+#[test]
+fn passes_overlap_unless_one_writes_what_the_other_touches() {
+    // Clears of 16 blocks by flag take 4 cycles, at 4 a cycle: each pass is decoded by 12.
+    let times = |overlap: bool, passes: &[Vec<Event>]| {
+        let got = commanded(&beside(overlap, false), PLAIN, &[passes.concat(), vec![end()]].concat());
+        let data = got.pieces.iter().filter(|(_, kind)| *kind == Kind::DATA).map(|&(at, _)| at).collect::<Vec<_>>();
+        (data, got.over)
+    };
+    // The first pass's segment comes to the pipeline in 16, and its end, read in 22, in 24. It is reported in 24 + 30 and seen a cycle later; a
+    // cycle later it has ended, and behind the barrier the next pass is read.
+    let ended = 24 + REPLY + 1 + 1;
+    let next = ended + 50;
+    let one_by_one = (vec![16, next + 16], 2 * next + 1);
+    assert_eq!(times(false, &[pass_of(1, &[]), pass_of(3, &[])]), one_by_one);
+    // With overlap it is read when the end of the first is decoded, 22 + 8; the frame ends behind both.
+    let both = (vec![16, 30 + 16], 30 + next + 1);
+    assert_eq!(times(true, &[pass_of(1, &[]), pass_of(3, &[])]), both);
+    assert_eq!(times(true, &[pass_of(1, &[5]), pass_of(3, &[5])]), both);
+    // It draws into what the first has drawn into, or has read.
+    assert_eq!(times(true, &[pass_of(1, &[]), pass_of(1, &[])]), one_by_one);
+    assert_eq!(times(true, &[pass_of(1, &[3]), pass_of(3, &[])]), one_by_one);
+    // Its draw reads what the first has drawn. The pass itself, decoded by 42, is ahead of it: the draw is read behind the barrier, and its
+    // segment a cycle later.
+    let (data, over) = times(true, &[pass_of(1, &[]), pass_of(3, &[1])]);
+    assert_eq!(data, [16, next + 1 + 2]);
+    // Its end is read 8 cycles behind the segment, and takes as long as the first's.
+    assert_eq!(over, next + 1 + 8 + (ended - 22) + 50 + 1);
+}
+
+#[test]
+fn four_passes_are_in_flight_at_most() {
+    let passes: Vec<Event> = (0..6).flat_map(|number| pass_of(1 + 2 * number, &[])).collect();
+    let got = commanded(&beside(true, false), PLAIN, &[passes, vec![end()]].concat());
+    let data: Vec<_> = got.pieces.iter().filter(|(_, kind)| *kind == Kind::DATA).map(|&(at, _)| at).collect();
+    // A pass each 30 cycles; one has ended 26 cycles after its end was read: by then the next but one has not begun.
+    assert_eq!(data, [16, 46, 76, 106, 136, 166]);
+    // Behind an answer that takes 200 cycles the fifth waits for the first, which has ended in 24 + 202, and depends on nothing.
+    let (mut circuit, mut card) =
+        circuit(&beside(true, false), PLAIN, &[(0..6).flat_map(|n| pass_of(1 + 2 * n, &[])).collect(), vec![end()]].concat());
+    circuit.pipeline.0.after = 200;
+    run(&mut circuit, &mut card, Clock::SkipIdle, 1000, |c, _| c.command.frame_over()).expect("it ends");
+    let data: Vec<_> = circuit.pipeline.got.iter().filter(|(_, kind)| *kind == Kind::DATA).map(|&(at, _)| at).collect();
+    assert_eq!(data, [16, 46, 76, 106, 226 + 16, 226 + 30 + 16]);
+}
+
+#[test]
+fn copies_run_beside_passes_that_do_not_touch_their_memory() {
+    let times = |overlap: bool, from: u64, to: u64, texture: u32| {
+        let events = [pass_of(1, &[]), vec![transfer(Some(from), Some(to), 4096)], pass_of(texture, &[]), vec![end()]];
+        let got = commanded(&beside(overlap, false), PLAIN, &events.concat());
+        assert_eq!((got.memory.read_bytes, got.memory.write_bytes), (4096, 4096));
+        let data: Vec<_> = got.pieces.iter().filter(|(_, kind)| *kind == Kind::DATA).map(|&(at, _)| at).collect();
+        data[1]
+    };
+    let of = |texture: u64| texture << 24;
+    // What is read behind a copy that is the first command.
+    let copy = commanded(&config(), PLAIN, &[transfer(Some(of(7)), Some(of(8)), 4096), end()]).over - 1;
+    assert!(copy > 8 + round_trip(256) + 4 * 15, "{copy}");
+    let ended = 24 + REPLY + 1 + 1 + 50;
+    assert_eq!(times(false, of(7), of(8), 3), ended + copy + 16);
+    // The copy is read in 30, and the pass behind it in 38.
+    assert_eq!(times(true, of(7), of(8), 3), 38 + 16);
+    // The copy writes what the second pass draws into, or reads it.
+    assert_eq!(times(true, of(7), of(3), 3), 30 + copy + 16);
+    assert_eq!(times(true, of(3), of(7), 3), 30 + copy + 16);
+    // It reads, or writes, what the first has drawn: it waits for that, and the second pass begins beside it.
+    assert_eq!(times(true, of(1), of(8), 3), ended + 8 + 16);
+    assert_eq!(times(true, of(8), of(1), 3), ended + 8 + 16);
+    // It ends in front of what the second pass draws into, or one request behind.
+    assert_eq!(times(true, of(7), of(3) - 3840, 3), 30 + copy + 16);
+    assert_eq!(times(true, of(7), of(3) - 4096, 3), 38 + 16);
+}
+
+#[test]
+fn dispatches_run_beside_passes_and_each_other_where_the_card_lets_them() {
+    let dispatch_of = |reads: u32, writes: u32| {
+        let mut reach = Reach::default();
+        reach.reads.add(surface(reads, Format::Rgba8Unorm, 16, 1).extent());
+        reach.writes.add(surface(writes, Format::Rgba8Unorm, 16, 1).extent());
+        let dispatch = Dispatch {
+            number: 0,
+            label: String::new(),
+            shape: ShaderShape::default(),
+            groups: 1,
+            invocations: 32,
+            shared_bytes: 0,
+            reach,
+        };
+        vec![Event::Dispatch(Arc::new(dispatch)), Event::Groups(Arc::new(Groups::default()))]
+    };
+    let run = |config: CommandConfig, parts: [Vec<Event>; 3]| {
+        let got = commanded(&config, PLAIN, &[parts.concat(), vec![end()]].concat());
+        let data: Vec<_> = got.pieces.iter().filter(|(_, kind)| *kind == Kind::DATA).map(|&(at, _)| at).collect();
+        (data, got.compute)
+    };
+    let ended = 24 + REPLY + 1 + 1 + 50;
+    // A dispatch is decoded in 8 cycles, and its run is read then, sent a cycle later and one on the way. It is done 31 cycles later.
+    let done = 10 + REPLY + 1;
+    let parts = || [pass_of(1, &[]), dispatch_of(5, 7), pass_of(3, &[])];
+    let alone = (vec![16, ended + done + 16], vec![ended + 10]);
+    assert_eq!(run(beside(false, false), parts()), alone);
+    // Beside passes, but these not beside each other; and all beside all.
+    assert_eq!(run(beside(false, true), parts()), (vec![16, ended + 16], vec![30 + 10]));
+    assert_eq!(run(beside(true, true), parts()), (vec![16, 46 + 16], vec![30 + 10]));
+    // Passes overlap, and a dispatch waits for both kinds.
+    assert_eq!(run(beside(true, false), parts()), alone);
+    // The dispatch reads what the first pass has drawn; or writes what the second draws into.
+    let reads = [pass_of(1, &[]), dispatch_of(1, 7), pass_of(3, &[])];
+    assert_eq!(run(beside(true, true), reads), (vec![16, ended + 16 + 16], vec![ended + 10]));
+    let writes = [pass_of(1, &[]), dispatch_of(5, 3), pass_of(3, &[])];
+    assert_eq!(run(beside(true, true), writes), (vec![16, ended + 16], vec![30 + 10]));
+    // Two dispatches, and the second reads what the first writes.
+    let two = |reads| [dispatch_of(5, 7), dispatch_of(reads, 9), Vec::new()];
+    assert_eq!(run(beside(false, false), two(5)).1, [10, done + 10]);
+    assert_eq!(run(beside(false, true), two(5)).1, [10, 16 + 10]);
+    assert_eq!(run(beside(false, true), two(7)).1, [10, done + 10]);
 }
 
 #[test]
@@ -452,6 +596,8 @@ fn what_no_store_holds_stops_the_run_and_is_called_our_fault() {
         from: Some(1 << 24),
         to: Some(1 << 25),
         bytes: 64,
+        reads: None,
+        writes: None,
         surfaces: Some((of(7), of(8))),
     };
     assert_eq!(fault(&[Event::Transfer(copy), end()]), lacks("a copy of a whole image", 7));

@@ -58,6 +58,7 @@ fn computed(rate: u32, cores: &[Cycle], runs: &[u32], invocations: u32) -> Compu
                 groups: 0,
                 invocations,
                 shared_bytes: 0,
+                reach: Default::default(),
             });
             let mut pieces = Vec::new();
             for (slot, &groups) in runs.iter().enumerate() {
@@ -65,7 +66,7 @@ fn computed(rate: u32, cores: &[Cycle], runs: &[u32], invocations: u32) -> Compu
                     vec![Packet { cost: 0, first_request: 0, first_shared: 0 }; (groups * invocations.div_ceil(4)) as usize];
                 let costs = CostTable::from(vec![Cost::from(vec![step([1, 0, 0, 0, 0], RequestKind::End)])]);
                 let groups = Groups { groups, packets, costs, ..Groups::default() };
-                card.compute[slot] = Some(ComputeWork { dispatch: dispatch.clone(), groups: Arc::new(groups) });
+                card.compute[slot] = Some(ComputeWork { dispatch: dispatch.clone(), groups: Arc::new(groups), epoch: 0 });
                 pieces.push((0, Piece { slot: slot as u16, kind: Kind::DATA }));
             }
             let config = ComputeConfig { warps_per_cycle: rate, queue: 64, latency: 1, ..ComputeConfig::default() };

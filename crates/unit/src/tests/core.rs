@@ -102,8 +102,15 @@ fn circuit(config: &CoreConfig, work: &[Work]) -> (CoreCircuit, Card) {
     let (answer, answered) = wiring.channel("answer", 0, FREE, texture, core);
     let mut card = card(1);
     card.install(0, Arc::new(Segment::default()), Arc::new(draw()), 0);
-    let dispatch =
-        Dispatch { number: 7, label: String::new(), shape: ShaderShape::default(), groups: 1, invocations: 1, shared_bytes: 0 };
+    let dispatch = Dispatch {
+        number: 7,
+        label: String::new(),
+        shape: ShaderShape::default(),
+        groups: 1,
+        invocations: 1,
+        shared_bytes: 0,
+        reach: Default::default(),
+    };
     let mut groups = Groups::default();
     let mut tokens = [Vec::new(), Vec::new(), Vec::new()];
     for work in work {
@@ -124,7 +131,7 @@ fn circuit(config: &CoreConfig, work: &[Work]) -> (CoreCircuit, Card) {
         };
         tokens[to].push((0, WarpToken { warp: index }));
     }
-    card.compute[0] = Some(ComputeWork { dispatch: Arc::new(dispatch), groups: Arc::new(groups) });
+    card.compute[0] = Some(ComputeWork { dispatch: Arc::new(dispatch), groups: Arc::new(groups), epoch: 0 });
     let mut ends = ends.into_iter();
     let mut next = || ends.next();
     let ports = CorePorts { vertex: next(), compute: next(), fragment: next(), texture: (ask, answered) };

@@ -48,6 +48,7 @@ pub fn draw() -> Draw {
         hierarchical_z: true,
         depth_range: [0.0, 1.0],
         signature: None,
+        reach: Default::default(),
         culling: Default::default(),
         state: 0,
     }
@@ -175,7 +176,7 @@ pub fn begin_pass(card: &mut Card, pass: Pass, cleared: bool) {
     let depth = pass.depth.as_ref().map(&mut install);
     let blocks_across = pass.width / BLOCK;
     let blocks = (blocks_across * pass.height / BLOCK) as usize;
-    card.pass = Some(PassState {
+    card.passes.begin(PassState {
         number: 0,
         depth_start: None,
         blocks,

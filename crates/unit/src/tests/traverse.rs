@@ -304,7 +304,7 @@ fn hidden(segment: &Segment, cleared_to: Option<f32>) -> impl Fn(&mut Card) {
         begin_pass(card, pass(vec![], Some(attachment(surface))), true);
         let key = |depth: f32| depth_key(Format::Depth32Float, depth.to_bits());
         let bounds = cleared_to.map_or((0, u32::MAX), |depth| (key(depth), key(depth)));
-        card.pass.as_mut().unwrap().depth_start = Some(DepthStart { bounds: Some(bounds), began: (0, bounds) });
+        card.passes.current_mut().unwrap().depth_start = Some(DepthStart { bounds: Some(bounds), began: (0, bounds) });
         let draw = Draw { depth_stencil: Some(depth_test(Compare::Less)), ..draw() };
         card.install(0, Arc::new(segment.clone()), Arc::new(draw), 0);
     }

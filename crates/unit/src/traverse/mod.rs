@@ -299,7 +299,7 @@ impl Traverse {
         let work = card.work(token.slot);
         let triangle = &work.segment.triangles[token.triangle as usize];
         let drawn = triangle.end == End::Nowhere;
-        self.note(card.pass.as_ref(), work, drawn);
+        self.note(card.passes.get(work.pass), work, drawn);
         let TriangleToken { slot, sequence, triangle: number, .. } = token;
         let shared = work.is_shared(triangle.primitive);
         self.place = Place { active: true, slot, sequence, triangle: number, shared, ..Place::default() };
@@ -345,7 +345,7 @@ impl Traverse {
         block: &Block,
         quads: &[Quad],
     ) -> u64 {
-        let (Some(state), Some(pass)) = (self.tests(work), card.pass.as_ref()) else { return 0 };
+        let (Some(state), Some(pass)) = (self.tests(work), card.passes.get(work.pass)) else { return 0 };
         let (x, y) = (u32::from(block.x), u32::from(block.y));
         let (number, across) = (y * pass.blocks_across + x, pass.blocks_across);
         let hierarchical = &mut self.hierarchical;
@@ -501,7 +501,7 @@ impl Unit<Card> for Traverse {
                 self.place.block += 1;
                 continue;
             }
-            let number = y * card.pass.as_ref().map_or(0, |pass| pass.blocks_across) + x;
+            let number = y * card.passes.get(work.pass).map_or(0, |pass| pass.blocks_across) + x;
 
             // 5. Test it, once.
             if !self.place.tested {
@@ -535,7 +535,7 @@ impl Unit<Card> for Traverse {
                     funnel.tiles_hiz_culled += u64::from(gone == u32::from(block.quads));
                     funnel.quads_early_culled += u64::from(gone);
                     if let Some(notes) = &mut card.notes {
-                        note(notes, card.pass.as_ref(), number, |of| of.hierarchical += gone);
+                        note(notes, card.passes.get(work.pass), number, |of| of.hierarchical += gone);
                     }
                     if gone == u32::from(block.quads) {
                         self.place.block += 1;
@@ -589,7 +589,7 @@ impl Unit<Card> for Traverse {
                 ahead: self.place.ahead,
             };
             // The host is asked for the depths that will be tested in some cycles. No part of the model.
-            if let Some(surface) = card.pass.as_ref().and_then(|pass| pass.depth) {
+            if let Some(surface) = card.passes.get(work.pass).and_then(|pass| pass.depth) {
                 prefetch(&card.frame.stores[surface].quad(number, tile.quads[first as usize].position)[0]);
             }
             let pool = if self.territory == Territory::Screen { card.interleave.owner(x, y) } else { self.pipeline };

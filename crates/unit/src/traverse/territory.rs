@@ -31,13 +31,13 @@ impl Traverse {
     #[inline(always)]
     pub(super) fn in_bin(&self, card: &Card, x: u32, y: u32) -> bool {
         let Territory::Bins(side) = self.territory else { return true };
-        let across = card.pass.as_ref().map_or(1, |pass| pass.blocks_across).div_ceil(side);
+        let across = card.passes.current().map_or(1, |pass| pass.blocks_across).div_ceil(side);
         y / side * across + x / side == self.place.sequence
     }
 
     /// The visit of a triangle that its tile is in. Visits are in the order of tiles, and a tile to be drawn is no larger than those.
     pub(super) fn visit_of_bin(&self, card: &Card, work: &Work, triangle: &Triangle, number: u32, side: u32) -> u32 {
-        let across = card.pass.as_ref().map_or(1, |pass| pass.blocks_across).div_ceil(side);
+        let across = card.passes.current().map_or(1, |pass| pass.blocks_across).div_ceil(side);
         let (x, y) = (number % across * side * BLOCK / TILE, number / across * side * BLOCK / TILE);
         let visits = work.visits(triangle);
         let at = |visit: &Visit| {
@@ -57,7 +57,7 @@ impl Traverse {
     pub(super) fn past_bin(&self, card: &Card, work: &Work, triangle: &Triangle) -> bool {
         let Territory::Bins(side) = self.territory else { return false };
         let Some(visit) = work.visits(triangle).get(self.place.visit as usize) else { return true };
-        let across = card.pass.as_ref().map_or(1, |pass| pass.blocks_across).div_ceil(side);
+        let across = card.passes.current().map_or(1, |pass| pass.blocks_across).div_ceil(side);
         let number = self.place.sequence;
         let (x, y) = (number % across * side * BLOCK / TILE, number / across * side * BLOCK / TILE);
         let tile = &work.segment.tiles[visit.tile as usize];

@@ -137,7 +137,7 @@ impl Traverse {
         let [mut x0, mut y0, mut x1, mut y1] = triangle.pixels.map(u32::from);
         match self.territory {
             Territory::Bins(side) => {
-                let across = card.pass.as_ref().map_or(1, |pass| pass.blocks_across).div_ceil(side);
+                let across = card.passes.current().map_or(1, |pass| pass.blocks_across).div_ceil(side);
                 let side = side * BLOCK;
                 let (x, y) = (self.place.sequence % across * side, self.place.sequence / across * side);
                 (x0, y0, x1, y1) = (x0.max(x), y0.max(y), x1.min(x + side), y1.min(y + side));

@@ -205,7 +205,9 @@ impl Scene {
         let boxes = Mutex::default();
         let ledger = Ledger::new(&self.limits);
         let group = "".into();
+        let reach = Arc::default();
         let call_of = |range: &std::ops::Range<u32>| DrawCall {
+            reach: &reach,
             number: 0,
             group: &group,
             pipeline,
