@@ -61,6 +61,14 @@ pub enum ReadError {
         /// The limit.
         error: LimitExceeded,
     },
+    /// Its picture has no pixels: a PNM file may say so.
+    #[error("a picture of {width} x {height} has no pixels")]
+    Empty {
+        /// Its width in pixels.
+        width: u32,
+        /// Its height in pixels.
+        height: u32,
+    },
     /// Its decoder needs more memory than a picture of as many pixels as are allowed.
     #[error(
         "a row of its picture, or what is packed beside it, needs more memory than {0} pixels; --limit picture.pixels=N allows more"
@@ -71,7 +79,7 @@ pub enum ReadError {
 /// Reads a PNG or PNM file. Its first bytes say which it is.
 ///
 /// # Errors
-/// If the file cannot be read, is of another format, or is damaged, or if the picture has more pixels than [`Limits::picture_pixels`].
+/// If the file cannot be read, is of another format, or is damaged, or if the picture has no pixels, or more than [`Limits::picture_pixels`].
 pub fn read<R: Read + Seek>(file: R, limits: &Limits) -> Result<DynamicImage, ReadError> {
     decode(ImageReader::new(BufReader::new(file)).with_guessed_format().map_err(ImageError::IoError)?, limits)
 }
@@ -103,6 +111,9 @@ fn decode<R: BufRead + Seek>(mut reader: ImageReader<R>, limits: &Limits) -> Res
     let decoder = reader.into_decoder().map_err(refused)?;
     let (width, height) = decoder.dimensions();
     let pixels = u64::from(width).saturating_mul(u64::from(height));
+    if pixels == 0 {
+        return Err(ReadError::Empty { width, height });
+    }
     limits.picture_pixels.check(pixels).map_err(|error| ReadError::Large { width, height, error })?;
     DynamicImage::from_decoder(decoder).map_err(refused)
 }
@@ -140,6 +151,14 @@ mod tests {
         assert_eq!(read(&pnm).unwrap().into_rgb8().into_raw(), [1, 2, 3, 4, 5, 6]);
         assert!(read_bytes(&pnm).is_err());
         assert!(read(&file[..file.len() / 2]).is_err() && read(b"no picture").is_err());
+    }
+
+    #[test]
+    fn pictures_without_pixels_are_not_read() {
+        for (size, pnm) in [("0 x 3", "P6 0 3 255\n"), ("7 x 0", "P5 7 0 255\n"), ("0 x 60000", "P6000 60000\n255\n")] {
+            let refused = read(on_disk(pnm.as_bytes()), &Limits::default()).expect_err(pnm);
+            assert_eq!(refused.to_string(), format!("a picture of {size} has no pixels"));
+        }
     }
 
     #[test]
