@@ -272,15 +272,48 @@ pub fn fastest(sweep: &Outcome<'_>) -> String {
     };
     let settings = if best.settings.is_empty() { String::new() } else { format!(" (`{}`)", sweep.described(best)) };
     format!(
-        "Of {} machines number {}{settings} is the fastest, with {} cycles; {}.",
+        "Of {} machines number {}{settings} is the fastest, with {} cycles; {}.{}",
         sweep.timed().count(),
         best.number,
         grouped(cycles),
         match most as f64 / cycles.max(1) as f64 {
             ratio if ratio < NOTHING => "all others are within 0.5 % of it".into(),
             ratio => format!("the slowest takes {ratio:.2} times as many"),
-        }
+        },
+        missing(sweep)
     )
+}
+
+/// Which machines have no result, and which values of axes none has; empty if all have one.
+fn missing(sweep: &Outcome<'_>) -> String {
+    let count = sweep.failed().count();
+    let Some((_, error)) = sweep.failed().next() else { return String::new() };
+    let mut text = format!(
+        " {count} of {} machines that were to be run have no result, the first because: {error}.",
+        sweep.machines.len()
+    );
+    for (at, axis) in sweep.axes.iter().enumerate() {
+        let lacks = |value: &&Setting| {
+            let has = |machine: &super::outcome::Machine| machine.settings[at] == **value;
+            sweep.failed().any(|(machine, _)| has(machine)) && !sweep.timed().any(|(machine, _)| has(machine))
+        };
+        let values: Vec<String> = axis.values.iter().filter(lacks).map(plain).collect();
+        if !values.is_empty() {
+            text.push_str(&format!(" No machine with `{}` at {} has one.", axis.path, values.join(", ")));
+        }
+    }
+    text
+}
+
+/// By which machines the findings are told; empty where all machines of the plan were simulated.
+pub fn scope(sweep: &Outcome<'_>) -> String {
+    if !sweep.estimated.is_empty() {
+        return format!("By the estimates of {} machines, most of which were not simulated:", sweep.estimated.len());
+    }
+    match sweep.inputs.experiment.screen {
+        Some(_) => format!("Among the {} machines that were simulated, the fastest by estimate:", sweep.timed().count()),
+        None => String::new(),
+    }
 }
 
 #[cfg(test)]

@@ -11,6 +11,7 @@ use super::folder::Results;
 use super::inputs::Inputs;
 use super::link::Formula;
 use super::plan::{Axis, Plan, described};
+use super::timing::Screened;
 use crate::knob::Setting;
 use crate::report::order;
 
@@ -83,6 +84,9 @@ pub struct Outcome<'s> {
     pub inputs: &'s Inputs,
     /// The machines of the plan that were run, those that take fewest cycles first, those without a result last.
     pub machines: Vec<Machine>,
+    /// All machines of the plan that have an estimate, where a screen has chosen the machines that were run: what axes do is told of these, since
+    /// only the fastest machines were run. Their cycles are the estimates.
+    pub estimated: Vec<Machine>,
     /// Knobs in which they differ.
     pub parameters: Vec<String>,
     /// What is measured of each beside its cycles: names.
@@ -196,7 +200,32 @@ impl<'s> Outcome<'s> {
         let parameters = plan.parameters().iter().map(|path| (*path).to_owned()).collect();
         let measures = plan.measures().iter().map(|(text, _)| text.clone()).collect();
         let base = plan.axes().iter().map(|axis| Ok(plan.base().knob("the base", &axis.path)?.1)).collect::<Result<_>>()?;
-        Ok(Outcome { inputs, machines, parameters, measures, axes: plan.axes().to_vec(), base, planned: plan.len() })
+        let axes = plan.axes().to_vec();
+        Ok(Outcome { inputs, machines, estimated: Vec::new(), parameters, measures, axes, base, planned: plan.len() })
+    }
+
+    /// Tells what axes do by the estimates of a screen.
+    ///
+    /// # Errors
+    /// If a machine is not in the plan.
+    pub fn screened(mut self, plan: &Plan, screened: &[Screened]) -> Result<Outcome<'s>> {
+        for Screened { machine, estimate, .. } in screened {
+            let Ok(traces) = estimate else { continue };
+            let traces: Vec<u64> = traces.iter().map(|cycles| cycles.round() as u64).collect();
+            self.estimated.push(Machine {
+                number: *machine,
+                settings: plan.machine(*machine)?.settings,
+                cycles: Some(traces.iter().sum()),
+                traces,
+                measures: vec![None; self.measures.len()],
+                trace_measures: Vec::new(),
+                dram: None,
+                cost: None,
+                error: None,
+                fault: None,
+            });
+        }
+        Ok(self)
     }
 
     /// Machines with a result, those that take fewest cycles first.
@@ -204,9 +233,20 @@ impl<'s> Outcome<'s> {
         self.machines.iter().filter_map(|machine| Some((machine, machine.cycles?)))
     }
 
-    /// The geometric mean of the cycles of some machines.
+    /// The machines by which it is told what axes do, each with its cycles: those with an estimate where there was a screen, else those with a result.
+    pub fn telling(&self) -> impl Iterator<Item = (&Machine, u64)> {
+        let of = if self.estimated.is_empty() { &self.machines } else { &self.estimated };
+        of.iter().filter_map(|machine| Some((machine, machine.cycles?)))
+    }
+
+    /// Machines that were to be run and have no result.
+    pub fn failed(&self) -> impl Iterator<Item = (&Machine, &str)> {
+        self.machines.iter().filter_map(|machine| Some((machine, machine.error.as_deref()?)))
+    }
+
+    /// The geometric mean of the cycles of some of the machines by which axes are told.
     pub fn mean(&self, of: impl Fn(&Machine) -> bool) -> Option<(f64, usize)> {
-        mean(self.timed().filter(|(machine, _)| of(machine)).map(|(_, cycles)| cycles))
+        mean(self.telling().filter(|(machine, _)| of(machine)).map(|(_, cycles)| cycles))
     }
 
     /// The mean of a measure over some machines, on all traces together or on one; none where none of them has it.
@@ -229,7 +269,7 @@ impl<'s> Outcome<'s> {
     /// What each value of an axis does, those without a result left out.
     pub fn responses(&self, axis: usize, within: Within<'_>) -> Vec<Response> {
         let response = |value: &Setting| {
-            let own = self.timed().filter(|(machine, _)| machine.settings[axis] == *value && self.tells(axis, machine));
+            let own = self.telling().filter(|(machine, _)| machine.settings[axis] == *value && self.tells(axis, machine));
             let cycles = own.filter_map(|(machine, cycles)| match within {
                 Within::All => Some(cycles),
                 Within::Axis(other, wanted) => (machine.settings[other] == *wanted).then_some(cycles),
@@ -249,7 +289,7 @@ impl<'s> Outcome<'s> {
     /// What each trace takes, as if traces were the values of an axis.
     pub fn trace_responses(&self, within: Within<'_>) -> Vec<Response> {
         let response = |(at, name): (usize, String)| {
-            let own = self.timed().filter(|(machine, _)| match within {
+            let own = self.telling().filter(|(machine, _)| match within {
                 Within::All => true,
                 Within::Axis(axis, value) => machine.settings[axis] == *value && self.tells(axis, machine),
                 Within::Trace(only) => at == only,

@@ -23,7 +23,7 @@ pub fn page(sweep: &Outcome<'_>, plan: &Plan, screened: Option<&[Screened]>) -> 
     answered(&mut out, sweep);
     let mut base = experiment.base.clone();
     experiment.set.iter().for_each(|set| base.push_str(&format!(" --set {set}")));
-    let failed = sweep.machines.iter().filter(|machine| machine.error.is_some()).count();
+    let failed = sweep.failed().count();
     let _ = writeln!(
         out,
         "\n## What was run\n\nTraces: {}; {}. Base: `{base}`. {} machines: {} with a result, {failed} with an error{}.\n",
@@ -58,6 +58,10 @@ pub fn page(sweep: &Outcome<'_>, plan: &Plan, screened: Option<&[Screened]>) -> 
 /// The answer in sentences.
 fn answered(out: &mut String, sweep: &Outcome<'_>) {
     let _ = writeln!(out, "{}\n", answer::fastest(sweep));
+    let scope = answer::scope(sweep);
+    if !scope.is_empty() {
+        let _ = writeln!(out, "{scope}\n");
+    }
     for answer::Finding { text, by, measures, .. } in answer::findings(sweep) {
         let _ = writeln!(out, "* {text}");
         for (name, parts) in by {
@@ -70,8 +74,13 @@ fn answered(out: &mut String, sweep: &Outcome<'_>) {
     }
 }
 
+/// What the cycles of axes are.
+fn cycles(sweep: &Outcome<'_>) -> &'static str {
+    if sweep.estimated.is_empty() { "cycles" } else { "estimated cycles" }
+}
+
 fn errors(out: &mut String, sweep: &Outcome<'_>) {
-    let failed: Vec<_> = sweep.machines.iter().filter_map(|machine| Some((machine, machine.error.as_ref()?))).collect();
+    let failed: Vec<_> = sweep.failed().collect();
     if failed.is_empty() {
         return;
     }
@@ -95,7 +104,8 @@ fn two(out: &mut String, sweep: &Outcome<'_>) {
     if rows.values.len() > SIDE || columns.values.len() > SIDE {
         return;
     }
-    let _ = writeln!(out, "\n## Cycles by `{}` (rows) and `{}` (columns)\n", rows.path, columns.path);
+    let what = if sweep.estimated.is_empty() { "Cycles" } else { "Estimated cycles" };
+    let _ = writeln!(out, "\n## {what} by `{}` (rows) and `{}` (columns)\n", rows.path, columns.path);
     let heads: Vec<String> = columns.values.iter().map(plain).collect();
     let _ = writeln!(out, "| | {} |\n|---|{}", heads.join(" | "), "---|".repeat(heads.len()));
     for row in &rows.values {
@@ -120,7 +130,8 @@ fn axes(out: &mut String, sweep: &Outcome<'_>, best: f64) {
         let rule = "---|".repeat(sweep.measures.len());
         let _ = writeln!(
             out,
-            "| value | machines | cycles (geometric mean) | by the fastest machine's |{heads}\n|---|---|---|---|{rule}"
+            "| value | machines | {} (geometric mean) | by the fastest machine's |{heads}\n|---|---|---|---|{rule}",
+            cycles(sweep)
         );
         for own in &effect.responses {
             let measure = |at: usize| sweep.axis_measure(effect.axis, &own.value, at, None);
@@ -148,7 +159,8 @@ fn by_trace(out: &mut String, sweep: &Outcome<'_>) {
     let rule = "---|".repeat(traces.len());
     let heads = traces.join(" | ");
     let name = sweep.trace_axis();
-    let _ = writeln!(out, "\n## By {name}: cycles at the worst value by those at the best\n\n| axis | {heads} |\n|---|{rule}");
+    let what = cycles(sweep);
+    let _ = writeln!(out, "\n## By {name}: {what} at the worst value by those at the best\n\n| axis | {heads} |\n|---|{rule}");
     let effects = sweep.effects();
     for effect in &effects {
         let cell = |trace: usize| format!("{:.3}", ratio(&sweep.responses(effect.axis, Within::Trace(trace))));
@@ -164,7 +176,7 @@ fn by_trace(out: &mut String, sweep: &Outcome<'_>) {
                 let _ = writeln!(out, "| {} | {} |", plain(&own.value), cells.join(" | "));
             }
         };
-        table("Cycles", &|value, trace| {
+        table(if sweep.estimated.is_empty() { "Cycles" } else { "Estimated cycles" }, &|value, trace| {
             let mut own = sweep.responses(effect.axis, Within::Trace(trace)).into_iter();
             own.find(|own| own.value == *value).map(|own| grouped(own.cycles.round() as u64))
         });

@@ -314,7 +314,8 @@ fn a_sweeps_page_has_what_its_tables_have() {
     let axes = ["--vary", "core.warps=2..16*2", "--vary", "memory.kind=all", "--vary", "memory.l2.slices=3,4"];
     let asked = [&["sweep", "traces/cube", "--cost", "core.warps*pipelines", "--out", &out], &axes[..]].concat();
     let (code, _, message) = run(&asked);
-    assert_eq!(code, 0, "{message}");
+    // Half of the machines break a rule.
+    assert_eq!(code, 1, "{message}");
     let written = fs::read(home.path().join("report.html")).expect("a page");
     assert_eq!(run(&["report", &out, "--plots"]).0, 0);
     assert!(fs::read(home.path().join("report.html")).expect("a page") == written, "the same page again");

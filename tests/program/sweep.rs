@@ -22,6 +22,9 @@ const AXES: [&str; 8] = [
     "scanout.enabled=false",
 ];
 
+/// The exit status of a sweep of these axes: half of its machines break a rule, and have no result.
+const LACKING: i32 = 1;
+
 fn sweep(out: &Path, more: &[&str]) -> (i32, String, String) {
     let out = out.display().to_string();
     run(&[&["sweep", "traces/cube", "--out", &out], &AXES[..], more].concat())
@@ -66,8 +69,16 @@ fn a_sweep_is_the_replays_that_it_stands_for() {
     let home = tempfile::tempdir().expect("a folder");
     let out = home.path().join("s");
     let (code, text, message) = sweep(&out, &[]);
-    assert_eq!(code, 0, "{message}");
+    assert_eq!(code, LACKING, "{message}");
     assert!(text.contains("6 machines: 3 with a result, 3 with an error") && text.contains(" 1 renderings"), "{text}");
+    // The answer says so at once, and which value was never run.
+    let answer = text.lines().find(|line| line.starts_with("Of 3 machines ")).expect("an answer");
+    assert!(
+        answer.contains(" 3 of 6 machines that were to be run have no result, the first because: memory.l2.slices is 3"),
+        "{answer}"
+    );
+    assert!(answer.ends_with(" No machine with `memory.l2.slices` at 3 has one."), "{answer}");
+    assert!(message.contains("error: 3 of 6 machines have no result: see the end of "), "{message}");
     let rows = table(&out, "machines.csv");
     assert_eq!(rows.len(), 6);
     assert!(text.contains("| 0 | memory.l2.slices=3 texture.cache_lines=16 | memory.l2.slices is 3"), "{:?}", rows[0]);
@@ -152,7 +163,7 @@ fn the_answer_is_what_the_table_says() {
 fn threads_shards_and_interruptions_change_no_byte() {
     let home = tempfile::tempdir().expect("a folder");
     let whole = home.path().join("whole");
-    assert_eq!(sweep(&whole, &["--threads", "1"]).0, 0);
+    assert_eq!(sweep(&whole, &["--threads", "1"]).0, LACKING);
     let wanted = files(&whole);
 
     // Killed in the middle of a line; results stand in the order in which they were found.
@@ -164,7 +175,7 @@ fn threads_shards_and_interruptions_change_no_byte() {
     let cut = &text.lines().nth(5).expect("a sixth machine")[..100];
     killed(&part, &wanted, Some(&format!("{}\n{cut}", lines.join("\n"))));
     let (code, text, message) = sweep(&part, &["--threads", "2"]);
-    assert_eq!(code, 0, "{message}");
+    assert_eq!(code, LACKING, "{message}");
     assert!(text.contains("1 machines simulated"), "{text}");
     assert!(files(&part) == wanted, "the interrupted sweep differs");
     // Once more: nothing is left to do.
@@ -180,7 +191,7 @@ fn threads_shards_and_interruptions_change_no_byte() {
     let message = refused(&["sweep", "merge", &shared_name, &own_name]);
     assert!(message.contains("1 of 3 shards have not ended, shard 1/3 among them"), "{message}");
     assert_eq!(sweep(&shared, &["--shard", "1/3"]).0, 0);
-    assert_eq!(run(&["sweep", "merge", &shared_name, &own_name]).0, 0);
+    assert_eq!(run(&["sweep", "merge", &shared_name, &own_name]).0, LACKING);
     let merged = files(&shared);
     for name in ["machines.csv", "machines.parquet", "long.csv", "long.parquet", "report.md"] {
         assert!(merged[name] == wanted[name], "{name} of the shards differs");
@@ -192,7 +203,7 @@ fn threads_shards_and_interruptions_change_no_byte() {
         fs::write(copy.join(name), bytes).expect("written");
     }
     let copy_name = copy.display().to_string();
-    assert_eq!(run(&["sweep", "merge", &shared_name, &own_name, &copy_name]).0, 0);
+    assert_eq!(run(&["sweep", "merge", &shared_name, &own_name, &copy_name]).0, LACKING);
     let shard = copy.join("shard-2-of-3.jsonl");
     let changed = fs::read_to_string(&shard).expect("results").replacen("\"cycles\":", "\"cycles\":1", 1);
     fs::write(&shard, changed).expect("written");
@@ -206,7 +217,7 @@ fn threads_shards_and_interruptions_change_no_byte() {
 fn a_screen_simulates_the_fastest() {
     let home = tempfile::tempdir().expect("a folder");
     let (code, text, message) = sweep(home.path(), &["--screen", "2", "--question", "Which cache?"]);
-    assert_eq!(code, 0, "{message}");
+    assert_eq!(code, LACKING, "{message}");
     assert!(text.contains("# Which cache?") && text.contains("3 machines were estimated by `bound`"), "{text}");
     let screen = table(home.path(), "screen.csv");
     let simulated = screen.iter().filter(|row| row["simulated"] == "true" && row["error"].is_empty()).count();
@@ -216,10 +227,26 @@ fn a_screen_simulates_the_fastest() {
 }
 
 #[test]
+fn what_axes_do_is_told_by_all_machines_of_a_screen() {
+    let home = tempfile::tempdir().expect("a folder");
+    let out = home.path().display().to_string();
+    let axes = ["--vary", "core.warps=1,64", "--vary", "texture.cache_lines=64..256*2"];
+    let asked = ["sweep", "traces/cube", "--config", "four-pipelines", "--screen", "2", "--out", &out];
+    let (code, text, message) = run(&[&asked[..], &axes].concat());
+    assert_eq!(code, 0, "{message}");
+    // The two that were simulated have the same number of warps.
+    let machines = table(home.path(), "machines.csv");
+    assert!(machines.len() == 2 && machines[0]["core.warps"] == machines[1]["core.warps"], "{machines:?}");
+    assert!(text.contains("\nBy the estimates of 6 machines, most of which were not simulated:\n"), "{text}");
+    assert!(text.contains("* `core.warps` is best at 64 and worst at 1, which takes "), "{text}");
+    assert!(text.contains("| value | machines | estimated cycles (geometric mean) |"), "{text}");
+}
+
+#[test]
 fn a_screen_that_is_killed_begins_again_and_ends_with_the_same_bytes() {
     let home = tempfile::tempdir().expect("a folder");
     let whole = home.path().join("whole");
-    assert_eq!(sweep(&whole, &["--screen", "2"]).0, 0);
+    assert_eq!(sweep(&whole, &["--screen", "2"]).0, LACKING);
     let wanted = files(&whole);
     let journal = String::from_utf8(wanted["shard-1-of-1.jsonl"].clone()).expect("text");
     // While machines are estimated, the folder has no results; then it has some, the last of which is cut off.
@@ -228,7 +255,7 @@ fn a_screen_that_is_killed_begins_again_and_ends_with_the_same_bytes() {
         let part = home.path().join(name);
         killed(&part, &wanted, lines);
         let (code, text, message) = sweep(&part, &["--screen", "2"]);
-        assert_eq!(code, 0, "{message}");
+        assert_eq!(code, LACKING, "{message}");
         assert!(text.contains("6 machines estimated"), "{text}");
         let failed = journal.lines().filter(|line| line.contains("memory.l2.slices is 3")).count();
         let done = usize::from(lines.is_some_and(|lines| lines.contains("l2.slices is 3")));
@@ -250,7 +277,7 @@ fn a_screen_that_is_killed_begins_again_and_ends_with_the_same_bytes() {
         let _ = process.kill();
         process.wait().expect("it has ended");
         let (code, _, message) = sweep(&part, &["--screen", "2"]);
-        assert_eq!(code, 0, "{message}");
+        assert_eq!(code, LACKING, "{message}");
         assert!(files(&part) == wanted, "killed after {patience} ms: the interrupted sweep differs");
     }
 }
@@ -259,7 +286,7 @@ fn a_screen_that_is_killed_begins_again_and_ends_with_the_same_bytes() {
 fn a_machine_can_be_replayed_alone() {
     let home = tempfile::tempdir().expect("a folder");
     let out = home.path().join("s");
-    assert_eq!(sweep(&out, &[]).0, 0);
+    assert_eq!(sweep(&out, &[]).0, LACKING);
     let name = out.display().to_string();
     let mut replayed = 0;
     for row in table(&out, "machines.csv") {
@@ -360,9 +387,9 @@ fn an_experiment_in_a_file_is_the_same_as_its_options() {
     let text = "// Why?\n(\n    traces: [\"traces/cube\"],\n    set: [\"scanout.enabled=false\"],\n    \
                 vary: [\"memory.l2.slices=3,16\", \"texture.cache_lines=16..256*4\"],\n    keep: [\"caches.texture\"],\n)\n";
     fs::write(&file, text).expect("written");
-    assert_eq!(sweep(&options, &[]).0, 0);
+    assert_eq!(sweep(&options, &[]).0, LACKING);
     let [file, out] = [&file, &written].map(|path| path.display().to_string());
-    assert_eq!(run(&["sweep", &file, "--out", &out]).0, 0);
+    assert_eq!(run(&["sweep", &file, "--out", &out]).0, LACKING);
     assert!(files(&options) == files(&written));
     let message = refused(&["sweep", &file, "--vary", "pipelines=1", "--out", &out]);
     assert!(message.contains("--vary is part of the experiment"), "{message}");
@@ -375,7 +402,7 @@ fn an_experiment_in_a_file_is_the_same_as_its_options() {
 fn wrong_pixels_of_a_machine_that_keeps_its_order_are_a_fault() {
     let home = tempfile::tempdir().expect("a folder");
     let out = home.path().join("s");
-    assert_eq!(sweep(&out, &[]).0, 0);
+    assert_eq!(sweep(&out, &[]).0, LACKING);
     let results = out.join("shard-1-of-1.jsonl");
     let text = fs::read_to_string(&results).expect("results");
     let marked: Vec<String> = text
@@ -418,7 +445,7 @@ fn bad_input_is_refused_with_its_place() {
         assert!(message.contains(told), "{more:?}: {message}");
     }
     let out = home.path().join("other");
-    assert_eq!(sweep(&out, &[]).0, 0);
+    assert_eq!(sweep(&out, &[]).0, LACKING);
     let before = files(&out);
     let message = refused(&["sweep", "traces/cube", "--vary", "pipelines=2", "--out", &out.display().to_string()]);
     for told in [

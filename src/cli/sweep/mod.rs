@@ -425,7 +425,10 @@ fn finish(folder: &Path, mut results: Results, inputs: &Inputs, plan: &Plan, scr
     if let Some(screened) = screened {
         screen_table(folder, plan, screened)?;
     }
-    let sweep = Outcome::read(inputs, plan, &mut results)?;
+    let mut sweep = Outcome::read(inputs, plan, &mut results)?;
+    if let Some(screened) = screened {
+        sweep = sweep.screened(plan, screened)?;
+    }
     configurations(folder, plan, &sweep)?;
     let page = report::page(&sweep, plan, screened);
     for (name, text) in [("report.md", &page), ("report.html", &html::page(&sweep))] {
@@ -439,7 +442,15 @@ fn finish(folder: &Path, mut results: Results, inputs: &Inputs, plan: &Plan, scr
     for (machine, fault) in &faults {
         eprintln!("error: machine {machine}: {fault}");
     }
-    Ok(if faults.is_empty() && sweep.timed().next().is_some() { Verdict::Done } else { Verdict::Failed })
+    let failed = sweep.failed().count();
+    if failed > 0 {
+        eprintln!(
+            "error: {failed} of {} machines have no result: see the end of {}",
+            sweep.machines.len(),
+            folder.join("report.md").display()
+        );
+    }
+    Ok(if faults.is_empty() && failed == 0 { Verdict::Done } else { Verdict::Failed })
 }
 
 /// Writes what the screen found.

@@ -152,6 +152,8 @@ fn run(sweep: &Outcome<'_>) -> Markup {
 fn answer(sweep: &Outcome<'_>) -> Markup {
     html! {
         p.verdict { (sentence(&answer::fastest(sweep))) }
+        @let scope = answer::scope(sweep);
+        @if !scope.is_empty() { p { (sentence(&scope)) } }
         ul { @for finding in answer::findings(sweep) { li {
             (sentence(&finding.text))
             @if !finding.by.is_empty() || !finding.measures.is_empty() { ul {
@@ -405,8 +407,7 @@ fn shown(setting: &Setting) -> String {
 }
 
 fn errors(sweep: &Outcome<'_>) -> Option<Markup> {
-    let failed: Vec<(&Machine, &str)> =
-        sweep.machines.iter().filter_map(|machine| Some((machine, machine.error.as_deref()?))).collect();
+    let failed: Vec<(&Machine, &str)> = sweep.failed().collect();
     (!failed.is_empty()).then(|| {
         html! { div.scroll.tall { table {
             thead { tr { th.n scope="col" { "machine" } th scope="col" { "settings" } th scope="col" { "error" } } }
