@@ -110,7 +110,7 @@ impl Far {
             line += &format!("{:.1} % of the recording, ", 100.0 * share);
         }
         let rate = done as f64 / elapsed.as_secs_f64().max(1e-9);
-        line + &format!("{rate:.1} frames a second, {:#} left", HumanDuration(time))
+        line + &format!("{rate:.1} frames per second, {:#} left", HumanDuration(time))
     }
 }
 
@@ -206,7 +206,7 @@ mod tests {
         ended(5, false, Some(9));
         assert!(far.line().starts_with("frame 5 done; 1 of 9, "), "{}", far.line());
         let line = far.line_after(Duration::from_secs(6), 3, Some(Ended { frame: 2, surveyed: false, of: Some(13) }));
-        assert_eq!(line, "frame 2 done; 3 of 13, 0.5 frames a second, 20s left");
+        assert_eq!(line, "frame 2 done; 3 of 13, 0.5 frames per second, 20s left");
     }
 
     /// A recording of so many equal frames, opened as a stream. Each has a comment of so many bytes.
@@ -252,7 +252,7 @@ mod tests {
             // A piece has been read before its first frame is.
             let piece = 100.0 * f64::from(256 << 10) / trace.file().metadata().expect("a file").len() as f64;
             assert!((share - truth).abs() <= piece && piece < 15.0, "{share} for {truth}, {piece}");
-            assert!(rest.starts_with("1.0 frames a second, ") && rest.ends_with(" left"), "{line}");
+            assert!(rest.starts_with("1.0 frames per second, ") && rest.ends_with(" left"), "{line}");
         }
     }
 
@@ -271,7 +271,7 @@ mod tests {
         };
         // By the count twelve frames are left, and each took two seconds.
         let (first, last) = (line(7, 4), line(19, 16));
-        assert!(first.starts_with("frame 7 done; 4 of 16, ") && first.contains("0.5 frames a second"), "{first}");
+        assert!(first.starts_with("frame 7 done; 4 of 16, ") && first.contains("0.5 frames per second"), "{first}");
         assert!(last.ends_with(" 0s left"), "{last}");
     }
 }

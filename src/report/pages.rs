@@ -60,7 +60,7 @@ const CHANNEL: &[Declaration] = &[
     one(
         "mean_occupancy",
         "items",
-        "Time integral of the items inside, by the cycles: by Little's law the items a cycle times their stay.",
+        "Time integral of the items inside, by the cycles: by Little's law the items per cycle times their stay.",
     ),
     one("capacity", "items", "Room."),
 ];
@@ -93,7 +93,7 @@ const SORT: &[Declaration] = &[
         "ratio",
         "Copies sent by items sent at all (`redistributed_items` by `sent`): how many pipelines the average item meets that meets any. At least 1 where there is one.",
     ),
-    one("load_imbalance", "ratio", "Quads of the busiest pipeline by the mean of all; 1 is even."),
+    one("load_imbalance", "ratio", "Quads of the busiest pipeline, divided by the mean of all; 1 is even."),
     one("passes_out_of_order", "", "Numbers and labels of the passes that need order, up to 16."),
     one("wrong_pixels", "pixels", "Pixels of the shown pictures that differ from API order; 0 on every machine that keeps it."),
 ];

@@ -145,17 +145,17 @@ fn times(done: &Outcome, cycles: f64, seen: &Seen, options: &Options) -> String 
             });
             format!(
                 "every cycle of every unit, nothing estimated{runs}\nhost: {host:.2} s in the machine ({cycles:.2} million cycles and \
-                 {shaded:.2} million shaded fragments a second), {all:.2} s in all"
+                 {shaded:.2} million shaded fragments per second), {all:.2} s in all"
             )
         }
     };
-    let all = format!("{} cycles, {rate:.1} frames a second at {mhz} MHz", summary::grouped(cycles.round() as u64));
+    let all = format!("{} cycles, {rate:.1} frames per second at {mhz} MHz", summary::grouped(cycles.round() as u64));
     // Of a sample it is not known what the other frames drew.
     let drawing = seen.phases.drawing();
     let apart = if done.sampled.is_none() && drawing > 0 && (drawing as f64) < cycles {
         let rate = frames / options.config.seconds(drawing as f64);
         let drawing = summary::grouped(drawing);
-        format!("\ndrawing alone, without transfers and scan-out: {drawing} cycles, {rate:.1} a second")
+        format!("\ndrawing alone, without transfers and scan-out: {drawing} cycles, {rate:.1} per second")
     } else {
         String::new()
     };

@@ -255,7 +255,7 @@ impl Seen {
         };
         let most = self.names("memory.clients").into_iter().map(rate).max_by(|a, b| a.1.total_cmp(&b.1));
         let Some((client, rate)) = most.filter(|(_, rate)| *rate > 0.0) else { return String::new() };
-        format!("{client} moves {rate:.1} bytes a cycle through a port of {}", machine.port_width)
+        format!("{client} moves {rate:.1} bytes per cycle through a port of {}", machine.port_width)
     }
 
     /// What DRAM, or an ideal memory, does.

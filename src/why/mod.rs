@@ -221,7 +221,7 @@ impl Why {
             parts.extend(told(gain).map(|text| text + &seen));
         }
         // Whether cores that are busy limit the frame is what most ask.
-        let cores = gains.iter().copied().find(|gain| gain.relaxation.title == "twice the cores");
+        let cores = gains.iter().copied().find(|gain| gain.relaxation.title == "twice the cores, each with its texture unit");
         parts.extend(cores.filter(|cores| !named.iter().any(|gain| std::ptr::eq(*gain, *cores))).and_then(told));
         if parts.is_empty() { "no change alone gains 0.05 % or more".into() } else { parts.join("; ") }
     }

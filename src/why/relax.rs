@@ -274,7 +274,7 @@ pub fn relaxations(base: &Config, has: &dyn Fn(&str) -> bool) -> Vec<Relaxation>
         }
     }
     let units = [
-        ("core.per_pipeline", "core", "twice the cores"),
+        ("core.per_pipeline", "core", "twice the cores, each with its texture unit"),
         ("geometry_units", "", "twice the geometry units"),
         ("pipelines", "", "twice the pipelines"),
     ];
@@ -363,7 +363,7 @@ mod tests {
              --set traverse.quads_per_cycle=8 --set traverse.depth_quads_per_cycle=16"
         );
         assert_eq!(options(&list, "texture: twice as large a cache"), "--set texture.cache_lines=512");
-        assert_eq!(options(&list, "twice the cores"), "--set core.per_pipeline=2");
+        assert_eq!(options(&list, "twice the cores, each with its texture unit"), "--set core.per_pipeline=2");
         assert_eq!(
             options(&list, "twice the memory bandwidth"),
             "--set memory.dram.burst_cycles=1 --set memory.dram.t_ccd_l=2"

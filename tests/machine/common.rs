@@ -259,11 +259,6 @@ pub fn conserved(config: &Config, tree: &Tree, fragments: bool) {
     // Primitives: each is culled for one reason, or becomes triangles for setup.
     assert_eq!(units("assembly"), f.funnel("primitives_in"));
     assert_eq!(units("clip"), f.funnel("primitives_in"));
-    let thrown = ["degenerate", "backface", "frustum", "scissor"].map(|why| f.funnel(&format!("culled_{why}")));
-    let left = f.funnel("primitives_in") - thrown.iter().sum::<u64>();
-    if f.funnel("clipped") == 0 {
-        assert_eq!(f.funnel("triangles_setup"), left);
-    }
     assert_eq!(f.at("sort.sorted_items"), f.funnel("triangles_setup"));
     assert!(f.at("sort.sent") <= f.at("sort.sorted_items"));
 
@@ -293,6 +288,15 @@ fn conserved_anywhere(config: &Config, tree: &Tree, fragments: bool) {
     let items = |name: &str| f.sum(&format!("channels.{name}"), "items");
     assert_eq!(items("vertex_warps"), items("vertices_shaded"));
     assert_eq!(items("vertex_warps"), items("vertices_retired"));
+    // Primitives: each is culled for one reason, or set up; some are both, some have several parts, some are set up by several pipelines.
+    let culled: u64 = ["degenerate", "backface", "frustum", "scissor", "no_sample"]
+        .map(|why| f.funnel(&format!("culled_{why}")))
+        .iter()
+        .sum();
+    let more: u64 = ["culled", "parts", "copies"].map(|what| f.funnel(&format!("setup_{what}"))).iter().sum();
+    assert_eq!(f.funnel("triangles_setup"), f.funnel("primitives_in") - culled + more);
+    assert!(f.funnel("setup_parts") == 0 || f.funnel("clipped") > 0);
+    assert!(f.funnel("quads_hiz_culled") <= f.funnel("quads_early_culled"));
     assert!(f.at("sort.sent") <= f.at("sort.redistributed_items"));
     assert!(f.at("sort.foreign_items") <= f.at("sort.redistributed_items"));
     assert!(f.at("sort.foreign_bytes") <= f.at("sort.redistributed_bytes"));

@@ -51,7 +51,7 @@ fn replay_leaves_image_statistics_and_configuration() {
     let folder = out.path().display().to_string();
     let (code, report, message) = run(&["replay", "traces/triangle", "--config", "tiny", "--out", &folder]);
     assert_eq!(code, 0, "{message}");
-    for part in ["triangles set up", "is busy in the largest share of cycles", "DRAM", "frames a second"] {
+    for part in ["triangles set up", "is busy in the largest share of cycles", "DRAM", "frames per second"] {
         assert!(report.contains(part), "no `{part}` in\n{report}");
     }
     let image = image::open(out.path().join("frame-0000.png")).expect("a picture");

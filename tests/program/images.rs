@@ -223,7 +223,7 @@ fn compare_all(cases: &[Case], also: impl Fn(&Case, &Replay)) {
 const LARGE: f64 = 200_000.0;
 
 /// Counters that depend on the machine: how long it keeps shaded vertices, and which fragments it finds hidden before tests.
-const OF_MACHINES: [&str; 2] = ["vertices_shaded", "tiles_hiz_culled"];
+const OF_MACHINES: [&str; 3] = ["vertices_shaded", "tiles_hiz_culled", "quads_hiz_culled"];
 
 /// The card's own image is the renderer's on every machine, and so are its counters.
 fn machines_agree(case: &Case, functional: &Replay) {

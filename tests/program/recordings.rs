@@ -447,7 +447,7 @@ fn a_trace_that_draws_nothing_says_so() {
     for fidelity in ["functional", "bound", "cycle"] {
         let (code, report, message) = run(&["replay", &name, "--fidelity", fidelity, "--out", &out]);
         assert_eq!((code, message.as_str()), (0, ""), "{fidelity}");
-        assert!(report.contains("nothing is drawn") && !report.contains("frames a second"), "{fidelity}: {report}");
+        assert!(report.contains("nothing is drawn") && !report.contains("frames per second"), "{fidelity}: {report}");
         let json = fs::read_to_string(folder.path().join("out/stats.json")).expect("statistics");
         let json: serde_json::Value = serde_json::from_str(&json).expect("JSON");
         assert_eq!(json["frames"].as_array().map(Vec::len), Some(1), "a trace without present is a single frame");

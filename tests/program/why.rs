@@ -132,7 +132,7 @@ fn the_verdict_has_what_was_counted_and_the_knobs_to_set() {
             requests[0],
             requests[1]
         ),
-        "; twice the cores (`core.per_pipeline=2`) ".to_owned(),
+        "; twice the cores, each with its texture unit (`core.per_pipeline=2`) ".to_owned(),
     ] {
         assert!(verdict.contains(&told), "{told}\n{verdict}");
     }

@@ -127,7 +127,7 @@ impl Clip {
                 tested += 1;
                 triangles += u32::from(primitive.triangles);
                 if self.counts && !shared {
-                    funnel.end(primitive.outcome);
+                    funnel.end(primitive, 1);
                 }
                 funnel.clipped += u64::from(primitive.clipped && !shared);
                 if primitive.clipped || primitive.cut_away {

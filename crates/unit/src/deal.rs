@@ -145,7 +145,7 @@ impl Deal {
             work.segment.primitives.iter().zip(&shared).filter(|&(_, &shared)| shared).map(|(primitive, _)| primitive)
         {
             funnel.primitives_in += 1;
-            funnel.end(primitive.outcome);
+            funnel.end(primitive, 1);
             funnel.clipped += u64::from(primitive.clipped);
             funnel.triangles_setup += u64::from(primitive.triangles);
         }

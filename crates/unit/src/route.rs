@@ -197,8 +197,8 @@ impl Route {
                 // All three positions are known, so that the tests of geometry can be made. What several pipelines get would be
                 // counted by each.
                 if let Some(work) = work {
-                    let outcome = work.segment.primitives[token.triangle as usize].outcome;
-                    card.funnel[token.slot].end(outcome);
+                    let primitive = work.segment.primitives[token.triangle as usize];
+                    card.funnel[token.slot].end(&primitive, pending.count_ones());
                 }
                 self.sorting.sent += u64::from(pending != 0);
                 did = Tick::Moved;

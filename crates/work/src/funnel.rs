@@ -3,7 +3,7 @@
 use serde::{Deserialize, Serialize};
 use stats::Heading;
 
-use super::Outcome;
+use super::{Outcome, Primitive};
 
 /// Where the funnel stands.
 pub const FUNNEL: Heading = Heading::new(
@@ -31,11 +31,18 @@ stats::counters! {
         culled_frustum: "count",
         /// Primitives outside the scissor rectangle.
         culled_scissor: "count",
-        /// Primitives set up that cover no sample.
+        /// Primitives that cover no sample: found by their bounds, or when they are set up and traversed.
         culled_no_sample: "count",
         /// Primitives cut by a plane of the view volume or guard band.
         clipped: "count",
-        /// Triangles, lines and points set up, after clipping.
+        /// Primitives that are set up although nothing of them is drawn. Each is counted with the others that are culled for its reason, too.
+        setup_culled: "count",
+        /// Triangles, lines and points beyond the first of a primitive that is set up: of clipping, and of polygons drawn as lines or points.
+        setup_parts: "count",
+        /// Triangles, lines and points set up again by another pipeline, where primitives are sorted before setup.
+        setup_copies: "count",
+        /// Triangles, lines and points set up, after clipping: `primitives_in` less all that is culled, and `setup_culled`, `setup_parts` and
+        /// `setup_copies`.
         triangles_setup: "count",
         /// 8x8 blocks that traversal visited with at least one covered sample.
         tiles_visited: "count",
@@ -43,6 +50,8 @@ stats::counters! {
         tiles_hiz_culled: "count",
         /// Quads with at least one covered sample; with sample shading one for each sample that it covers.
         quads_rasterized: "count",
+        /// Quads thrown away by hierarchical Z, alone or with their block.
+        quads_hiz_culled: "count",
         /// Quads of which no sample passed the early depth and stencil tests, hierarchical Z included.
         quads_early_culled: "count",
         /// Quads that ran the fragment shader.
@@ -63,15 +72,21 @@ stats::counters! {
 }
 
 impl Funnel {
-    /// Counts how a primitive ended.
-    pub fn end(&mut self, outcome: Outcome) {
-        match outcome {
+    /// Counts how a primitive ended, and what is set up of it beside one triangle of each primitive that is drawn. `pipelines` set it up.
+    pub fn end(&mut self, primitive: &Primitive, pipelines: u32) {
+        match primitive.outcome {
             Outcome::Drawn => {}
             Outcome::Degenerate => self.culled_degenerate += 1,
             Outcome::Backface => self.culled_backface += 1,
             Outcome::Frustum => self.culled_frustum += 1,
             Outcome::Scissor => self.culled_scissor += 1,
             Outcome::NoSample => self.culled_no_sample += 1,
+        }
+        let triangles = u64::from(primitive.triangles);
+        if triangles > 0 && pipelines > 0 {
+            self.setup_culled += u64::from(primitive.outcome != Outcome::Drawn);
+            self.setup_parts += triangles - 1;
+            self.setup_copies += triangles * u64::from(pipelines - 1);
         }
     }
 }

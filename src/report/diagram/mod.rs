@@ -107,7 +107,7 @@ fn times(name: &str, count: usize) -> String {
 /// What a channel can carry, in words.
 fn shape(link: &Link) -> String {
     let what = if link.by_bytes { "bytes" } else { "items" };
-    format!("{} {what} a cycle, latency {}, room for {}", link.width, link.latency, link.capacity)
+    format!("{} {what} per cycle, latency {}, room for {}", link.width, link.latency, link.capacity)
 }
 
 #[cfg(test)]

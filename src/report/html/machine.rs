@@ -173,7 +173,7 @@ pub fn roofline(input: &Input<'_>) -> Option<Markup> {
     let columns = [
         Column("", false, ""),
         Column("a byte", true, "Instructions for each byte of DRAM traffic."),
-        Column("a cycle", true, "Instructions a cycle."),
+        Column("per cycle", true, "Instructions per cycle."),
         Column("of the roof", true, "Of the lower one of both roofs at this place."),
         Column("the lower roof", false, ""),
     ];
@@ -195,7 +195,7 @@ pub fn roofline(input: &Input<'_>) -> Option<Markup> {
                     } }
                 } }
                 figcaption {
-                    "Roofs: " (format!("{:.0}", roofs.peak)) " instructions and " (format!("{:.1}", roofs.bandwidth)) " bytes a cycle. "
+                    "Roofs: " (format!("{:.0}", roofs.peak)) " instructions and " (format!("{:.1}", roofs.bandwidth)) " bytes per cycle. "
                     "An instruction counts once for each invocation of its warp. Uploads and scan-out move bytes of the frame that belong to no pass. "
                     "A point far below both roofs waits for something else: latency, another unit, or the pipelines for each other."
                 }

@@ -139,7 +139,7 @@ fn limit(input: &Input<'_>, at: usize, phase: &Value) -> Markup {
                 Some(own) => {
                     b { (own.unit) }
                     @let next = own.next.as_ref().map_or(String::new(), |(unit, cycles)| format!("; next {unit}, {}", readable(cycles.round())));
-                    @if own.work > 0.0 { span.note { " at least " (readable(own.work.round())) " cycles" (next) } }
+                    @if own.work > 0.0 { span.note { " about " (readable(own.work.round())) " cycles of work by estimate" (next) } }
                 },
                 None => @match unit_limit(input, at, phase) { Some(unit) => b { (unit) }, None => span.note { "\u{2013}" } },
             }

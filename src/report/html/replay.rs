@@ -38,7 +38,7 @@ pub struct Limit {
     pub name: String,
     /// The unit that bounds it.
     pub unit: String,
-    /// Cycles that this unit needs for its work at least; 0 where what bounds is no unit.
+    /// Cycles that this unit needs for its work, by estimate: the measured phase may take fewer. 0 where what bounds is no unit.
     pub work: f64,
     /// The unit that would bound next, and its cycles.
     pub next: Option<(String, f64)>,

@@ -12,7 +12,7 @@ use crate::report::pages::Glossary;
 use crate::report::plots::{Scale, Series, chart};
 
 /// Rows of the funnel: the counter, its name, and the counter that it is a part of.
-const FUNNEL: [(&str, &str, &str); 20] = [
+const FUNNEL: [(&str, &str, &str); 24] = [
     ("vertices_in", "vertices read", ""),
     ("vertices_shaded", "vertices shaded", "vertices_in"),
     ("primitives_in", "primitives", ""),
@@ -21,11 +21,15 @@ const FUNNEL: [(&str, &str, &str); 20] = [
     ("culled_degenerate", "\u{2212} degenerate", "primitives_in"),
     ("culled_scissor", "\u{2212} outside the scissor", "primitives_in"),
     ("culled_no_sample", "\u{2212} between samples", "primitives_in"),
+    ("setup_culled", "+ culled after setup", "primitives_in"),
+    ("setup_parts", "+ parts of clipped primitives", "primitives_in"),
+    ("setup_copies", "+ copies in other pipelines", "primitives_in"),
     ("triangles_setup", "triangles set up", "primitives_in"),
     ("tiles_visited", "blocks of 8x8 visited", ""),
     ("tiles_hiz_culled", "\u{2212} hidden (hierarchical Z)", "tiles_visited"),
     ("quads_rasterized", "quads", ""),
-    ("quads_early_culled", "\u{2212} hidden (early Z, those of hierarchical Z included)", "quads_rasterized"),
+    ("quads_early_culled", "\u{2212} hidden early", "quads_rasterized"),
+    ("quads_hiz_culled", "of these by hierarchical Z", "quads_early_culled"),
     ("quads_shaded", "quads shaded", "quads_rasterized"),
     ("fragments_covered", "fragments covered", ""),
     ("fragments_shaded", "fragments shaded", "fragments_covered"),
@@ -210,7 +214,7 @@ const TERMS: [(&str, &str); 12] = [
     ("scan-out", "The reading of the picture for the display."),
     (
         "roofline",
-        "The highest rate of instructions that memory bandwidth and cores allow, by instructions a byte (Williams et al. 2009).",
+        "The highest rate of instructions that memory bandwidth and cores allow, by instructions per byte (Williams et al. 2009).",
     ),
 ];
 

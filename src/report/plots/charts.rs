@@ -165,14 +165,19 @@ pub fn roofline(roofs: &Roofline) -> String {
     let bottom = roofs.points.iter().map(|point| point.2).fold(low * roofs.bandwidth, f64::min).max(roofs.peak / 1e6);
     let x = Axis::new(Scale::Log, [low, high].into_iter());
     let y = Axis::new(Scale::Log, [bottom, roofs.peak * 1.5].into_iter());
-    let mut field = Field::new(["instructions a byte of DRAM traffic", "instructions a cycle"], x, y, 0.0);
+    let mut field = Field::new(["instructions per byte of DRAM traffic", "instructions per cycle"], x, y, 0.0);
     field.path(&[(low, low * roofs.bandwidth), (knee, roofs.peak), (high, roofs.peak)], "class=\"roof\"");
     let [knee_x, knee_y] = field.place(knee, roofs.peak);
     let _ = write!(field.out, "<text x=\"{:.1}\" y=\"{:.1}\">knee {}</text>", knee_x + 6.0, knee_y + 20.0, label(knee));
     for (n, (name, intensity, rate)) in roofs.points.iter().enumerate() {
         let roof = roofs.peak.min(intensity * roofs.bandwidth);
         field.path(&[(*intensity, *rate), (*intensity, roof)], "class=\"axis dash\"");
-        field.dot((*intensity, *rate), n + 1, "", &format!("{name}: {} a byte, {} a cycle", label(*intensity), label(*rate)));
+        field.dot(
+            (*intensity, *rate),
+            n + 1,
+            "",
+            &format!("{name}: {} per byte, {} per cycle", label(*intensity), label(*rate)),
+        );
         let [x, y] = field.place(*intensity, *rate);
         let _ = write!(field.out, "<text class=\"t\" x=\"{:.1}\" y=\"{:.1}\">{}</text>", x + 8.0, y + 4.5, escaped(name));
     }

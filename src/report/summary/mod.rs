@@ -17,13 +17,18 @@ use crate::unit::early::{EARLY_TESTS, EarlyCounts};
 use crate::unit::sorting::{OrderCounts, SortCounts};
 use crate::work::Funnel;
 
-/// Writes the funnel: what went in, and what was thrown away where.
+/// Writes the funnel: what went in, and what was thrown away where. A row is the row before it, less what that one lists, and what the row itself
+/// lists with a plus.
 pub fn funnel(n: &Funnel) -> String {
     let mut text = String::new();
-    let mut row = |name: &str, count: u64, of: u64, lost: &[(&str, u64)]| {
-        let lost: Vec<String> = lost.iter().filter(|(_, n)| *n > 0).map(|(why, n)| format!("{} {why}", grouped(*n))).collect();
+    let mut row = |name: &str, count: u64, of: u64, parts: &[(&str, u64)]| {
+        let part = |(why, n): &(&str, u64)| match why.strip_prefix('+') {
+            Some(why) => format!("+{}{why}", grouped(*n)),
+            None => format!("{} {why}", grouped(*n)),
+        };
+        let parts: Vec<String> = parts.iter().filter(|(_, n)| *n > 0).map(part).collect();
         let share = if of > 0 && of != count { format!("{:.1} %", 100.0 * count as f64 / of as f64) } else { String::new() };
-        let line = format!("  {name:<22}{:>14}  {share:>8}   {}", grouped(count), lost.join(", "));
+        let line = format!("  {name:<22}{:>14}  {share:>8}   {}", grouped(count), parts.join(", "));
         text.push_str(line.trim_end());
         text.push('\n');
     };
@@ -41,22 +46,40 @@ pub fn funnel(n: &Funnel) -> String {
             ("between samples", n.culled_no_sample),
         ],
     );
-    row("triangles set up", n.triangles_setup, n.primitives_in, &[("clipped", n.clipped)]);
+    row(
+        "triangles set up",
+        n.triangles_setup,
+        n.primitives_in,
+        &[
+            ("+ culled after setup", n.setup_culled),
+            ("+ parts of clipped primitives", n.setup_parts),
+            ("+ copies in other pipelines", n.setup_copies),
+            ("primitives clipped", n.clipped),
+        ],
+    );
     row("blocks of 8x8", n.tiles_visited, 0, &[("behind (hierarchical Z)", n.tiles_hiz_culled)]);
-    row("quads", n.quads_rasterized, 0, &[("behind (early Z)", n.quads_early_culled)]);
+    let [quads, fragments] = [n.quads_rasterized.saturating_sub(n.quads_early_culled), n.fragments_covered];
+    row(
+        "quads",
+        n.quads_rasterized,
+        0,
+        &[
+            ("rejected early", n.quads_early_culled),
+            ("of them by hierarchical Z", n.quads_hiz_culled),
+            ("without shading", quads.saturating_sub(n.quads_shaded)),
+        ],
+    );
     row("  shaded", n.quads_shaded, n.quads_rasterized, &[]);
-    row("fragments covered", n.fragments_covered, 0, &[]);
+    row("fragments covered", fragments, 0, &[("in quads that are not shaded", fragments.saturating_sub(n.fragments_shaded))]);
     row(
         "  shaded",
         n.fragments_shaded,
-        n.fragments_covered,
-        &[
-            ("helper invocations", n.helper_fragments),
-            ("discarded", n.fragments_discarded),
-            ("behind (late Z)", n.fragments_late_failed),
-        ],
+        fragments,
+        &[("discarded", n.fragments_discarded), ("behind (late tests)", n.fragments_late_failed)],
     );
-    row("  written", n.fragments_written, n.fragments_covered, &[]);
+    let left = n.fragments_shaded.saturating_sub(n.fragments_discarded + n.fragments_late_failed);
+    row("  written", n.fragments_written, fragments, &[("+ without shading", n.fragments_written.saturating_sub(left))]);
+    row("helper invocations", n.helper_fragments, 0, &[]);
     text
 }
 
@@ -197,7 +220,7 @@ pub fn sorting(total: &Tree, class: SortClass, pipelines: u32) -> String {
 
     // 3. What else it cost.
     let imbalance = format!("{:.3}", outcome.load_imbalance);
-    row("load imbalance", imbalance, "quads of the busiest pipeline by the mean".to_owned());
+    row("load imbalance", imbalance, "quads of the busiest pipeline, divided by the mean".to_owned());
     let order: OrderCounts = SORTING.sum(total);
     let stalls = grouped(order.order_waiting_cycles);
     row("reorder stalls", stalls, "cycles, summed over the units that restore order".to_owned());
@@ -221,7 +244,10 @@ pub fn shares(total: &Tree, funnel: &Funnel, picture: Option<&Pictures>) -> Stri
         let pixels = (u64::from(*width) * u64::from(*height) * frames) as f64;
         if *same && pixels > 0.0 {
             let [covered, shaded] = [funnel.fragments_covered, funnel.fragments_shaded].map(|n| n as f64 / pixels);
-            row("overdraw", format!("{covered:.2} fragments covered a pixel of the picture, {shaded:.2} shaded (all passes)"));
+            row(
+                "overdraw",
+                format!("{covered:.2} fragments covered per pixel of the picture, {shaded:.2} shaded (all passes)"),
+            );
         }
     }
     let invocations = funnel.fragments_shaded + funnel.helper_fragments;
@@ -375,7 +401,7 @@ mod tests {
             "to another pipeline 1,350 75.0 %; 21.09 KiB",
             "pipelines' cycles used 75.0 % measured at core",
             "lost to reorder stalls 25.0 %",
-            "load imbalance 1.250 quads of the busiest pipeline by the mean",
+            "load imbalance 1.250 quads of the busiest pipeline, divided by the mean",
             "reorder stalls 4,321 cycles, summed over the units that restore order",
             "busiest link of the network 50.0 % sorted[1] from a[0] to b[1]; mean of all 12.5 %",
             "wrong pixels 7 pixels that differ from API order",

@@ -427,11 +427,13 @@ impl Batch {
         let mut at = 0;
         while at < self.corners.len() {
             let primitive = self.primitive[at];
-            let mut covered = false;
+            let (first, mut covered) = (at, false);
             while at < self.corners.len() && self.primitive[at] == primitive {
                 covered |= self.covered[at].load(Relaxed) != 0;
                 at += 1;
             }
+            self.funnel.setup_parts += (at - first) as u64 - 1;
+            self.funnel.setup_culled += u64::from(!covered);
             self.funnel.culled_no_sample += u64::from(!covered);
         }
     }

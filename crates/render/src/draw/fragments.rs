@@ -30,7 +30,9 @@ const FEW_REFERENCES: u64 = 64;
 fn count(funnel: &mut Funnel, batches: &[Batch]) {
     for batch in batches {
         *funnel += batch.funnel;
-        funnel.triangles_setup += batch.late.iter().filter(|late| late.end.is_some()).count() as u64;
+        let late = batch.late.iter().filter(|late| late.end.is_some()).count() as u64;
+        funnel.setup_culled += late;
+        funnel.triangles_setup += late;
     }
 }
 

@@ -533,6 +533,7 @@ impl Unit<Card> for Traverse {
                 if hidden != 0 {
                     let gone = hidden.count_ones();
                     funnel.tiles_hiz_culled += u64::from(gone == u32::from(block.quads));
+                    funnel.quads_hiz_culled += u64::from(gone);
                     funnel.quads_early_culled += u64::from(gone);
                     if let Some(notes) = &mut card.notes {
                         note(notes, card.passes.get(work.pass), number, |of| of.hierarchical += gone);

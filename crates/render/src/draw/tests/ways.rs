@@ -282,6 +282,7 @@ fn the_funnel_adds_up() {
         let f = scene.draw_as(How { skips: Skips::NONE, ..USUAL }).drawn.funnel;
         let thrown = f.culled_degenerate + f.culled_backface + f.culled_frustum + f.culled_scissor + f.culled_no_sample;
         assert!(thrown < f.primitives_in, "{name}: {f:?}");
+        assert_eq!(f.triangles_setup, f.primitives_in - thrown + f.setup_culled + f.setup_parts, "{name}: {f:?}");
         assert!(f.quads_early_culled <= f.quads_rasterized, "{name}: {f:?}");
         assert!(f.fragments_written + f.fragments_discarded + f.fragments_late_failed <= f.fragments_covered * 4, "{name}");
         let recorded = scene.draw_as(How { record: true, ..USUAL });
