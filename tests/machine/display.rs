@@ -264,6 +264,56 @@ fn loading_what_was_presented_copies_and_is_counted() {
 }
 
 #[test]
+fn a_display_beside_drawing_reads_at_its_rate_and_is_no_time_of_a_frame() {
+    for class in SortClass::NAMES {
+        let covered = config(class, &[]).render_key().shade == Shade::Covered;
+        let scene = Scene { width: 72, height: 56, triangles: 120, size: 30.0, frames: 6, covered, ..Scene::default() };
+        let work = events(&scene);
+        let beside = ["scanout.mode=free-running", "scanout.swap=immediate", "scanout.show_last=false"];
+        let beside = [&beside[..], &["scanout.line_cycles=40", "scanout.blank_lines=3"]].concat();
+        let with = run(&config(class, &beside), &work, Clock::SkipIdle);
+        let without = run(&config(class, &["scanout.enabled=false"]), &work, Clock::SkipIdle);
+        let sum = |report: &MachineReport| report.frames.iter().map(|frame| frame.cycles).sum::<u64>();
+        let (drawn, alone) = (sum(&with), sum(&without));
+        assert!(drawn as f64 <= 1.05 * alone as f64, "{class}: {drawn} cycles beside a display, {alone} without");
+        // The run ends with the last frame, apart from what is then on its way.
+        assert!(with.cycles - drawn < 1000, "{class}: {} of {drawn}", with.cycles);
+        // From the first frame on, to less than a refresh.
+        let (bytes, period) = (56 * 288, (56 + 3) * 40);
+        let read = with.total.number("memory.clients.scanout.read_bytes").expect("a counter");
+        let due = (with.cycles - with.frames[0].cycles) as f64 / period as f64 * bytes as f64;
+        assert!(due > 3.0 * bytes as f64, "{class}: {due} bytes are no stream");
+        assert!((read - due).abs() < bytes as f64, "{class}: {read} bytes read, {due} by its rate");
+    }
+}
+
+#[test]
+fn estimates_and_samples_know_a_display_beside_drawing() {
+    let trace = Trace::open(Path::new(env!("CARGO_MANIFEST_DIR")).join("traces/flight.zip")).expect("a trace");
+    let of = |fidelity, changes: &[&str]| {
+        let mut config = Config::built_in("baseline").expect("built in");
+        changes.iter().for_each(|change| config.set(change).expect("a knob"));
+        let options = Options { frames: 0..12, ..Options::new(config, fidelity) };
+        let total = replay(&trace, &options, &|_| ()).unwrap_or_else(|error| panic!("{changes:?}: {error}")).total;
+        ["cycles", "memory.dram.read_bytes"].map(|path| total.number(path).expect("a number"))
+    };
+    // 1,280 bytes in 200 cycles: some of the bandwidth, which is what the estimate adds.
+    let fast: &[&str] = &["scanout.mode=free-running", "scanout.line_cycles=200"];
+    let none: &[&str] = &["scanout.enabled=false"];
+    let [cycles, _] = of(Fidelity::Cycle, fast);
+    let [[bound, read], [_, before]] = [fast, none].map(|changes| of(Fidelity::Bound, changes));
+    assert!((bound / cycles - 1.0).abs() < 0.2, "{bound} cycles by estimate, {cycles} simulated");
+    let own = |fidelity| {
+        let [with, without] = [fast, none].map(|changes| of(fidelity, changes)[1]);
+        with - without
+    };
+    let (estimated, simulated) = (read - before, own(Fidelity::Cycle));
+    assert!(simulated > 100_000.0 && (estimated / simulated - 1.0).abs() < 0.25, "{estimated} bytes, {simulated} simulated");
+    let [sampled, _] = of(Fidelity::Sampled(Sampling { samples: 4, ..Sampling::default() }), fast);
+    assert!((sampled / cycles - 1.0).abs() < 0.05, "{sampled} cycles by sample, {cycles} simulated");
+}
+
+#[test]
 fn what_cannot_be_shown_is_refused_by_name_and_place() {
     let stopped = |config: &Config, work: &[Event]| {
         let mut machine = Machine::new(config).expect("a machine");
@@ -293,14 +343,18 @@ fn what_cannot_be_shown_is_refused_by_name_and_place() {
         changes.iter().for_each(|change| config.set(change).expect("a knob"));
         config.check().expect_err("a rule").to_string()
     };
-    let error = rule(&["scanout.mode=free-running", "scanout.enabled=false"]);
-    assert!(error.contains("scanout.enabled is false, and must be true"), "{error}");
     let error = rule(&["scanout.mode=free-running", "scanout.swap=copy", "scanout.buffers=1"]);
     assert!(error.contains("scanout.buffers is 1, and must be at least 2"), "{error}");
 
     let trace = Trace::open(Path::new(env!("CARGO_MANIFEST_DIR")).join("traces/cube")).expect("a trace");
-    let fidelity = Fidelity::Sampled(Sampling::default());
-    let options = Options::new(free(&[]), fidelity);
-    let error = replay(&trace, &options, &|_| ()).map(|_| ()).expect_err("not known").to_string();
-    assert!(error.contains("scanout.mode=\"free-running\"") && error.contains("use cycle"), "{error}");
+    let refused = |fidelity, changes: &[&str]| {
+        let options = Options::new(free(changes), fidelity);
+        replay(&trace, &options, &|_| ()).map(|_| ()).expect_err("not known").to_string()
+    };
+    for changes in [&[][..], &["scanout.swap=immediate"]] {
+        let error = refused(Fidelity::Sampled(Sampling::default()), changes);
+        assert!(error.contains("scanout.mode=\"free-running\"") && error.contains("use cycle"), "{error}");
+    }
+    let error = refused(Fidelity::Bound, &[]);
+    assert!(error.contains("scanout.swap is") && error.contains("use --fidelity cycle"), "{error}");
 }

@@ -339,7 +339,6 @@ fn a_knob_whose_effect_is_not_estimated_is_refused() {
         ("sort-middle", "traverse.walk=rows"),
         ("sort-middle", "traverse.gather=true"),
         ("sort-middle", "command.drain=true"),
-        ("sort-middle", "scanout.mode=free-running"),
         ("sort-middle", "fetch.reuse_until=assembled"),
         ("sort-middle", "fetch.deal=after-fragments"),
         ("sort-middle", "core.instructions=vector"),

@@ -175,6 +175,7 @@ fn every_knob_at_its_ends_makes_a_lawful_machine() {
                     ("scanout.swap", "scanout.mode=free-running"),
                     ("scanout.buffers", "scanout.mode=free-running"),
                     ("scanout.fifo", "scanout.mode=free-running"),
+                    ("scanout.show_last", "scanout.mode=free-running"),
                     ("scanout.", DISPLAY[0]),
                     ("traverse.pixel_tests", "traverse.walk=box"),
                     ("core.overlap", "core.issue=1"),

@@ -112,7 +112,7 @@ fn runs_of_frames_do_not_depend_on_threads() {
     let runs = ["replay", "traces/particles", "--frames-per-run", "1"];
     let refused = |more: &[&str]| refused(&[&runs[..], more].concat());
     assert!(refused(&["--config", "sort-middle-binned"]).contains("functional warming"));
-    assert!(refused(&["--set", "scanout.mode=free-running"]).contains("free-running"));
+    assert!(refused(&["--set", "scanout.mode=free-running", "--set", "scanout.swap=vsync"]).contains("free-running"));
     assert!(refused(&["--fidelity", "bound"]).contains("--frames-per-run applies to --fidelity cycle only"));
     assert!(refused(&["--timeline", "t.json"]).contains("--frames-per-run all"));
     let (code, _, message) = run(&["replay", "traces/particles", "--frames-per-run", "0"]);

@@ -99,8 +99,16 @@ fn a_free_running_display_shows_the_same_bytes_for_any_number_of_threads() {
     let dir = Folder::new();
     let shown = |threads: &str| {
         let out = dir.path(threads);
-        let free =
-            ["--set", "scanout.mode=free-running", "--set", "scanout.swap=immediate", "--set", "scanout.line_cycles=100"];
+        let free = [
+            "--config",
+            "four-pipelines",
+            "--set",
+            "scanout.mode=free-running",
+            "--set",
+            "scanout.swap=immediate",
+            "--set",
+            "scanout.line_cycles=100",
+        ];
         let arguments = ["replay", "traces/particles", "--out", &out, "--threads", threads];
         let (code, _, message) = run(&[&arguments[..], &free].concat());
         assert_eq!(code, 0, "{message}");

@@ -46,7 +46,6 @@ use unit::class_state::ClassState;
 use unit::interleave::Interleave;
 use unit::network::NetworkMap;
 use unit::phase::Phases;
-use unit::scanout::ScanoutMode;
 use unit::sorting::{EarlyTest, Keep};
 use unit::touch::{Touch, Touching};
 use unit::warp::Warps;
@@ -279,7 +278,7 @@ impl Machine {
         self.card.closed = false;
         let sort = self.config.card.sort;
         // A free-running display is never quiet; what is on its way when a frame ends belongs to the next.
-        let free = self.config.scanout.mode == ScanoutMode::FreeRunning;
+        let free = self.config.scanout.runs_free();
         // Without reports, scan-out of a frame takes no simulated time.
         let mut scanned_out = VecDeque::new();
         let mut drawing = Drawing::default();

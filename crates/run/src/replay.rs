@@ -21,7 +21,6 @@ use render::{self, FrameSet, Watch};
 use sim::Clock;
 use stats::Tree;
 use trace::Trace;
-use unit::scanout::ScanoutMode;
 use work::Funnel;
 
 pub use super::frame_sink::{Ended, Frame, Progress, Taker};
@@ -127,9 +126,7 @@ impl Options {
     /// Why frames cannot be simulated in runs; none: they can.
     pub fn no_runs(&self) -> Option<&'static str> {
         match &self.config {
-            config if config.scanout.mode == ScanoutMode::FreeRunning => {
-                Some("what a free-running display shows depends on all frames before")
-            }
+            config if config.scanout.ties_frames().is_some() => config.scanout.ties_frames(),
             config if !Machine::warms(config) => Some("functional warming does not leave on this card what drawing leaves"),
             _ => None,
         }

@@ -211,7 +211,8 @@ fn tearing(stage: &mut Stage, trace: &Trace, frames: f64) -> Result<()> {
         let line = format!("scanout.line_cycles={line_cycles}");
         let tears = |stage: &Stage, swap: &str| {
             let swap = format!("scanout.swap={swap}");
-            let (_, total) = stage.time(trace, &["scanout.mode=free-running", &line, &swap, "scanout.buffers=2"])?;
+            let free = ["scanout.mode=free-running", "scanout.show_last=true", "scanout.buffers=2"];
+            let (_, total) = stage.time(trace, &[&free[..], &[&line, &swap]].concat())?;
             Ok::<_, anyhow::Error>(counts::<DisplayCounts>(&total, DISPLAY)?.tears as f64)
         };
         let (torn, kept) = (tears(stage, "immediate")?, tears(stage, "vsync")?);

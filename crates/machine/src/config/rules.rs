@@ -29,10 +29,7 @@ pub(super) fn check(config: &Config) -> Result<(), String> {
         ));
     }
     let scanout = &config.scanout;
-    if scanout.mode == ScanoutMode::FreeRunning {
-        if !scanout.enabled {
-            return Err("scanout.enabled is false, and must be true where scanout.mode is free-running".into());
-        }
+    if scanout.runs_free() {
         if scanout.compressed {
             return Err("scanout.compressed is true, and must be false where scanout.mode is free-running".into());
         }
@@ -166,7 +163,7 @@ pub(super) fn no_effect(config: &Config, path: &str) -> Option<String> {
     let sort = config.card.sort;
     let class = sort.class();
     let (section, name) = path.rsplit_once('.').unwrap_or(("", path));
-    let display = ["line_cycles", "blank_lines", "buffers", "swap"];
+    let display = ["line_cycles", "blank_lines", "buffers", "swap", "show_last", "fifo"];
     let without = |what: &str| Some(format!("a machine whose sort is {} {what}", sort.name()));
     match section {
         "" if name == "geometry_units" && class.sorted != Sorted::Triangles => {

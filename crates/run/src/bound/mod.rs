@@ -36,6 +36,7 @@ use num::Cycle;
 use unit::block_cache::PLACE;
 use unit::compression::Codec;
 use unit::phase::{Phase, PhaseKind};
+use unit::scanout::ScanoutMode;
 use work::profile::{AttachmentProfile, FrameProfile, PhaseProfile, Sampled, Touch, Toucher};
 use work::{BLOCK, LINE, TILE};
 
@@ -127,6 +128,10 @@ pub struct Bound<'c> {
     in_use: [f64; 2],
     /// The second-level cache, from frame to frame.
     shared: Shared,
+    /// A free-running display: bytes that it reads in a cycle, and the surfaces that have been presented since they were drawn into, each by its
+    /// line, with its bytes.
+    display: f64,
+    presented: Vec<(u32, u64)>,
     /// Batches and fences dealt so far.
     turn: u64,
 }
@@ -210,6 +215,8 @@ impl<'c> Bound<'c> {
             dram_rate,
             in_use,
             shared: Shared::new(config),
+            display: 0.0,
+            presented: Vec::new(),
             turn: 0,
         }
     }
@@ -226,15 +233,68 @@ impl<'c> Bound<'c> {
             phases.push(self.phase(phase, &Touched { sampled, touches }));
             begin += count;
         }
+        // A display that has shown a frame reads all the time.
+        let read = self.display * phases.iter().map(|phase| phase.cycles).sum::<f64>();
+        if let Some(phase) = phases.iter_mut().rfind(|phase| phase.kind == PhaseKind::ScanOut) {
+            phase.memory.read += read;
+        }
+        self.begin_display(&frame.phases);
         FrameEstimate { number: frame.number, phases }
     }
 
+    /// Whether a display runs while frames are drawn.
+    fn runs_free(&self) -> bool {
+        self.config.scanout.enabled && self.config.scanout.mode == ScanoutMode::FreeRunning
+    }
+
+    /// A frame has ended: its picture goes to the display, which reads it once a refresh. Its line begins with those of the vertical blank.
+    fn begin_display(&mut self, phases: &[PhaseProfile]) {
+        let shown = phases.iter().rev().find_map(|phase| match phase {
+            &PhaseProfile::ScanOut { bytes, line, lines } => Some((line, bytes, lines)),
+            _ => None,
+        });
+        let Some((line, bytes, lines)) = shown.filter(|_| self.runs_free()) else { return };
+        let scanout = &self.config.scanout;
+        self.display = bytes as f64 / (f64::from(lines + scanout.blank_lines) * f64::from(scanout.line_cycles));
+        if scanout.buffers > 1 {
+            self.presented.retain(|&(known, _)| known != line);
+            self.presented.push((line, bytes));
+        }
+    }
+
+    /// Bytes that are copied before a pass because it loads what only the display's buffers have.
+    fn reloads(&mut self, color: &[AttachmentProfile]) -> u64 {
+        let mut sum = 0;
+        for attachment in color {
+            let Some(at) = self.presented.iter().position(|&(line, _)| line == attachment.line) else { continue };
+            let (_, bytes) = self.presented.swap_remove(at);
+            sum += if attachment.loads { bytes } else { 0 };
+        }
+        sum
+    }
+
+    /// Cycles of the copy engine for a transfer that reads and writes so much, from the first request on.
+    fn copied(&self, read: f64, written: f64, latency: f64) -> f64 {
+        // What goes and what comes have wires of their own.
+        let port = read.max(written) / f64::from(self.config.memory.port_width);
+        port.max(self.in_flight(read, self.config.command.copy_misses, latency))
+    }
+
     fn phase(&mut self, phase: &PhaseProfile, touched: &Touched) -> PhaseEstimate {
-        if let PhaseProfile::Pass { .. } = phase {
-            return self.pass(phase, touched);
+        if let PhaseProfile::Pass { color, .. } = phase {
+            let reloads = self.reloads(color) as f64;
+            let mut estimate = self.pass(phase, touched);
+            if reloads > 0.0 {
+                estimate.cycles += self.copied(reloads, reloads, self.memory_latency) + self.memory_latency;
+                estimate.memory += Traffic { read: reloads, written: reloads, ..Traffic::default() };
+            }
+            return estimate;
         }
         let mut memory = Traffic::default();
-        touched.touches.iter().for_each(|touch| memory += self.plain(touch, touched.sampled.shift));
+        // A display that runs free reads the frame elsewhere, later.
+        let elsewhere = matches!(phase, PhaseProfile::ScanOut { .. }) && self.runs_free();
+        let touches = if elsewhere { &[] } else { touched.touches };
+        touches.iter().for_each(|touch| memory += self.plain(touch, touched.sampled.shift));
         let mut roofs = Roofs::default();
         roofs.add("dram", self.dram(&memory));
         let miss = self.latency(&memory);
@@ -266,20 +326,19 @@ impl<'c> Bound<'c> {
                 let (mut cycles, mut latencies) = (0.0, 0.0);
                 for &[read, written] in transfers {
                     let (read, written) = (read as f64, written as f64);
-                    // What goes and what comes have wires of their own.
-                    let port = read.max(written) / f64::from(self.config.memory.port_width);
-                    cycles += port.max(self.in_flight(read, self.config.command.copy_misses, miss));
+                    cycles += self.copied(read, written, miss);
                     latencies += if read > 0.0 { miss } else { 0.0 } + f64::from(self.config.command.command_cycles);
                 }
                 roofs.add("command", cycles);
                 (PhaseKind::Transfers, 0, String::new(), latencies)
             }
-            &PhaseProfile::ScanOut { bytes } => {
-                if !self.config.scanout.enabled {
+            &PhaseProfile::ScanOut { bytes, .. } => {
+                let reads = self.config.scanout.enabled && !self.runs_free();
+                if !reads {
                     memory = Traffic::default();
                     roofs = Roofs::default();
                 }
-                let bytes = if self.config.scanout.enabled { bytes as f64 } else { 0.0 };
+                let bytes = if reads { bytes as f64 } else { 0.0 };
                 let port = bytes / f64::from(self.config.memory.port_width);
                 roofs.add("scanout", port.max(self.in_flight(bytes, self.config.scanout.misses, miss)));
                 (PhaseKind::ScanOut, 0, String::new(), if bytes > 0.0 { miss } else { 0.0 })
@@ -317,7 +376,7 @@ impl<'c> Bound<'c> {
     /// Cycles that DRAM takes for some traffic. Its buses turn round for each batch of writes, and back.
     fn dram(&self, memory: &Traffic) -> f64 {
         let dram = &self.config.dram;
-        let moved = (memory.read + memory.written) / self.dram_rate;
+        let moved = (memory.read + memory.written) / (self.dram_rate - self.display).max(1.0);
         if self.config.memory.kind == MemoryKind::Ideal {
             return moved;
         }

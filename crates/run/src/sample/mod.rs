@@ -24,13 +24,12 @@ use super::replay::{Fidelity, Options, Outcome};
 use clusters::{Interval, LEVEL};
 use survey::{ACCESSES, Count, DRAM_READ, DRAM_WRITTEN, Drawn, EVICTIONS, HITS, MISSES, Observers, READ, Survey};
 
-use machine::Machine;
+use machine::{Machine, Shown};
 use mem::CacheCounts;
 use num::Random;
 use render::{ConsumerMemory, Dependencies, FrameSet, Want};
 use stats::{Counter, Group, Leaf, Node, Tree};
 use trace::Trace;
-use unit::scanout::ScanoutMode;
 
 /// How frames are sampled.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -145,11 +144,8 @@ impl<'t> Sampler<'t> {
     /// # Errors
     /// If the trace cannot be rendered, the configuration's display does not let frames be taken apart, or who gets the pictures fails.
     pub fn new(trace: &'t Trace, options: &'t Options, observers: Observers<'_>) -> Result<Sampler<'t>> {
-        if options.config.scanout.mode == ScanoutMode::FreeRunning {
-            bail!(
-                "the sampled fidelity knows nothing of displays that run while frames are drawn (scanout.mode=\"free-running\"): what \
-                 they show depends on all frames before; use cycle"
-            );
+        if let Some(why) = options.config.scanout.ties_frames() {
+            bail!("the sampled fidelity takes frames apart (scanout.mode=\"free-running\"): {why}; use cycle");
         }
         let watch = Stopwatch::start();
         let dependencies = Dependencies::of(trace, options.frames.end)?;
@@ -263,7 +259,11 @@ fn simulated(
     // What was counted of the frames drawn; those that warm up are not reported.
     let mut counted: Vec<Option<Tree>> = vec![None; numbers.len()];
     let FrameSink { mut taker, keeps, progress, per_draw, .. } = sink;
-    let count = |frame: Frame| {
+    let count = |mut frame: Frame| {
+        // What a display that runs free shows between frames that are not simulated is no picture of the sequence.
+        if options.config.scanout.runs_free() {
+            frame.display = Shown::default();
+        }
         let Some(at) = numbers.iter().position(|&number| number == frame.number) else { return Ok(()) };
         counted[at] = Some(frame.tree.clone());
         taker(frame)

@@ -12,7 +12,7 @@ use std::collections::VecDeque;
 use std::sync::Arc;
 
 use super::card::Card;
-use super::scanout::{ScanoutConfig, ScanoutMode};
+use super::scanout::ScanoutConfig;
 use super::sorting::PassWaits;
 use super::stream::Stream;
 use super::token::{Ack, Piece, Turn};
@@ -272,7 +272,7 @@ impl Command {
             fast_clear: clearing.0,
             clears_per_cycle: clearing.1,
             scanout: scanout.enabled,
-            present: (scanout.mode == ScanoutMode::FreeRunning).then(|| Present::new(scanout)),
+            present: scanout.runs_free().then(|| Present::new(scanout)),
             tracks: config.overlap || config.async_compute,
             pipelines,
             ports,

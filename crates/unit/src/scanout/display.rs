@@ -6,6 +6,8 @@
 //! are due are read all the same, and thrown away: their line is dry. What has not been asked for when the blank begins is not read at
 //! all, and its lines are dry: memory that is too slow for a display does not fall behind by more than a refresh.
 //!
+//! Behind the last frame the display goes on until it has shown it whole, or is switched off at once (`show_last`).
+//!
 //! What a line shows is settled when it is on the screen. What the FIFO holds of a line ahead of a swap counts as that of the new frame.
 
 use std::collections::VecDeque;
@@ -88,7 +90,7 @@ stats::counters! {
         presented: "frames",
         /// Frames of which a line was shown.
         shown: "frames",
-        /// Frames that another replaced before a line of them was shown.
+        /// Frames of which no line was shown: another replaced them before, or the display was switched off.
         dropped: "frames",
         /// Refreshes that show one frame whole, as the refresh before did.
         repeated: "refreshes",
@@ -159,6 +161,19 @@ impl Screen {
     fn next(&self) -> Cycle {
         let lines = self.begun.filter(|_| self.sending).unwrap_or(self.lines);
         self.begins() + if self.sending { lines * self.line_cycles } else { 0 }
+    }
+}
+
+/// Counts the frames of the parts of a refresh of which a line was shown, and those in between.
+fn count(counts: &mut DisplayCounts, parts: &[(u32, Presented, u64, Cycle)]) {
+    for (_, frame, ordinal, from) in parts {
+        // Numbers of frames only grow; those in between had no line.
+        let before = counts.shown + counts.dropped;
+        if *ordinal > before {
+            counts.dropped += ordinal - before - 1;
+            counts.shown += 1;
+            counts.present_to_line += from - frame.at;
+        }
     }
 }
 
@@ -333,15 +348,7 @@ impl Display {
     fn end_refresh(&mut self) {
         let Some(screen) = &mut self.screen else { return };
         let parts = std::mem::take(&mut screen.parts);
-        for (_, frame, ordinal, from) in &parts {
-            // Numbers of frames only grow; those in between had no line.
-            let before = self.counts.shown + self.counts.dropped;
-            if *ordinal > before {
-                self.counts.dropped += ordinal - before - 1;
-                self.counts.shown += 1;
-                self.counts.present_to_line += from - frame.at;
-            }
-        }
+        count(&mut self.counts, &parts);
         let whole = (parts.len() == 1).then(|| parts[0].2);
         self.counts.refreshes += 1;
         self.counts.repeated += u64::from(whole.is_some() && whole == screen.whole);
@@ -370,6 +377,19 @@ impl Display {
         }
         screen.issued = end;
         screen.allowed += u64::from(!screen.stops);
+    }
+
+    /// No frame follows, and nothing more is shown. What has been asked for comes, and is thrown away.
+    fn switch_off(&mut self) {
+        self.acks += self.pending.len() as u32;
+        self.pending.clear();
+        if let Some(screen) = &mut self.screen {
+            count(&mut self.counts, &screen.parts);
+            screen.issued = screen.allowed * screen.bytes();
+            screen.stops = true;
+            self.flight.clear();
+        }
+        self.counts.dropped = self.counts.presented - self.counts.shown;
     }
 
     /// Requests that have come back, in order.
@@ -420,6 +440,9 @@ impl Display {
             moved = true;
             if piece.kind != Kind::DATA {
                 self.ended = true;
+                if !self.config.show_last {
+                    self.switch_off();
+                }
                 continue;
             }
             self.ended = false;

@@ -52,15 +52,39 @@ knob::knobs! {
         /// When frames are read for the screen.
         mode: ScanoutMode ["", Allowed::Choice(ScanoutMode::NAMES), "ATTILA reads a frame when it has been drawn; displays run free"],
         /// Free-running: cycles of a line.
-        line_cycles: u32 ["cycles", Allowed::Range(1, 16_777_216), "1080 lines and 45 of blank, 60 times a second, at 500 MHz: 7407"],
+        line_cycles: u32 ["cycles", Allowed::Range(1, 16_777_216), "1080 lines and 45 of blank, 60 times a second: at 1,126 MHz 16,681"],
         /// Free-running: lines of the vertical blank. The first line is read in it.
         blank_lines: u32 ["lines", Allowed::Range(1, 65536), "CEA-861 1080p: 45"],
         /// Free-running: buffers of frames, that which is shown among them. With one, drawing is shown while it goes on.
         buffers: u32 ["buffers", Allowed::Range(1, 3), "double buffering"],
         /// Free-running: what is done with a finished frame.
-        swap: Swap ["", Allowed::Choice(Swap::NAMES), "vertical synchronisation is what most programs ask for"],
+        swap: Swap ["", Allowed::Choice(Swap::NAMES), "most programs ask for vertical synchronisation; who times frames switches it off"],
+        /// Free-running: whether the run goes on until the last frame has been shown whole. If not, the display is switched off behind it.
+        show_last: bool ["", Allowed::Switch, "assumed: who asks for the time of frames stops the clock with the last one"],
         /// Free-running: bytes between memory and the screen.
         fifo: u32 ["bytes", Allowed::Range(512, 16_777_216), "ATTILA bGPU.ini DAC BlockRequestQueueSize = 32 blocks of 256 bytes"],
+    }
+}
+
+impl ScanoutConfig {
+    /// Whether there is a display that runs while frames are drawn.
+    pub fn runs_free(&self) -> bool {
+        self.enabled && self.mode == ScanoutMode::FreeRunning
+    }
+
+    /// Why frames do not take the same time with another display before them; none: they do. What it reads meanwhile is little.
+    pub fn ties_frames(&self) -> Option<&'static str> {
+        if self.runs_free() && self.swap == Swap::Vsync {
+            Some(
+                "with scanout.swap=\"vsync\" each frame waits for a free-running display, and that depends on all frames before",
+            )
+        } else if self.runs_free() && self.show_last {
+            Some(
+                "what a free-running display shows depends on all frames before; scanout.show_last=false shows none behind the last",
+            )
+        } else {
+            None
+        }
     }
 }
 
@@ -87,7 +111,7 @@ impl Scanout {
     /// An idle one, whose port to memory brings so many bytes a cycle.
     pub fn new(config: ScanoutConfig, port_width: u32, input: In<Piece>, output: Out<Ack>, memory: MemoryPort) -> Scanout {
         let (stream, compressed) = (Stream::new(config.misses), config.compressed);
-        let display = (config.mode == ScanoutMode::FreeRunning).then(|| Display::new(config, port_width));
+        let display = config.runs_free().then(|| Display::new(config, port_width));
         Scanout {
             input,
             output,

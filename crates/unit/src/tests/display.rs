@@ -35,6 +35,7 @@ fn config() -> ScanoutConfig {
         blank_lines: 4,
         buffers: 2,
         swap: Swap::Immediate,
+        show_last: true,
         fifo: 1024,
         ..ScanoutConfig::default()
     }
@@ -218,4 +219,17 @@ fn memory_too_slow_for_a_display_falls_behind_by_a_refresh_at_most() {
     assert!((4.0..=5.0).contains(&requests), "{requests}");
     let all = (0..11).flat_map(|refresh| (0..LINES as u32).map(move |line| (refresh, line)));
     assert_eq!(seen.dry, all.collect::<Vec<_>>());
+}
+
+#[test]
+fn a_display_that_need_not_show_the_last_frame_is_switched_off_behind_it() {
+    let off = |last: Cycle| seen(&ScanoutConfig { show_last: false, ..config() }, &[10, last]);
+    // The first line begins in 10 + 400. In 1010 six lines have left the FIFO, 3072 bytes, and there is room for the sixteenth request. That none
+    // follows is heard in the cycle behind the last frame.
+    let seen = off(1009);
+    assert_eq!((seen.bytes, seen.refreshes.len(), seen.counts.refreshes, seen.counts.presented), (15 * 256, 0, 0, 2));
+    assert_eq!(off(1010).bytes, 16 * 256);
+    // A refresh that is over has been shown.
+    let seen = off(1700);
+    assert_eq!((seen.refreshes, seen.dry), (vec![vec![(0, 0)]], Vec::new()));
 }

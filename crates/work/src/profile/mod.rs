@@ -210,6 +210,10 @@ pub enum PhaseProfile {
     ScanOut {
         /// Bytes.
         bytes: u64,
+        /// The memory line that it begins in.
+        line: u32,
+        /// Its height.
+        lines: u32,
     },
 }
 
@@ -306,7 +310,7 @@ impl Profiler {
                     let texel = u64::from(shown.format.block_bytes()) * u64::from(shown.samples);
                     let bytes = u64::from(shown.width) * u64::from(shown.height) * texel;
                     self.touches.run(shown.address, bytes, 64 * texel, Toucher::Read);
-                    self.push(PhaseProfile::ScanOut { bytes });
+                    self.push(PhaseProfile::ScanOut { bytes, line: (shown.address / crate::LINE) as u32, lines: shown.height });
                 }
                 self.frame.number = end.number;
                 self.frame.sampled = self.touches.end_frame();
