@@ -88,7 +88,16 @@ pub fn dispatch_of(groups: u32, invocations: u32, shared_bytes: u32, barrier: bo
     // Packets load, store and add in lines of three areas of 4096.
     let mut reach = Reach::default();
     reach.writes.add(Extent::new((1 << 21) * LINE, 3 * 4096 * LINE));
-    let dispatch = Dispatch { number: 0, label: String::new(), shape, groups: groups.into(), invocations, shared_bytes, reach };
+    let dispatch = Dispatch {
+        number: 0,
+        label: String::new(),
+        shape,
+        groups: groups.into(),
+        invocations,
+        shared_bytes,
+        reach,
+        programs: Programs::default(),
+    };
     let step = |instructions, then| Step::dependent(instructions, then);
     let mut steps = vec![
         step([2, 4, 0, 1, 0], RequestKind::Load),

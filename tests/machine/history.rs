@@ -85,6 +85,7 @@ fn loads(groups: u32) -> Vec<Event> {
         invocations: 64,
         shared_bytes: 0,
         reach: Reach::default(),
+        programs: Programs::default(),
     };
     let step = |then| Step::dependent([1, 1, 0, 0, 0], then);
     let costs = CostTable::from(vec![Cost::from(vec![step(RequestKind::Load), step(RequestKind::End)])]);
@@ -125,6 +126,7 @@ fn operations(config: &Config) -> f64 {
             invocations: 256,
             shared_bytes: 0,
             reach: Reach::default(),
+            programs: Programs::default(),
         };
         let costs = CostTable::from(vec![Cost::from(vec![step])]);
         let packets = vec![Packet { cost: 0, first_request: 0, first_shared: 0 }; 64 * groups as usize];

@@ -6,7 +6,7 @@ use host::one_line;
 use num::LANES;
 use shader::{self, Executor, Extra, Module, Program, QuadCost, Recorder, Stage as Kind};
 use trace::command::{Command, PassTimestamps, Stage};
-use work::{Dispatch, Event, Extent, Groups, Packet, Reach, ShaderShape};
+use work::{Dispatch, Event, Extent, Groups, Packet, Programs, Reach, ShaderShape};
 
 use super::bind::{Lent, ResolvedBindings};
 use super::execute::{Fault, Renderer};
@@ -23,6 +23,8 @@ const MAX_GROUPS: u32 = 65_535;
 #[derive(Debug)]
 pub struct ComputePipeline {
     label: String,
+    /// Number among all pipelines that the trace creates: no other has it, whatever its id.
+    pub(super) number: u64,
     program: Program,
 }
 
@@ -35,7 +37,7 @@ impl ComputePipeline {
         let options = shader::Options { constants: &stage.constants, outputs: None, ..Default::default() };
         let program = shader::compile(module, Kind::Compute, stage.entry.as_deref(), &options)
             .map_err(|error| format!("compute pipeline `{}`: {error}", one_line(label)))?;
-        Ok(ComputePipeline { label: label.to_owned(), program })
+        Ok(ComputePipeline { label: label.to_owned(), number: 0, program })
     }
 
     /// What it runs.
@@ -154,6 +156,10 @@ impl ActiveCompute {
             groups,
             invocations,
             shared_bytes: interface.workgroup_bytes,
+            programs: Programs {
+                pipeline: pipeline.number,
+                instructions: [pipeline.program.instructions(), Default::default()],
+            },
         };
         if !renderer.recording() {
             renderer.emit(Event::Dispatch(Arc::new(announced(&pipeline, Reach::default()))))?;

@@ -79,6 +79,8 @@ pub struct RenderPlan {
 pub struct ComputePlan {
     stage: Stage,
     label: String,
+    /// Its number among all pipelines.
+    number: u64,
     shader: Arc<Shader>,
 }
 
@@ -123,8 +125,9 @@ impl Resources {
     /// A compute pipeline that a dispatch uses. The first one compiles it.
     pub(super) fn compute_pipeline(&self, id: u32) -> Result<Arc<ComputePipeline>, Fault> {
         let ledger = &self.ledger;
-        self.compute_pipelines.get(id)?.get(|ComputePlan { stage, label, shader }| {
-            let pipeline = ComputePipeline::new(&stage, &*shader.stage(ledger)?, &label)?;
+        self.compute_pipelines.get(id)?.get(|ComputePlan { stage, label, number, shader }| {
+            let mut pipeline = ComputePipeline::new(&stage, &*shader.stage(ledger)?, &label)?;
+            pipeline.number = number;
             let claim = ledger.claim("a compute pipeline", program_bytes(pipeline.program()))?;
             Ok((pipeline, claim))
         })
@@ -220,7 +223,13 @@ impl Renderer<'_, '_> {
             Command::CreateComputePipeline { id, stage, label, .. } => {
                 let shader = self.res.shaders.get(stage.shader.0)?.clone();
                 let claim = self.claim("a compute pipeline", stage_bytes(stage))?;
-                let plan = ComputePlan { stage: stage.clone(), label: label.clone().unwrap_or_default(), shader };
+                let plan = ComputePlan {
+                    stage: stage.clone(),
+                    label: label.clone().unwrap_or_default(),
+                    number: self.pipelines,
+                    shader,
+                };
+                self.pipelines += 1;
                 let pipeline = Arc::new(Deferred::new(self.ledger.command(), plan));
                 self.res.compute_pipelines.add(id.0, pipeline, claim)?;
             }

@@ -544,7 +544,8 @@ impl ActivePass {
             *self.counted.get_or_insert_default() += outcome.funnel;
         } else if !renderer.recording() {
             // Without recorded work the funnel is all that there is to hand on; who reads it counts draws, too.
-            let counts = Segment { funnel: outcome.funnel, areas: outcome.areas, ..Segment::default() };
+            let programs = draw.pipeline.named();
+            let counts = Segment { funnel: outcome.funnel, areas: outcome.areas, programs, ..Segment::default() };
             renderer.emit(Event::Segment(Arc::new(counts)))?;
         }
         if let Some((_, passed)) = &mut self.open_occlusion {

@@ -10,7 +10,7 @@ use gfx::vertex::{ComponentKind, component_kind};
 use host::one_line;
 use shader::{self, BuiltIn, Connection, InputRegister, Interface, Interpolation, Module, Program, Sampling, Scalar, Slot};
 use trace::command::RenderPipelineDesc;
-use work::Needless;
+use work::{Needless, Programs};
 
 /// A vertex attribute that the vertex stage reads.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -134,6 +134,12 @@ fn builtins(program: &Program) -> Vec<(usize, BuiltIn)> {
 }
 
 impl RenderPipeline {
+    /// Its number, and what its programs have of instructions.
+    pub(super) fn named(&self) -> Programs {
+        let of = |at: usize| self.programs.get(at).map(Program::instructions).unwrap_or_default();
+        Programs { pipeline: self.number, instructions: [of(0), of(1)] }
+    }
+
     /// The bits of a depth attachment's texels that draws may write, at most.
     pub(super) fn may_write(&self, format: Format) -> [u32; 4] {
         let Some(state) = &self.depth_stencil else { return [0; 4] };

@@ -6,7 +6,7 @@ use super::code::Code;
 use super::interface::Interface;
 use super::module::Place;
 use super::scalar::Counted;
-use work::InFlight;
+use work::{Class, InFlight};
 
 /// Index of a register of a batch.
 pub(super) type Reg = u16;
@@ -288,6 +288,11 @@ impl Program {
     /// Steps of the prologue and of the loads before it, which run once a draw or dispatch for all invocations.
     pub fn uniform_steps(&self) -> u64 {
         self.prologue.all_steps()
+    }
+
+    /// Instructions by class of an invocation whose loops make one turn: each operation counts once.
+    pub fn instructions(&self) -> [u32; Class::COUNT] {
+        self.body.counts.last().map_or([0; Class::COUNT], |counted| counted.instructions)
     }
 
     /// Whether all invocations cost the same and make no memory request: there is no branch, and no request.

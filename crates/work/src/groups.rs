@@ -1,6 +1,6 @@
 //! Compute dispatches and their workgroups.
 
-use crate::{CostId, CostTable, Reach, Request, ShaderShape};
+use crate::{CostId, CostTable, Programs, Reach, Request, ShaderShape};
 
 impl Groups {
     /// Bytes that they take.
@@ -28,6 +28,8 @@ pub struct Dispatch {
     pub shared_bytes: u32,
     /// Memory that it may touch.
     pub reach: Reach,
+    /// Its program.
+    pub programs: Programs,
 }
 
 /// Four consecutive invocations of a workgroup.

@@ -1,6 +1,6 @@
 //! Segments of draws: primitives, triangles, and the quads that they cover.
 
-use crate::{CostId, CostTable, Funnel, Signature};
+use crate::{Class, CostId, CostTable, Funnel, Signature};
 use gfx::format::TexelClass;
 use gfx::setup::DepthPlane;
 
@@ -239,6 +239,17 @@ pub struct Segment {
     pub funnel: Funnel,
     /// What its primitives are expected to cover; zero where nobody asks.
     pub areas: Areas,
+    /// The programs that it is drawn with.
+    pub programs: Programs,
+}
+
+/// The programs of a pipeline, as far as they are known before they run.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Programs {
+    /// Number of the pipeline among all that the trace creates.
+    pub pipeline: u64,
+    /// Instructions by [`Class`] of an invocation whose loops make one turn: of the vertex and the fragment program, or of a compute program.
+    pub instructions: [[u32; Class::COUNT]; 2],
 }
 
 /// What primitives are expected to cover, estimated from their areas and extents without traversal, in 1/256, so that sums do not depend on

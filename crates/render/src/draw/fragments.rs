@@ -129,6 +129,7 @@ impl Images {
         if let Some(mut segment) = made.segment {
             segment.funnel = drawn.funnel;
             segment.areas = drawn.areas;
+            segment.programs = call.pipeline.named();
             let tile = |(&tile, record): (&u32, &mut TileRecord)| (tile % tiles[0], tile / tiles[0], std::mem::take(record));
             let recorded = touched.iter().zip(records).map(tile).collect();
             // The segment waits for the machine, with as much memory as made it: what is not needed now goes.

@@ -301,7 +301,7 @@ impl<'c> Bound<'c> {
         let mut textures = [0.0; 2];
         let (kind, number, label, latency) = match phase {
             PhaseProfile::Pass { .. } => unreachable!("done above"),
-            PhaseProfile::Dispatch { number, label, cost, registers, lines, runs } => {
+            PhaseProfile::Dispatch { number, label, cost, registers, lines, runs, .. } => {
                 roofs.add("command", *runs as f64 * f64::from(self.config.command.command_cycles));
                 let cores = self.pipelines * f64::from(self.config.core.per_pipeline);
                 // A line is missed once; a warp waits for the last of its lines.

@@ -40,6 +40,12 @@ impl Bound<'_> {
         f64::from(self.config.core.resident_warps(registers.max(1)))
     }
 
+    /// Cycles that a run of a shader takes of a core and of its texture unit where all its requests hit.
+    pub(crate) fn of_run(&self, cost: &ShaderProfile, invocations: f64, registers: u32) -> [f64; 2] {
+        let Shading { core, texture, .. } = self.shading(cost, invocations, registers, &Requests::default());
+        [core, texture]
+    }
+
     /// What shader runs (quads, vertices, packets of four invocations) take.
     pub(super) fn shading(&self, cost: &ShaderProfile, invocations: f64, registers: u32, requests: &Requests) -> Shading {
         if cost.runs == 0 {

@@ -10,8 +10,8 @@
 //! 5. What a cluster counts is what its frame counted, times the cluster's estimate by that frame's: a ratio estimator in each
 //!    stratum (Cochran, section 6.10). `Bound` has errors, but nearly the same for frames that are alike.
 //!
-//! The interval comes from how much the ratios of simulated to estimated differ between clusters, with Student's t for their
-//! number: what differs between clusters, too, is taken for chance, so that the interval is rather too wide.
+//! The interval comes from how much the ratios of simulated to estimated differ between clusters of several frames, with Student's t for their
+//! number: what differs between clusters, too, is taken for chance, so that the interval is rather too wide. A cluster of one frame is known.
 
 use std::ops::Range;
 
@@ -224,24 +224,32 @@ impl Walk<'_> {
     }
 }
 
-/// The sum over all frames of what was counted in those drawn. The deviations of all clusters count alike, whatever their size; that of the
-/// first frame, which is known, does not count.
+/// The sum over all frames of what was counted in those drawn. The deviations of all clusters count alike, whatever their size. Those of the
+/// first frame and of clusters of one frame do not count, because such a frame is known: how far it is from the others says nothing of them
+/// (certainty strata: Cochran, section 5.5). Where not two clusters have more frames than one, all count but the first.
 pub fn total(shares: &[Share], counted: &[f64]) -> Interval {
     let parts: Vec<f64> = shares.iter().zip(counted).map(|(share, counted)| share.weight() * counted).collect();
     let value: f64 = parts.iter().sum();
-    let clusters = shares.len().saturating_sub(1);
-    if clusters < 2 {
+    let others = || shares.iter().zip(parts.iter().copied()).skip(1);
+    let (mut compared, single): (Vec<_>, Vec<_>) = others().partition(|(share, _)| share.frames > 1);
+    if compared.is_empty() && !single.is_empty() {
+        return Interval { value, margin: 0.0 };
+    }
+    if compared.len() < 2 {
+        compared.extend(single);
+    }
+    if compared.len() < 2 {
         return Interval { value, margin: f64::INFINITY };
     }
     // What a cluster's frames would count if they were like the average of all clusters, and by how much its frame differs.
-    let shares = &shares[1..];
-    let (parts, all) = (&parts[1..], shares.iter().map(|share| share.sum).sum::<f64>());
-    let ratio = if all > 0.0 { parts.iter().sum::<f64>() / all } else { 0.0 };
-    let own = parts.iter().zip(shares).map(|(part, share)| if share.sum > 0.0 { part / share.sum } else { ratio });
+    let [all, counted] =
+        [compared.iter().map(|(share, _)| share.sum).sum::<f64>(), compared.iter().map(|(_, part)| part).sum()];
+    let ratio = if all > 0.0 { counted / all } else { 0.0 };
+    let own = compared.iter().map(|(share, part)| if share.sum > 0.0 { part / share.sum } else { ratio });
     let squares = own.map(|own| (own - ratio) * (own - ratio));
-    let spread = squares.sum::<f64>() / (clusters - 1) as f64;
-    let parts = shares.iter().map(|share| share.sum * share.sum * (1.0 - 1.0 / share.frames as f64));
-    let t = STUDENT.get(clusters - 2).copied().unwrap_or(STUDENT[STUDENT.len() - 1]);
+    let spread = squares.sum::<f64>() / (compared.len() - 1) as f64;
+    let parts = compared.iter().map(|(share, _)| share.sum * share.sum * (1.0 - 1.0 / share.frames as f64));
+    let t = STUDENT.get(compared.len() - 2).copied().unwrap_or(STUDENT[STUDENT.len() - 1]);
     Interval { value, margin: t * (spread * parts.sum::<f64>()).sqrt() }
 }
 

@@ -7,6 +7,7 @@
 pub mod clusters;
 mod means;
 mod ridge;
+mod shaded;
 pub mod survey;
 pub mod table;
 

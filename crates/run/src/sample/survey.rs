@@ -1,8 +1,10 @@
 //! Estimates for all frames: frames are compared by them, and counts are scaled in proportion to them.
 //!
-//! Some frames, evenly spaced, are recorded and estimated ([`Bound`]); of the others only counts are taken ([`Counts`]), without colours where
-//! nothing reads them ([`Needs`](render::Needs)). What is estimated of those follows from their counts by ridge regression over the recorded
-//! frames (two-phase sampling with regression: Cochran, Sampling Techniques, 1977, chapter 12).
+//! Some frames, one of each of several equal parts, are recorded and estimated ([`Bound`]); of the others only counts are taken ([`Counts`]),
+//! without colours where nothing reads them ([`Needs`](render::Needs)). What is estimated of those follows from their counts, and from what the
+//! pipelines that they use take of cores and texture units ([`Shaded`]), by ridge regression over the recorded frames (two-phase sampling with
+//! regression: Cochran, Sampling Techniques, 1977, chapter 12). A regression knows nothing of what the recorded frames do not do. So frames are
+//! compared by what units take for their counts, too ([`takes`]).
 
 use std::fmt;
 use std::ops::Range;
@@ -13,12 +15,14 @@ use rayon::ThreadPool;
 
 use super::clusters::{Clusters, Interval, Share, signature, total};
 use super::ridge::{Law, Ridge, Summary};
-use super::table::Table;
+use super::shaded::{Costs, Runs, SHADED, Shaded, Walk};
+use super::table::{self, Table};
 use crate::bound::{Bound, PhaseEstimate};
 use crate::frame_sink::{Ended, Pictures, Progress, pictured};
 use crate::host::Stopwatch;
 use crate::rendering::{Consumer, Work};
 use crate::replay::Options;
+use machine::Config;
 use mem::{CacheCounts, ClientCounts, DramCounts};
 use num::{OUR_FAULT, Random};
 use render::{ConsumerMemory, Dependencies, FrameSet, Want};
@@ -187,9 +191,10 @@ fn recorded(first: u32, frames: u32) -> FrameSet {
     if frames <= 2 * RECORDED {
         return (first..first + frames).into();
     }
-    // In the middle of as many equal parts.
-    let middle = |part: u32| first + ((2 * u64::from(part) + 1) * u64::from(frames) / (2 * u64::from(RECORDED))) as u32;
-    (0..RECORDED).map(middle).map(|frame| frame..frame + 1).collect()
+    // One anywhere in each of as many equal parts: at equal distances they could all be alike in a sequence that repeats.
+    let begin = |part: u32| (u64::from(part) * u64::from(frames) / u64::from(RECORDED)) as u32;
+    let any = |part: u32| first + begin(part) + Random::nth(0x5a3e, part.into()).below(begin(part + 1) - begin(part));
+    (0..RECORDED).map(any).map(|frame| frame..frame + 1).collect()
 }
 
 /// Parts that a sequence is cut into, which are rendered side by side.
@@ -255,37 +260,53 @@ pub fn survey_in_parts(
             }));
         });
     }
-    let (mut time, mut parts, mut summary) = (Duration::ZERO, Vec::new(), Summary::default());
-    let (mut known, mut bound, mut units, mut end) = (Vec::new(), Bound::proxy(&options.config), Vec::new(), range.start);
-    for part in read {
-        let Read { first, counts, profiles, time: of_part } = part?;
-        let watch = Stopwatch::start();
-        ensure!(first == end, "frame {first} was surveyed where frame {end} was to be");
-        for (number, counts, profile) in profiles {
-            let estimate = bound.frame(&profile);
-            let work = estimate.phases.iter().flat_map(|phase| phase.units.iter().copied());
-            let signature = signature(work, &mut units);
-            let estimates = ESTIMATES.map(|of| estimate.phases.iter().map(of).sum());
-            known.push(Known { number, counts, signature, estimates });
-        }
-        counts.each(|_, counts| summary.add(&std::array::from_fn(|at| counts[at])))?;
-        end += counts.rows() as u32;
-        parts.push(counts);
-        time += of_part + watch.elapsed();
-    }
+    let read: Vec<Read> = read.into_iter().collect::<Result<_>>()?;
     let watch = Stopwatch::start();
-    let rows = predict(range.start, &parts, &summary, known, units.len())?;
-    Ok(Survey { numbers: range.start..end, rows, time: time + watch.elapsed() })
+    let mut bound = Bound::proxy(&options.config);
+    let profiles = || read.iter().flat_map(|part| &part.profiles);
+    let costs =
+        Costs::new(&options.config, &bound, read.iter().map(|part| &part.runs), profiles().map(|(_, profile)| &**profile));
+    // What regression goes by: counts, and what shaders take.
+    let (mut regressors, mut summary, mut end) = (Table::new(REGRESSORS), Summary::default(), range.start);
+    for Read { first, counts, runs, .. } in &read {
+        ensure!(*first == end, "frame {first} was surveyed where frame {end} was to be");
+        let mut walk = Walk::new(runs, &costs);
+        for range in table::parts(counts.rows()) {
+            let mut rows = Vec::new();
+            counts.fill(&range, &mut rows)?;
+            for row in rows.chunks_exact(counts.width()) {
+                let shaded = walk.frame(row[COUNTS] as usize)?;
+                let regressor = std::array::from_fn(|at| if at < COUNTS { row[at] } else { shaded[at - COUNTS] });
+                summary.add(&regressor);
+                regressors.add(&regressor)?;
+            }
+        }
+        end += counts.rows() as u32;
+    }
+    let (mut known, mut units) = (Vec::new(), Vec::new());
+    for (number, profile) in profiles() {
+        let estimate = bound.frame(profile);
+        let work = estimate.phases.iter().flat_map(|phase| phase.units.iter().copied());
+        let signature = signature(work, &mut units);
+        let estimates = ESTIMATES.map(|of| estimate.phases.iter().map(of).sum());
+        let row = regressors.row((number - range.start) as usize)?;
+        known.push(Known { number: *number, regressors: std::array::from_fn(|at| row[at]), signature, estimates });
+    }
+    let rows = predict(&options.config, range.start, &regressors, &summary, known, units.len())?;
+    let time = read.iter().map(|part| part.time).sum::<Duration>() + watch.elapsed();
+    Ok(Survey { numbers: range.start..end, rows, time })
 }
 
 /// A part that was read.
 struct Read {
     /// The number of its first frame.
     first: u32,
-    /// The counts of its frames.
+    /// The counts of its frames, and how many pipelines each has used.
     counts: Table<f64>,
-    /// Frames that are recorded: their numbers, counts and profiles. They are few.
-    profiles: Vec<(u32, [f64; COUNTS], Box<FrameProfile>)>,
+    /// How often it has used them.
+    runs: Runs,
+    /// Frames that are recorded: their numbers and profiles. They are few.
+    profiles: Vec<(u32, Box<FrameProfile>)>,
     /// Host time of profiles.
     time: Duration,
 }
@@ -302,7 +323,9 @@ fn read_part(
 ) -> Result<Read> {
     let key = options.config.render_key();
     let (mut profiler, mut counts, mut number) = (Profiler::new(key.shade), Counts::default(), frames.start);
-    let mut read = Read { first: frames.start, counts: Table::new(COUNTS), profiles: Vec::new(), time: Duration::ZERO };
+    let counted = Table::new(COUNTS + 1);
+    let mut read =
+        Read { first: frames.start, counts: counted, runs: Runs::default(), profiles: Vec::new(), time: Duration::ZERO };
     let of = u64::from(options.frames.end.min(dependencies.frames()) - options.frames.start);
     let needs = dependencies.needs(|frame| match () {
         _ if !frames.contains(&frame) => Want::Nothing,
@@ -317,6 +340,7 @@ fn read_part(
         for event in work {
             let records = recorded.contains(number);
             counts.add(&event, records, key.early_z);
+            read.runs.add(&event, key.early_z);
             let watch = records.then(Stopwatch::start);
             let profile = if records { profiler.event(&event) } else { None };
             read.time += watch.map_or(Duration::ZERO, |watch| watch.elapsed());
@@ -324,9 +348,11 @@ fn read_part(
                 (observers.progress)(Ended { frame: end.number, surveyed: true, of: Some(of) });
                 observers.pictures.map_or(Ok(()), |pictures| pictures(pictured(end)))?;
                 ensure!(end.number == number, "frame {} ended where frame {number} was to end", end.number);
-                let counts = std::mem::take(&mut counts).0.map(|count| count as f64);
-                read.counts.add(&counts)?;
-                read.profiles.extend(profile.map(|profile| (number, counts, Box::new(profile))));
+                let (own, used) = (std::mem::take(&mut counts).0, read.runs.end_frame()? as u64);
+                let mut row = [0.0; COUNTS + 1];
+                row.iter_mut().zip(own.iter().chain([&used])).for_each(|(to, &count)| *to = count as f64);
+                read.counts.add(&row)?;
+                read.profiles.extend(profile.map(|profile| (number, Box::new(profile))));
                 if records {
                     // A profile knows nothing of the frames before, which may be in another part.
                     profiler = Profiler::new(key.shade);
@@ -344,38 +370,75 @@ fn read_part(
 /// A frame that was estimated.
 struct Known {
     number: u32,
-    counts: [f64; COUNTS],
+    regressors: [f64; REGRESSORS],
     signature: Vec<f64>,
     estimates: [f64; ESTIMATES.len()],
 }
 
-/// Estimates all frames: those that are known by what is known, the others by their counts.
-fn predict(first: u32, parts: &[Table<f64>], summary: &Summary<COUNTS>, known: Vec<Known>, units: usize) -> Result<Table<f64>> {
-    let ridge = Ridge::new(summary, known.iter().map(|known| known.counts).collect());
+/// Estimates all frames: those that are known by what is known, the others by regression. What units take for its counts follows the signature
+/// of each.
+fn predict(
+    config: &Config,
+    first: u32,
+    regressors: &Table<f64>,
+    summary: &Summary<REGRESSORS>,
+    known: Vec<Known>,
+    units: usize,
+) -> Result<Table<f64>> {
+    let ridge = Ridge::new(summary, known.iter().map(|known| known.regressors).collect());
     let fit = |of: &dyn Fn(&Known) -> f64| ridge.fit(&known.iter().map(of).collect::<Vec<f64>>());
     let mut laws: Vec<Law> = (0..units).map(|unit| fit(&|known| known.signature.get(unit).copied().unwrap_or(0.0))).collect();
     laws.extend((0..ESTIMATES.len()).map(|at| fit(&|known| known.estimates[at])));
-    let (mut rows, mut number, mut row) = (Table::new(laws.len()), first, vec![0.0; laws.len()]);
+    let (mut rows, mut number, mut row) = (Table::new(laws.len() + TAKES), first, vec![0.0; laws.len() + TAKES]);
     let mut known = known.iter().peekable();
-    for part in parts {
-        let mut failed = Ok(());
-        part.each(|_, counts| {
-            let counts = std::array::from_fn(|at| counts[at]);
-            row.iter_mut().zip(&laws).for_each(|(value, law)| *value = ridge.value(law, &counts));
-            if let Some(known) = known.next_if(|known| known.number == number) {
-                let (signature, estimates) = row.split_at_mut(units);
-                signature.fill(0.0);
-                signature[..known.signature.len()].copy_from_slice(&known.signature);
-                estimates.copy_from_slice(&known.estimates);
-            }
-            number += 1;
-            if failed.is_ok() {
-                failed = rows.add(&row);
-            }
-        })?;
-        failed?;
-    }
+    let mut failed = Ok(());
+    regressors.each(|_, regressors| {
+        let regressors = std::array::from_fn(|at| regressors[at]);
+        let (signature, others) = row.split_at_mut(units);
+        let (takes_of, estimates) = others.split_at_mut(TAKES);
+        takes_of.copy_from_slice(&takes(config, &regressors));
+        let values = signature.iter_mut().chain(&mut *estimates);
+        values.zip(&laws).for_each(|(value, law)| *value = ridge.value(law, &regressors));
+        if let Some(known) = known.next_if(|known| known.number == number) {
+            signature.fill(0.0);
+            signature[..known.signature.len()].copy_from_slice(&known.signature);
+            estimates.copy_from_slice(&known.estimates);
+        }
+        number += 1;
+        if failed.is_ok() {
+            failed = rows.add(&row);
+        }
+    })?;
+    failed?;
     Ok(rows)
+}
+
+/// What regression goes by: what is counted, and what shaders take.
+const REGRESSORS: usize = COUNTS + SHADED;
+
+/// How many numbers [`takes`] gives.
+const TAKES: usize = 9 + SHADED;
+
+/// What units take for what is counted in a frame, in cycles: work divided by a rate, without anything that is learnt.
+fn takes(config: &Config, regressors: &[f64; REGRESSORS]) -> [f64; TAKES] {
+    let [draws, passes, samples, indices, _, primitives, clipped, triangles, _, quads, _, _, _, moved, shown, ..] = *regressors;
+    let pipelines = f64::from(config.card.pipelines);
+    let port = f64::from(config.memory.port_width);
+    let shaded: Shaded = std::array::from_fn(|at| regressors[COUNTS + at]);
+    let own = [
+        draws * f64::from(config.command.command_cycles),
+        passes * f64::from(config.command.barrier_cycles),
+        // Of four bytes each.
+        samples * 4.0 / port / pipelines,
+        indices / f64::from(config.fetch.indices_per_cycle),
+        primitives / f64::from(config.assembly.primitives_per_cycle)
+            + clipped * f64::from(config.clip.clip_cycles) / f64::from(config.card.geometry_units),
+        triangles * f64::from(config.setup.interval) / f64::from(config.setup.triangles_per_cycle) / pipelines,
+        quads / 256.0 * f64::from(config.color.interval) / f64::from(config.color.quads_per_cycle) / pipelines,
+        moved / port,
+        shown / port,
+    ];
+    std::array::from_fn(|at| if at < own.len() { own[at] } else { shaded[at - own.len()] })
 }
 
 /// What is counted in a frame without its work: draws, passes, samples of attachments, vertices read, vertices shaded, primitives, clipped

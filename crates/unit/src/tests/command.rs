@@ -402,6 +402,7 @@ fn runs_of_workgroups_need_places_and_passes_wait_for_them() {
         invocations: 32,
         shared_bytes: 0,
         reach: Reach::default(),
+        programs: Programs::default(),
     };
     let groups = || Event::Groups(Arc::new(Groups::default()));
     let events =
@@ -519,6 +520,7 @@ fn dispatches_run_beside_passes_and_each_other_where_the_card_lets_them() {
             invocations: 32,
             shared_bytes: 0,
             reach,
+            programs: Programs::default(),
         };
         vec![Event::Dispatch(Arc::new(dispatch)), Event::Groups(Arc::new(Groups::default()))]
     };

@@ -59,6 +59,7 @@ fn computed(rate: u32, cores: &[Cycle], runs: &[u32], invocations: u32) -> Compu
                 invocations,
                 shared_bytes: 0,
                 reach: Default::default(),
+                programs: Programs::default(),
             });
             let mut pieces = Vec::new();
             for (slot, &groups) in runs.iter().enumerate() {

@@ -110,6 +110,7 @@ fn circuit(config: &CoreConfig, work: &[Work]) -> (CoreCircuit, Card) {
         invocations: 1,
         shared_bytes: 0,
         reach: Default::default(),
+        programs: Programs::default(),
     };
     let mut groups = Groups::default();
     let mut tokens = [Vec::new(), Vec::new(), Vec::new()];

@@ -38,6 +38,8 @@ pub const BATCH: [usize; 2] = [32, 96];
 pub struct DrawProfile {
     /// Number in the trace.
     pub number: u32,
+    /// Number of its pipeline ([`Programs::pipeline`](super::Programs::pipeline)).
+    pub pipeline: u64,
     /// Segments.
     pub segments: u64,
     /// Indices read, or vertices of a draw without.
@@ -192,6 +194,8 @@ pub enum PhaseProfile {
         number: u32,
         /// Label.
         label: String,
+        /// Number of its pipeline ([`Programs::pipeline`](super::Programs::pipeline)).
+        pipeline: u64,
         /// Cost of its packets of four invocations.
         cost: ShaderProfile,
         /// Registers of an invocation.
@@ -257,6 +261,7 @@ pub struct Profiler {
 struct OpenDispatch {
     number: u32,
     label: String,
+    pipeline: u64,
     registers: u32,
     cost: ShaderProfile,
     lines: HashSet<u32>,
@@ -332,9 +337,9 @@ impl Profiler {
     }
 
     fn end_dispatch(&mut self) {
-        if let Some(OpenDispatch { number, label, registers, cost, lines, runs }) = self.dispatch.take() {
+        if let Some(OpenDispatch { number, label, pipeline, registers, cost, lines, runs }) = self.dispatch.take() {
             let lines = lines.len() as u64;
-            self.push(PhaseProfile::Dispatch { number, label, cost, registers, lines, runs });
+            self.push(PhaseProfile::Dispatch { number, label, pipeline, cost, registers, lines, runs });
         }
     }
 
@@ -360,8 +365,9 @@ impl Profiler {
 
 impl OpenDispatch {
     fn new(dispatch: &Dispatch) -> OpenDispatch {
-        let (number, label, registers) = (dispatch.number, dispatch.label.clone(), dispatch.shape.registers);
-        OpenDispatch { number, label, registers, cost: ShaderProfile::default(), lines: HashSet::new(), runs: 0 }
+        let (number, label, pipeline) = (dispatch.number, dispatch.label.clone(), dispatch.programs.pipeline);
+        let (registers, cost) = (dispatch.shape.registers, ShaderProfile::default());
+        OpenDispatch { number, label, pipeline, registers, cost, lines: HashSet::new(), runs: 0 }
     }
 
     fn groups(&mut self, groups: &Groups, touches: &mut Touches) {

@@ -172,6 +172,7 @@ impl OpenPass {
         let number = draws.len().saturating_sub(1) as u32;
         let Some(draw) = draws.last_mut() else { return };
         draw.segments += 1;
+        draw.pipeline = segment.programs.pipeline;
         draw.indices += segment.stream.len() as u64;
         draw.index_bytes = segment.index_address.map_or(0, |_| u64::from(segment.index_bytes));
         draw.shaded_vertices.iter_mut().zip(shaded_vertices(segment)).for_each(|(sum, own)| *sum += own);

@@ -40,6 +40,26 @@ pub const PIECE: u64 = 128;
 /// Banks of workgroup memory.
 const BANKS: usize = 32;
 
+impl std::ops::AddAssign for ShaderProfile {
+    fn add_assign(&mut self, other: ShaderProfile) {
+        fn all<const N: usize>(sums: &mut [u64; N], others: [u64; N]) {
+            sums.iter_mut().zip(others).for_each(|(sum, other)| *sum += other);
+        }
+        self.runs += other.runs;
+        all(&mut self.instructions, other.instructions);
+        all(&mut self.chain, other.chain);
+        self.textures += other.textures;
+        all(&mut self.operations, other.operations);
+        self.texture_lines += other.texture_lines;
+        self.stops += other.stops;
+        self.shared += other.shared;
+        self.shared_cycles += other.shared_cycles;
+        self.accesses += other.accesses;
+        self.access_lines += other.access_lines;
+        self.access_pieces += other.access_pieces;
+    }
+}
+
 impl ShaderProfile {
     /// Adds a run.
     pub(super) fn add(&mut self, cost: &Cost, requests: &[Request]) {
