@@ -3,6 +3,7 @@
 use std::ops::Range;
 use std::path::Path;
 
+use fillrate::accuracy::estimates::scene;
 use fillrate::accuracy::sequences::SEQUENCES;
 use fillrate::gfx::format::Format;
 use fillrate::gfx::state::Topology;
@@ -90,7 +91,7 @@ const CLASSES: &Held = &[
             ("cube", [0.04, 0.06]),
             ("town.zip", [0.14, 0.36]),
             ("viewer.zip", [0.14, 0.10]),
-            ("spokes-msaa", [0.09, 0.07]),
+            ("spokes-msaa", [0.09, 0.08]),
         ],
     ),
     (
@@ -100,7 +101,7 @@ const CLASSES: &Held = &[
             ("cube", [0.05, 0.06]),
             ("town.zip", [0.29, 0.14]),
             ("viewer.zip", [0.05, 0.04]),
-            ("spokes-msaa", [0.14, 0.09]),
+            ("spokes-msaa", [0.14, 0.12]),
         ],
     ),
     (
@@ -111,7 +112,7 @@ const CLASSES: &Held = &[
             ("town.zip", [0.15, 0.18]),
             // A triangle that goes to all pipelines is drawn by those that own its tiles, and some of them own more.
             ("viewer.zip", [0.18, 0.04]),
-            ("spokes-msaa", [0.17, 0.07]),
+            ("spokes-msaa", [0.17, 0.12]),
         ],
     ),
     (
@@ -143,6 +144,24 @@ fn bounds_of_every_class_are_near_the_cycles_that_they_stand_for() {
             assert!(units(&bound).iter().all(|limit| !limit.is_empty()), "{class}, {trace}: a phase has no limit");
         }
     }
+}
+
+#[test]
+fn bounds_find_copies_of_attachments_where_pipelines_have_left_them() {
+    // A generated scene on a card that composes: 210 draws whose primitives go to all pipelines, and hierarchical Z throws all of it away. Copies
+    // that were read from DRAM, not from the second level, would be 86 % too many bytes; quads that were traversed, 226 % too many cycles.
+    let trace = scene(34);
+    let mut config = Config::built_in("baseline").expect("it is built in");
+    config.set("sort=sort-last-image").expect("a knob");
+    let run = |fidelity| replay(&trace, &Options::new(config.clone(), fidelity), &|_| ()).expect("a replay");
+    let [bound, cycle] = [Fidelity::Bound, Fidelity::Cycle].map(run);
+    let bytes = |replay: &Replay| {
+        let of = |way: &str| replay.total.number(&format!("memory.dram.{way}_bytes")).expect("bytes");
+        of("read") + of("write")
+    };
+    let [told, moved] = [cycles(&bound) / cycles(&cycle), bytes(&bound) / bytes(&cycle)];
+    assert!((told - 1.0).abs() < 0.15, "{told} of the cycles");
+    assert!((moved - 1.0).abs() < 0.25, "{moved} of the bytes");
 }
 
 #[test]

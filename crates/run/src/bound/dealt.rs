@@ -1,7 +1,7 @@
 //! Passes of machines that deal batches of primitives to pipelines with geometry of their own, which draw them wherever they lie: those
 //! that sort fragments, and those that sort images.
 
-use super::flow::{Pipeline, Rates, UNITS, Work, later, work_of};
+use super::flow::{Pipeline, Rates, UNITS, Work, later, traversal, work_of};
 use super::{Bound, Roofs};
 use machine::class::Sorted;
 use unit::assembly::Deal;
@@ -12,6 +12,12 @@ use work::profile::{APART, ApartProfile, Cell, DrawProfile, Window};
 
 /// Bytes of a quad's position, coverage and depths.
 const QUAD: f64 = 24.0;
+
+/// Groups of quads that dealing expects of a block in a triangle's bounds: half of its four.
+const GROUPS: f64 = 2.0;
+
+/// The place of traversal in [`UNITS`].
+const TRAVERSE: usize = 1;
 
 /// Places of units in [`UNITS`] that are behind the network where fragments are sorted.
 const DEPTH: usize = 2;
@@ -50,6 +56,23 @@ impl Bound<'_> {
         }
     }
 
+    /// The groups of quads that dealing expects of a primitive of a draw on average: one for each triangle, and what half of their bounds holds.
+    pub(super) fn expected(&self, draw: &DrawProfile) -> f64 {
+        (draw.triangles as f64 + GROUPS * draw.bins[1][0] as f64) / draw.primitives.max(1) as f64
+    }
+
+    /// The pipelines that draw a draw's blocks apart from each other: one where primitives are so large that each pipeline draws its own tiles of them.
+    fn apart(&self, draw: &DrawProfile) -> f64 {
+        if self.sorted == Sorted::Images && self.expected(draw) <= self.most_groups() { self.pipelines } else { 1.0 }
+    }
+
+    /// Copies that a block of a pass is drawn in on average: `several` where all primitives are drawn by one pipeline each.
+    pub(super) fn copies_of(&self, draws: &[DrawProfile], several: f64) -> f64 {
+        let blocks = |draw: &DrawProfile| draw.apart.blocks as f64;
+        let apart: f64 = draws.iter().filter(|draw| self.apart(draw) > 1.0).map(blocks).sum();
+        1.0 + (several - 1.0) * apart / draws.iter().map(blocks).sum::<f64>().max(1.0)
+    }
+
     /// Primitives of a batch, where each makes `groups` groups of quads.
     pub(super) fn batch_of(&self, groups: f64) -> f64 {
         let batch = f64::from(self.config.assembly.batch);
@@ -59,8 +82,7 @@ impl Bound<'_> {
     /// The part of the covered blocks of a pass that is not hidden whole where it is tested.
     pub(super) fn shown(&self, draws: &[DrawProfile]) -> f64 {
         let blocks = |draw: &DrawProfile| draw.apart.blocks as f64;
-        let known = if self.sorted == Sorted::Images { self.pipelines } else { 1.0 };
-        let open: f64 = draws.iter().map(|draw| visible(&draw.apart, known)[1] * blocks(draw)).sum();
+        let open: f64 = draws.iter().map(|draw| visible(&draw.apart, self.apart(draw))[1] * blocks(draw)).sum();
         let all: f64 = draws.iter().map(blocks).sum();
         if all > 0.0 { open / all } else { 1.0 }
     }
@@ -82,8 +104,7 @@ impl Bound<'_> {
         let waiting = [f64::from(c.setup.queue), self.waiting()[1]];
         // Quads that are shaded or being shaded, in order.
         let reorder = f64::from(c.dispatch.reorder * c.core.warp_width / 4);
-        let known = if fragments { 1.0 } else { self.pipelines };
-        let seen: Vec<[f64; 2]> = draws.iter().map(|draw| visible(&draw.apart, known)).collect();
+        let seen: Vec<[f64; 2]> = draws.iter().map(|draw| visible(&draw.apart, self.apart(draw))).collect();
         let link = f64::from(c.network.link_bytes);
         let all: f64 = windows.iter().map(|window| f64::from(window.primitives)).sum();
 
@@ -110,7 +131,7 @@ impl Bound<'_> {
             let mut work: Work = [0.0; UNITS.len()];
             let mut behind = vec![[0.0; 3]; pipelines];
             let mut parts = vec![([0.0; UNITS.len()], [0.0; 2]); pipelines];
-            let (mut shaded, mut groups) = (0.0, 0.0);
+            let (mut shaded, mut groups, mut expected) = (0.0, 0.0, f64::from(window.triangles));
             let range = first as usize..window.end as usize;
             for (cell, owner) in cells[range.clone()].iter().zip(&owners[range]) {
                 let mut own = work_of(cell, rate);
@@ -129,6 +150,7 @@ impl Bound<'_> {
                     }
                 } else {
                     let hidden = if c.traverse.hierarchical_z { open } else { 1.0 };
+                    own[TRAVERSE] = traversal(cell, rate, hidden);
                     own[DEPTH] *= hidden;
                     own[DEPTH + 1..].iter_mut().for_each(|cycles| *cycles *= shown);
                 }
@@ -140,6 +162,7 @@ impl Bound<'_> {
                     given[1] += quads * part;
                 }
                 groups += f64::from(cell.groups);
+                expected += GROUPS * f64::from(cell.tested);
                 work.iter_mut().zip(own).for_each(|(sum, cycles)| *sum += cycles);
             }
             // Receivers have places for some groups of each sender.
@@ -147,8 +170,8 @@ impl Bound<'_> {
             first = window.end;
             // 2. Its batches, each with its share of the window.
             let primitives = f64::from(window.primitives);
-            let batch = self.batch_of(groups / primitives.max(1.0));
-            if groups / primitives.max(1.0) > most {
+            let batch = self.batch_of(expected / primitives.max(1.0));
+            if expected / primitives.max(1.0) > most {
                 // Too large for one pipeline: each draws its own tiles of them.
                 let mut ended = turn;
                 for (at, (own, given)) in parts.iter().enumerate() {

@@ -125,13 +125,18 @@ const RASTERIZER: usize = 5;
 /// Cycles of each unit of a pipeline.
 pub(super) type Work = [f64; UNITS.len()];
 
+/// What a cell takes of traversal, if so large a part of its groups of quads is not thrown away by hierarchical Z.
+pub(super) fn traversal(cell: &Cell, rates: &Rates, open: f64) -> f64 {
+    let [tested, blocks] = [f64::from(cell.tested) * rates.test, f64::from(cell.blocks) * rates.block];
+    later(later(f64::from(cell.groups) * open * rates.group, tested), blocks)
+}
+
 /// What a cell takes of the units of a pipeline.
 pub(super) fn work_of(cell: &Cell, rates: &Rates) -> Work {
     let (triangles, groups, shaded) = (f64::from(cell.triangles), f64::from(cell.groups), f64::from(cell.shaded));
-    let [tested, blocks] = [f64::from(cell.tested) * rates.test, f64::from(cell.blocks) * rates.block];
     [
         triangles * rates.setup,
-        later(later(groups * rates.group, tested), blocks),
+        traversal(cell, rates, 1.0),
         later(groups * rates.depth, f64::from(cell.seen) * rates.depth_block),
         shaded * rates.interpolate,
         shaded * rates.dispatch,

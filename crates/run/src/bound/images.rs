@@ -7,15 +7,22 @@ use unit::compression::Codec;
 use work::profile::{APART, AttachmentProfile, DrawProfile};
 use work::{BLOCK, LINE};
 
-/// Lines from a surface to the first copy of it in the cache in miniature, and from that to the next one's.
-const COPY: u32 = 1 << 26;
+/// Lines from a surface to the first copy of it in the cache in miniature, and from that to the next one's. More than surfaces have: a copy is
+/// followed with its surface.
+const COPY: u64 = 1 << 32;
 
 /// Samples of a pixel that has several: what traces have.
 const SAMPLES: f64 = 4.0;
 
 /// The first line of a pipeline's copy of what lies there.
-pub(super) fn copy(line: u32, pipeline: u32) -> u32 {
-    line.wrapping_add(COPY.wrapping_mul(pipeline + 1))
+pub(super) fn copy(line: u32, pipeline: u32) -> u64 {
+    u64::from(line) + COPY * (u64::from(pipeline) + 1)
+}
+
+/// The pipelines that draw into a block, if so many draw into each on average: some that follow each other.
+pub(super) fn drawn_by(block: u32, copies: f64, pipelines: u32) -> impl Iterator<Item = u32> {
+    let before = |block: u32| (f64::from(block) * copies) as u32;
+    (0..before(block + 1) - before(block)).map(move |at| (block + at) % pipelines)
 }
 
 /// What composing a pass takes.
@@ -52,13 +59,13 @@ impl Bound<'_> {
         (each[below] + (each[below + 1] - each[below]) * (at - below as f64)).clamp(1.0, self.pipelines)
     }
 
-    /// Composes the copies of a pass: of its blocks so many are drawn, each in so many copies.
+    /// Composes the copies of a pass: so many of its blocks are drawn, each in so many copies on average.
     pub(super) fn composed(
         &mut self,
         draws: &[DrawProfile],
         (color, depth): (&[AttachmentProfile], Option<&AttachmentProfile>),
         size: [u32; 2],
-        drawn: f64,
+        [drawn, copies]: [f64; 2],
     ) -> Composed {
         let c = self.config;
         let pipelines = c.card.pipelines;
@@ -85,9 +92,8 @@ impl Bound<'_> {
         if planes.is_empty() || blocks == 0 {
             return Composed::default();
         }
-        // The part of a pipeline's blocks that it has drawn into: every so manieth of them.
-        let part = (drawn / f64::from(pipelines) / f64::from(blocks)).min(1.0);
-        let has = |block: u32| (f64::from(block + 1) * part) as u64 > (f64::from(block) * part) as u64;
+        // The part of all blocks that a pipeline has drawn into.
+        let part = (drawn * copies / f64::from(pipelines) / f64::from(blocks)).min(1.0);
         let pixels = f64::from(size[0]) * f64::from(size[1]) / f64::from(blocks);
         // Bytes of a pixel on the network: all its samples, each with the number of the primitive that wrote it.
         let sample: f64 = planes.iter().map(|plane| plane.raw as f64).sum::<f64>() / f64::from(BLOCK * BLOCK);
@@ -116,27 +122,32 @@ impl Bound<'_> {
                     for block in read.filter_map(|run| run.1.clone().nth(at as usize)) {
                         for plane in &planes {
                             let line = plane.line + (u64::from(block) * plane.raw / LINE) as u32;
-                            let (line, bytes) = if whole[node as usize].contains(&block) {
+                            let composed = whole[node as usize].contains(&block);
+                            let read = if plane.loads { 1.0 } else { part } * plane.drawn as f64;
+                            moved[node as usize][0] += if composed { plane.composed as f64 } else { read };
+                            // Copies are followed with the surface.
+                            if !self.shared.follows_any(line) {
+                                continue;
+                            }
+                            let own = || drawn_by(block, copies, pipelines).any(|own| own == node);
+                            let (line, bytes) = if composed {
                                 (copy(line, node), plane.composed)
-                            } else if has(block) {
+                            } else if self.drawn.contains(&line) && own() {
                                 (copy(line, node), plane.drawn)
                             } else if plane.loads {
-                                (line, plane.drawn)
+                                (u64::from(line), plane.drawn)
                             } else {
                                 continue;
                             };
-                            moved[node as usize][0] += bytes as f64;
-                            if self.shared.follows_any(line) {
-                                traffic += self.shared.access(line, bytes, false);
-                            }
+                            traffic += self.shared.access(line, bytes, false);
                         }
                     }
                     let Some(block) = step.receive.as_ref().and_then(|run| run.1.clone().nth(at as usize)) else { continue };
                     for plane in planes.iter().filter(|plane| !step.forward && (plane.stores || !step.last)) {
                         let line = plane.line + (u64::from(block) * plane.raw / LINE) as u32;
-                        let line = if step.last { line } else { copy(line, node) };
                         moved[node as usize][1] += plane.composed as f64;
                         if self.shared.follows_any(line) {
+                            let line = if step.last { u64::from(line) } else { copy(line, node) };
                             traffic += self.shared.access(line, plane.composed, true);
                         }
                     }
@@ -165,5 +176,23 @@ impl Bound<'_> {
             composed.traffic += traffic;
         }
         composed
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::drawn_by;
+
+    #[test]
+    fn blocks_are_drawn_in_as_many_copies_as_told_by_pipelines_that_differ() {
+        for copies in [1.0, 1.3, 2.75, 4.0] {
+            let of = |block: u32| drawn_by(block, copies, 4).collect::<Vec<u32>>();
+            let all: Vec<Vec<u32>> = (0..400).map(of).collect();
+            assert_eq!(all.iter().map(Vec::len).sum::<usize>(), (400.0 * copies) as usize);
+            for own in &all {
+                let bits = own.iter().fold(0_u32, |bits, pipeline| bits | 1 << pipeline);
+                assert!((1..=4).contains(&own.len()) && bits.count_ones() as usize == own.len() && bits < 16, "{own:?}");
+            }
+        }
     }
 }

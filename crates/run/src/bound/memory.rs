@@ -56,15 +56,23 @@ struct Sectors {
     dirty: u8,
 }
 
+/// How many times as many ways sets have as those of the whole. These are found by addresses, so that what lies together fills them evenly. A hash
+/// fills few large sets more evenly than many small ones.
+const WIDER: usize = 8;
+
 /// No line.
 const EMPTY: u64 = u64::MAX;
 
-/// The second-level cache: as many ways as the whole, fewer sets; least recently used; in sectors of [`LINE`].
+/// The second-level cache: fewer and wider sets than the whole; least recently used; in sectors of [`LINE`].
 pub(super) struct Shared {
     /// One group in 2 to this power is followed.
     shift: u8,
-    /// Bytes of a line, as a power of two, and ways.
+    /// Bytes of a line, as a power of two.
     line: u32,
+    /// Lines of the whole cache, and ways of a set at most.
+    all: usize,
+    most: usize,
+    /// Ways of a set.
     ways: usize,
     /// There is none: all goes to memory.
     ideal: bool,
@@ -83,19 +91,24 @@ impl Shared {
         let mut shared = Shared {
             shift: 0,
             line: l2.line_bytes.trailing_zeros(),
-            ways: l2.ways as usize,
+            all: l2.slices as usize * l2.lines as usize,
+            most: WIDER * l2.ways as usize,
+            ways: 0,
             ideal: config.memory.kind == MemoryKind::Ideal,
             lines: Vec::new(),
             used: Vec::new(),
             sectors: Vec::new(),
             clock: 0,
         };
-        shared.clear(l2.slices as usize * l2.lines as usize);
+        shared.clear();
         shared
     }
 
-    /// As many places, with nothing in them.
-    fn clear(&mut self, places: usize) {
+    /// As many places as the part of the whole has that is followed, with nothing in them.
+    fn clear(&mut self) {
+        let part = (self.all >> self.shift.min(63)).max(1);
+        self.ways = self.most.min(part);
+        let places = part / self.ways * self.ways;
         self.lines = vec![EMPTY; places];
         self.used = vec![0; places];
         self.sectors = vec![Sectors::default(); places];
@@ -106,7 +119,6 @@ impl Shared {
         if shift <= self.shift {
             return;
         }
-        let sets = (self.lines.len() / self.ways) >> (shift - self.shift);
         let (line, shift) = (self.line, shift.min(63));
         self.shift = shift;
         let old = self.lines.iter().zip(&self.used).zip(&self.sectors);
@@ -114,7 +126,7 @@ impl Shared {
         let mut old: Vec<(u32, u64, Sectors)> =
             old.filter(|((own, _), _)| followed(**own)).map(|((own, used), sectors)| (*used, *own, *sectors)).collect();
         old.sort_unstable_by_key(|slot| slot.0);
-        self.clear(sets.max(1) * self.ways);
+        self.clear();
         for (used, own, sectors) in old {
             let place = self.find(own).unwrap_or_else(|set| self.oldest(set));
             (self.lines[place], self.used[place], self.sectors[place]) = (own, used, sectors);
@@ -151,9 +163,10 @@ impl Shared {
     }
 
     /// So many bytes from a line of [`LINE`] on are read, or written whole.
-    pub fn access(&mut self, line: u32, bytes: u64, write: bool) -> Traffic {
+    pub fn access(&mut self, line: impl Into<u64>, bytes: u64, write: bool) -> Traffic {
         let scale = (1_u64 << self.shift.min(63)) as f64;
-        let (begin, end) = (u64::from(line) * LINE, u64::from(line) * LINE + bytes.max(1));
+        let begin = line.into() * LINE;
+        let end = begin + bytes.max(1);
         let mut traffic = Traffic::default();
         let mut at = begin;
         while at < end {
@@ -212,27 +225,27 @@ mod tests {
     fn the_least_recently_used_leaves_and_is_written_if_dirty() {
         let mut l2 = shared(4, 4);
         // Two groups of two lines fill it; the first is written.
-        assert_eq!(l2.access(0, 256, true), Traffic { lookups: 2.0, misses: 2.0, ..Traffic::default() });
-        assert_eq!(l2.access(4, 256, false).read, 256.0);
-        assert_eq!(l2.access(0, 64, false), Traffic { lookups: 1.0, ..Traffic::default() });
+        assert_eq!(l2.access(0_u32, 256, true), Traffic { lookups: 2.0, misses: 2.0, ..Traffic::default() });
+        assert_eq!(l2.access(4_u32, 256, false).read, 256.0);
+        assert_eq!(l2.access(0_u32, 64, false), Traffic { lookups: 1.0, ..Traffic::default() });
         // The second line of the first group is the oldest.
-        assert_eq!(l2.access(8, 128, false), Traffic { lookups: 1.0, misses: 1.0, read: 128.0, written: 128.0 });
-        assert_eq!(l2.access(0, 64, false).misses, 0.0);
+        assert_eq!(l2.access(8_u32, 128, false), Traffic { lookups: 1.0, misses: 1.0, read: 128.0, written: 128.0 });
+        assert_eq!(l2.access(0_u32, 64, false).misses, 0.0);
     }
 
     #[test]
     fn a_part_of_a_line_is_some_of_its_sectors() {
         let mut l2 = shared(64, 16);
-        assert_eq!(l2.access(5, 64, false).read, 64.0);
-        assert_eq!(l2.access(4, 64, false), Traffic { lookups: 1.0, misses: 1.0, read: 64.0, written: 0.0 });
-        assert_eq!(l2.access(4, 128, false).misses, 0.0);
-        assert_eq!(l2.access(4, 1024, false).misses, 7.0);
+        assert_eq!(l2.access(5_u32, 64, false).read, 64.0);
+        assert_eq!(l2.access(4_u32, 64, false), Traffic { lookups: 1.0, misses: 1.0, read: 64.0, written: 0.0 });
+        assert_eq!(l2.access(4_u32, 128, false).misses, 0.0);
+        assert_eq!(l2.access(4_u32, 1024, false).misses, 7.0);
     }
 
     #[test]
     fn following_less_keeps_what_is_followed() {
         let mut l2 = shared(1 << 16, 16);
-        for group in 0..1024 {
+        for group in 0..1024_u32 {
             l2.access(group * 4, 256, true);
         }
         l2.follow(3);

@@ -50,7 +50,7 @@ impl Bound<'_> {
         let followed = lists.as_ref().map(|lists| self.followed(lists, windows, cells, *size));
         let shown = self.shown(draws);
         let images = self.sorted == Sorted::Images;
-        let copies = if images { self.copies(copies) } else { 1.0 };
+        let copies = if images { self.copies_of(draws, self.copies(copies)) } else { 1.0 };
         // What is composed is all resolved, drawn or not.
         let all = f64::from(size[0].div_ceil(BLOCK) * size[1].div_ceil(BLOCK));
         let drawn = if images && self.pipelines > 1.0 { all } else { blocks[1] as f64 };
@@ -151,7 +151,7 @@ impl Bound<'_> {
         let first_and_last = if draws.iter().any(|draw| draw.primitives > 0) { latency + fill } else { 0.0 };
         // Copies are composed when all is drawn.
         let composed = if images && !draws.is_empty() {
-            self.composed(draws, (color, depth.as_ref()), *size, blocks[1] as f64 * copies)
+            self.composed(draws, (color, depth.as_ref()), *size, [blocks[1] as f64, copies])
         } else {
             Composed::default()
         };
@@ -316,8 +316,7 @@ impl Bound<'_> {
         // Geometry, for all primitives. A pipeline that gets them in batches shades vertices again that the batch before has.
         let vertices = interpolated(&REUSE, &draw.shaded_vertices, c.fetch.reuse as usize);
         let again = draw.dealt_vertices.saturating_sub(draw.shaded_vertices[REUSE.len() - 1]) as f64;
-        let groups = draw.fragment.runs as f64 / 4.0 / draw.primitives.max(1) as f64;
-        let vertices = if own { vertices + again * f64::from(DEALT) / self.batch_of(groups) } else { vertices };
+        let vertices = if own { vertices + again * f64::from(DEALT) / self.batch_of(self.expected(draw)) } else { vertices };
         // Batches of vertices are as short as those of primitives.
         let vertices = if c.fetch.reuse_until == Reuse::Batch { draw.batched_vertices as f64 } else { vertices };
         let attribute_lines = (draw.vertex_bytes as f64 / LINE as f64).max(draw.attributes.min(1) as f64);
@@ -426,7 +425,9 @@ impl Bound<'_> {
             let part = compressed(attachment, codec);
             let bytes = attachment.block_bytes as f64;
             let distinct = blocks[1 - side] as f64;
-            let missed = interpolated(&BLOCK_CACHES, &misses[1 - side], (cache * self.pipelines) as usize);
+            let cached = |blocks: f64| interpolated(&BLOCK_CACHES, &misses[1 - side], (blocks * self.pipelines) as usize);
+            // Where tiles are drawn one by one a block is missed once: it stays until its tile ends.
+            let missed = if self.binned { distinct } else { cached(cache) };
             // What is not cleared by flag is read at the first touch; what came back is read again.
             let first = if attachment.loads || !c.color.fast_clear { distinct } else { 0.0 };
             // What is replaced whole is not read.
@@ -438,7 +439,7 @@ impl Bound<'_> {
             // that is missed.
             let at_once = (self.in_use[side] / places(attachment)).min(f64::from(fifo) / groups.max(1.0)).max(1.0);
             // A block that is in use already takes no further place.
-            let others = interpolated(&BLOCK_CACHES, &misses[1 - side], (at_once * self.pipelines) as usize).max(1.0);
+            let others = if self.binned { distinct } else { cached(at_once) }.max(1.0);
             let again = (others / uses[side].max(1.0)).min(1.0);
             let filled = (filled / others).min(1.0);
             // What leaves goes first, and what comes takes its time on the wires.

@@ -1,7 +1,7 @@
 //! What a pass moves between the first-level caches and the second level.
 
 use super::binned::{Followed, Lists};
-use super::images::copy;
+use super::images::{copy, drawn_by};
 use super::memory::Traffic;
 use super::texture::Missed;
 use super::{Bound, Touched, places};
@@ -69,6 +69,7 @@ impl Bound<'_> {
         let mut targets = [None; 8];
         targets.iter_mut().zip(color).for_each(|(target, attachment)| *target = Some(attachment));
         let blocks = Blocks { color: targets, depth, levels, shown, copies, resolved, drawn, on_chip: lists.is_some() };
+        self.drawn.clear();
         // What is missed as likely as not is missed every other time.
         let mut due = [0.0; 4];
         // What is missed again soon is in the second level, unless that has hardly more room than all first levels together.
@@ -107,8 +108,8 @@ impl Bound<'_> {
         sum
     }
 
-    /// Adds what a touch does; `due`: what textures have missed of a whole line so far, what is hidden of a block, what copies a block has, and
-    /// what is resolved of a line.
+    /// Adds what a touch does; `due`: what textures have missed of a whole line so far, what is hidden of a block, how many blocks have come back,
+    /// and what is resolved of a line.
     fn touch(
         &mut self,
         sum: &mut PassTraffic,
@@ -178,13 +179,17 @@ impl Bound<'_> {
         }
         let codec = if touch.by == Toucher::Color { c.color.codec } else { c.depth.codec };
         let bytes = if compression { u64::from(touch.stored[codec as usize]) * LINE } else { attachment.block_bytes };
-        // Each of its copies is touched for a first time.
+        // Each of its copies is touched for a first time. What comes back is one of them, each in turn.
         let apart = self.sorted == Sorted::Images && self.pipelines > 1.0;
-        let mut copies = 1.0;
-        if touch.near == FIRST {
-            due[2] += blocks.copies - 1.0;
-            copies += due[2].floor();
-            due[2] -= due[2].floor();
+        let mut own = vec![u64::from(touch.line)];
+        if apart {
+            let block = u64::from(touch.line - attachment.line) * LINE / attachment.block_bytes.max(1);
+            let copies = drawn_by(block as u32, blocks.copies, c.card.pipelines);
+            own = copies.map(|pipeline| copy(touch.line, pipeline)).collect();
+        }
+        if touch.near != FIRST {
+            due[2] += 1.0;
+            own = vec![own[due[2] as usize % own.len()]];
         }
         let left = attachment.stores || !blocks.on_chip;
         let replaced = c.color.skip_reads && touch.by == Toucher::Color && touch.step & WHOLE != 0;
@@ -193,17 +198,17 @@ impl Bound<'_> {
             sum.replaced[1] += f64::from(u8::from(replaced));
         }
         let mut traffic = Traffic::default();
-        for at in 0..copies as u32 {
+        for own in own {
             // Until a pipeline has written a block of its own it reads the surface's.
-            let own = if apart { copy(touch.line, at) } else { touch.line };
             if !replaced && (touch.near != FIRST || attachment.loads || !fast_clear) {
-                let fill = self.shared.access(if touch.near == FIRST { touch.line } else { own }, bytes, false);
+                let fill = self.shared.access(if touch.near == FIRST { touch.line.into() } else { own }, bytes, false);
                 sum.fills[usize::from(touch.by == Toucher::Depth)] += fill;
                 traffic += fill;
             }
             // What is read only leaves without a trace, and so does what is not wanted of a tile.
             if left && !hidden && (touch.by == Toucher::Color || touch.step != 0) {
                 traffic += self.shared.access(own, bytes, true);
+                self.drawn.insert(touch.line);
             }
         }
         sum.all += traffic;

@@ -13,7 +13,7 @@ use super::super::LINE;
 const GROUP: u32 = 2;
 
 /// Touches of a frame that are kept at most.
-const MOST: usize = 12288;
+const MOST: usize = 32768;
 
 /// Who touches memory.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
