@@ -402,12 +402,12 @@ fn memory_is_conserved(tree: &Tree, config: &Config) {
     let Some(Node::Tree(clients)) = tree.get("memory.clients") else { panic!("clients") };
     let all = |leaf: &str| clients.entries().map(|(name, _)| f.at(&format!("memory.clients.{name}.{leaf}"))).sum::<u64>();
     assert_eq!(f.sum("channels.memory_requests", "items"), all("requests"));
-    let texture_line = u64::from(config.texture.line_bytes);
+    let sector = u64::from(config.texture.sector_bytes);
     let vertex_line = u64::from(config.fetch.line_bytes);
     assert_eq!(f.at("memory.clients.vertex.read_bytes"), vertex_line * f.sum("caches.vertex", "misses"));
-    // Texture units request the lines that miss; all other requests are atomics and stores.
-    let lines = texture_line * f.sum("caches.texture", "misses");
-    let atomics = f.at("memory.clients.texture.read_bytes") - lines;
+    // Texture units request the sectors that miss; all other requests are atomics and stores.
+    let sectors = sector * f.sum("shading.fills", "sectors");
+    let atomics = f.at("memory.clients.texture.read_bytes") - sectors;
     assert_eq!(atomics % 4, 0);
     assert!(f.at("memory.clients.texture.write_bytes") >= atomics);
     for (client, own) in [("depth", "depth"), ("color", "color")] {

@@ -404,8 +404,9 @@ impl Machine {
         let interleave = circuit.crossbar.as_ref().map(Crossbar::interleave);
         let (mut any, mut touched) = (false, Touching::new());
         while let Some(slot) = circuit.command.apply(card) {
-            let Parts { deal, assembly, traverse, depth, color, texture, l2, .. } = circuit;
-            apply(card, slot, &mut WarmedUnits { deal, assembly, traverse, depth, color, texture }, &mut touched);
+            let Parts { deal, assembly, traverse, depth, color, texture, constant, l2, .. } = circuit;
+            let mut units = WarmedUnits { deal, assembly, traverse, depth, color, texture, constant };
+            apply(card, slot, &mut units, &mut touched);
             card.work[usize::from(slot)] = None;
             any = true;
             let Some(interleave) = interleave else {

@@ -11,6 +11,7 @@ use unit::color::Color;
 use unit::command::Command;
 use unit::compose::Compose;
 use unit::compute::Compute;
+use unit::constant::Constant;
 use unit::core::Core;
 use unit::deal::Deal;
 use unit::depth::Depth;
@@ -55,6 +56,11 @@ fn pipelines(config: &Config) -> usize {
 /// as many as cores of all pipelines,
 fn cores(config: &Config) -> usize {
     pipelines(config) * config.core.per_pipeline as usize
+}
+
+/// as many, where they have constant caches,
+fn constants(config: &Config) -> usize {
+    if config.constant.enabled { cores(config) } else { 0 }
 }
 
 /// or as many as cores for vertices alone.
@@ -117,6 +123,8 @@ sim::circuit! {
         core: Vec<Core> [Pixels] = cores,
         /// A texture unit for each core.
         texture: Vec<Texture> [Pixels] = cores,
+        /// A constant cache for each core, where the card has them.
+        constant: Vec<Constant> [Pixels] = constants,
         /// Blends into colour buffers.
         color: Vec<Color> [Rop] = pipelines,
         /// Composes the frame buffers of pipelines that draw apart from each other.

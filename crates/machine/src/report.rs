@@ -194,8 +194,17 @@ impl Sums {
 
 /// Places in the statistics in their order: those in front of memory, and those behind. Places that are not listed here follow, in
 /// data-flow order.
-const BEFORE_MEMORY: &[&str] =
-    &["caches.vertex", "caches.position", "caches.texture", "caches.depth", "caches.early", "caches.color", "caches.l2"];
+const BEFORE_MEMORY: &[&str] = &[
+    "caches.vertex",
+    "caches.position",
+    "caches.texture",
+    "caches.constant",
+    "caches.constant-second",
+    "caches.depth",
+    "caches.early",
+    "caches.color",
+    "caches.l2",
+];
 const BEHIND_MEMORY: &[&str] = &[
     "memory",
     "rop.depth",
@@ -205,6 +214,8 @@ const BEHIND_MEMORY: &[&str] = &[
     "setup",
     "shading.core",
     "shading.texture",
+    "shading.fills",
+    "shading.constant",
     "command",
     "binning",
     "early",

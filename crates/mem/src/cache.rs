@@ -17,7 +17,7 @@ stats::counters! {
 /// Where caches of all kinds count.
 pub const CACHES: stats::Heading = stats::Heading::new(
     "caches.NAME[i]",
-    "Caches: `vertex` (attributes), `position`, `texture`, `depth`, `early` (the copies of early tests), `color`, `l2`.",
+    "Caches: `vertex` (attributes), `position`, `texture`, `constant` and `constant-second` (both levels of constant caches), `depth`, `early` (the copies of early tests), `color`, `l2`.",
 );
 
 /// The geometry of a cache, checked.

@@ -2,7 +2,8 @@
 
 use super::port::{Answer, HEADER, Kind, Request, SliceAnswer, SliceRequest};
 use super::system::Interleave;
-use sim::{In, Out, Tick, Unit, Wires};
+use super::tlb::{TLB, TlbConfig, TlbCounts, Translation};
+use sim::{Counted, In, Out, Tick, Unit, Wires};
 use stats::Heading;
 
 /// Where the clients of memory count.
@@ -37,8 +38,8 @@ impl ClientCounts {
     }
 }
 
-/// From clients to slices: each client sends and each slice's link takes what its width allows; clients take turns. Its items are
-/// requests.
+/// From clients to slices: each client sends and each slice's link takes what its width allows; clients take turns. Where addresses are
+/// translated, requests whose translation is not there step aside. Its items are requests.
 #[derive(Clone, Debug)]
 pub struct Crossbar {
     interleave: Interleave,
@@ -48,13 +49,48 @@ pub struct Crossbar {
     counts: Vec<ClientCounts>,
     inputs: Vec<In<Request>>,
     outputs: Vec<Out<SliceRequest>>,
+    translation: Option<Translation>,
 }
 
 impl Crossbar {
     /// A crossbar with nothing in it.
-    pub fn new(interleave: Interleave, inputs: Vec<In<Request>>, outputs: Vec<Out<SliceRequest>>) -> Crossbar {
+    pub fn new(
+        interleave: Interleave,
+        tlb: Option<TlbConfig>,
+        inputs: Vec<In<Request>>,
+        outputs: Vec<Out<SliceRequest>>,
+    ) -> Crossbar {
         assert_eq!(interleave.slices() as usize, outputs.len(), "one output a slice");
-        Crossbar { interleave, turn: 0, items: 0, counts: vec![ClientCounts::default(); inputs.len()], inputs, outputs }
+        let translation = tlb.and_then(|tlb| Translation::new(tlb, inputs.len()));
+        let counts = vec![ClientCounts::default(); inputs.len()];
+        Crossbar { interleave, turn: 0, items: 0, counts, inputs, outputs, translation }
+    }
+
+    /// What translation has done, where addresses are translated.
+    pub fn translations(&self) -> Option<TlbCounts> {
+        self.translation.as_ref().map(Translation::counts)
+    }
+
+    /// The next request of a client that can go on: one that has waited for its translation, by its place, or the head of its port. A head whose
+    /// translation is not there steps aside, if there is room; says whether one did.
+    #[inline(always)]
+    fn front(&mut self, wires: &mut Wires, client: usize) -> (Option<(Option<usize>, Request)>, bool) {
+        let Some(translation) = &mut self.translation else {
+            return (wires.front(&self.inputs[client]).map(|request| (None, request)), false);
+        };
+        let now = wires.now();
+        let (mut head, mut aside) = (wires.front(&self.inputs[client]).map(|request| (None, request)), false);
+        if let Some((_, request)) = head
+            && let Some(until) = translation.waits_until(client, request.address, now)
+        {
+            if translation.has_room(client) {
+                wires.take(&self.inputs[client]);
+                translation.wait(client, request, until);
+                aside = true;
+            }
+            head = None;
+        }
+        (translation.translated(client, now).map(|(place, request)| (Some(place), request)).or(head), aside)
     }
 
     /// How addresses are dealt to slices.
@@ -78,14 +114,21 @@ impl<C> Unit<C> for Crossbar {
         for step in 0..self.inputs.len() {
             let client =
                 if self.turn + step < self.inputs.len() { self.turn + step } else { self.turn + step - self.inputs.len() };
-            let Some(request) = wires.front(&self.inputs[client]) else { continue };
+            let (next, aside) = self.front(wires, client);
+            if aside {
+                (first, more) = (first.or(Some(client)), true);
+            }
+            let Some((waited, request)) = next else { continue };
             let (slice, address) = self.interleave.split(request.address);
             let output = &self.outputs[slice as usize];
             if !wires.can_push(output) {
                 why = Tick::Blocked;
                 continue;
             }
-            wires.take(&self.inputs[client]);
+            match (waited, &mut self.translation) {
+                (Some(place), Some(translation)) => translation.take(client, place),
+                _ => wires.take(&self.inputs[client]),
+            }
             let bytes = if request.kind() == Kind::Read { HEADER } else { HEADER + u32::from(request.bytes) };
             wires.push_sized(output, SliceRequest::new(request, client as u16, address), bytes);
             self.counts[client].count(&request);
@@ -93,10 +136,15 @@ impl<C> Unit<C> for Crossbar {
             first = first.or(Some(client));
             more |= wires.can_pop(&self.inputs[client]);
         }
-        // 2. Who was served first is asked last in the next cycle.
+        // 2. Requests that wait for translations go on when these are there.
+        if let Some(next) = self.translation.as_ref().and_then(Translation::next) {
+            wires.sleep_until(next.max(wires.now() + 1));
+            why = if why == Tick::Starved { Tick::Working } else { why };
+        }
+        // 3. Who was served first is asked last in the next cycle.
         let Some(client) = first else { return why };
         self.turn = if client + 1 < self.inputs.len() { client + 1 } else { 0 };
-        // 3. With nothing more at hand, the next cycle would find only what blocks now.
+        // 4. With nothing more at hand, the next cycle would find only what blocks now.
         if !more {
             wires.rest(why);
         }
@@ -108,7 +156,11 @@ impl<C> Unit<C> for Crossbar {
     }
 
     fn resident(&self) -> u64 {
-        0
+        self.translation.as_ref().map_or(0, Translation::resident)
+    }
+
+    fn counted(groups: &mut Counted<Self>) {
+        groups.group_if(TLB, Crossbar::translations);
     }
 }
 

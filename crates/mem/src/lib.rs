@@ -17,6 +17,7 @@ mod l2;
 mod misses;
 mod port;
 mod system;
+mod tlb;
 
 pub use cache::{CACHES, Cache, CacheCounts, CacheShape, Place};
 pub use crossbar::{CLIENTS, ClientCounts, Crossbar, ReturnPath};
@@ -31,5 +32,6 @@ pub use system::{
     ChannelShare, Interleave, Memory, MemoryConfig, MemoryIds, MemoryKind, MemoryKnobs, MemoryPlan, MemoryUnits, PortShape,
     client_sums, memory_tree,
 };
+pub use tlb::{TLB, TlbConfig, TlbCounts};
 #[cfg(test)]
 mod tests;

@@ -5,6 +5,7 @@ use super::dram::{DRAM, Dram, DramConfig};
 use super::ideal::{Ideal, IdealConfig};
 use super::l2::{L2Config, L2Slice};
 use super::port::{Answer, DramAnswer, DramRequest, MemoryPort, REQUEST_BYTES, Request, SliceAnswer, SliceRequest};
+use super::tlb::TlbConfig;
 use knob::Allowed;
 use sim::{In, Link, Out, UnitId, Wiring};
 use stats::{Group, Tree};
@@ -207,6 +208,7 @@ pub struct PortShape {
 #[derive(Clone, Debug)]
 pub struct MemoryPlan {
     config: MemoryConfig,
+    tlb: Option<TlbConfig>,
     interleave: Interleave,
     ids: MemoryIds,
     names: Vec<(&'static str, usize)>,
@@ -286,7 +288,13 @@ impl MemoryPlan {
             }
         };
         let (names, requests, answers) = (Vec::new(), Vec::new(), Vec::new());
-        Ok(MemoryPlan { config, interleave, ids, names, requests, answers })
+        Ok(MemoryPlan { config, tlb: None, interleave, ids, names, requests, answers })
+    }
+
+    /// The same with addresses that are translated. An ideal memory translates none.
+    #[must_use]
+    pub fn translating(self, tlb: TlbConfig) -> MemoryPlan {
+        MemoryPlan { tlb: Some(tlb), ..self }
     }
 
     /// A port for a client. Ports of one name are one client in the statistics.
@@ -341,7 +349,7 @@ impl MemoryPlan {
                     memory.l2.push(L2Slice::new(l2, share, input, output, to, from));
                 }
                 memory.dram = ports.into_iter().map(|ports| Dram::new(dram, ports.requests, ports.answers)).collect();
-                memory.crossbar = Some(Crossbar::new(self.interleave, self.requests, to_slices));
+                memory.crossbar = Some(Crossbar::new(self.interleave, self.tlb, self.requests, to_slices));
                 memory.return_path = Some(ReturnPath::new(from_slices, self.answers));
             }
         }

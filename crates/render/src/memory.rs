@@ -2,10 +2,10 @@
 
 use gfx::image::ImageDesc;
 use gfx::tiling::{BlockLayout, Tiled};
-use work::LINE;
+use work::{LINE, LINES};
 
-/// Bytes of addresses: work names memory by lines of 64 bytes in 32 bits, and copies of surfaces lie behind.
-const ADDRESSES: u64 = LINE << 32;
+/// Bytes of addresses: work names memory by lines of 64 bytes, and copies of surfaces lie behind.
+const ADDRESSES: u64 = LINE * LINES as u64;
 
 /// Gives out addresses in order of creation. Nothing is given back: an address names one object for the whole trace, so that no
 /// cache of a machine can mistake one for another.

@@ -70,6 +70,8 @@ pub(super) struct MemoryOp {
     pub offset: u32,
     /// All lanes have the same address.
     pub uniform: bool,
+    /// A load from a uniform buffer.
+    pub constant: bool,
     pub atomic: AtomicOp,
 }
 

@@ -232,8 +232,8 @@ pub(super) fn in_flight(b: &Builder, insts: &[Inst], outputs: &[V]) -> Vec<InFli
     let homes = Homes { b };
     let insts: Vec<&Inst> = insts.iter().filter(|inst| inst.code != Code::Undef).collect();
     let mut all = vec![InFlight::NONE; insts.len() + 1];
-    // The results of what is asked and may be unanswered, of memory and of workgroup memory, oldest first.
-    let mut asked: [Vec<Vec<(u8, u32)>>; 2] = Default::default();
+    // The results of what is asked and may be unanswered, of memory, of workgroup memory and of uniform buffers, oldest first.
+    let mut asked: [Vec<Vec<(u8, u32)>>; 3] = Default::default();
     let (mut begin, mut behind_branch) = (0, false);
     let mut needed: Vec<(u8, u32)> = Vec::new();
     for at in 0..=insts.len() {
@@ -248,7 +248,11 @@ pub(super) fn in_flight(b: &Builder, insts: &[Inst], outputs: &[V]) -> Vec<InFli
             continue;
         }
         let space = match inst.code {
-            Code::Load | Code::Store | Code::Atomic => usize::from(b.memory[inst.imm as usize].space == Space::Shared),
+            Code::Load | Code::Store | Code::Atomic => match &b.memory[inst.imm as usize] {
+                op if op.space == Space::Shared => 1,
+                op if op.constant => 2,
+                _ => 0,
+            },
             _ => 0,
         };
         let results: Vec<(u8, u32)> = inst.dst.iter().filter(|&&v| v != NONE).map(|&v| homes.of(v)).collect();
@@ -261,7 +265,7 @@ pub(super) fn in_flight(b: &Builder, insts: &[Inst], outputs: &[V]) -> Vec<InFli
         if behind_branch {
             asked = Default::default();
         } else if !is_immediate(b, inst) {
-            for (asked, left) in asked.iter_mut().zip([unanswered.memory, unanswered.shared]) {
+            for (asked, left) in asked.iter_mut().zip([unanswered.memory, unanswered.shared, unanswered.constant]) {
                 let answered = asked.len().saturating_sub(usize::from(left));
                 asked.drain(..answered);
             }
@@ -278,12 +282,12 @@ fn is_immediate(b: &Builder, inst: &Inst) -> bool {
 }
 
 /// How many requests may be unanswered where these values are needed.
-fn allowed(asked: &[Vec<Vec<(u8, u32)>>; 2], needed: &[(u8, u32)]) -> InFlight {
+fn allowed(asked: &[Vec<Vec<(u8, u32)>>; 3], needed: &[(u8, u32)]) -> InFlight {
     let left = |asked: &[Vec<(u8, u32)>]| {
         let last = asked.iter().rposition(|results| results.iter().any(|result| needed.contains(result)));
         last.map_or(u8::MAX, |last| (asked.len() - 1 - last).min(usize::from(u8::MAX)) as u8)
     };
-    InFlight { memory: left(&asked[0]), shared: left(&asked[1]) }
+    InFlight { memory: left(&asked[0]), shared: left(&asked[1]), constant: left(&asked[2]) }
 }
 
 #[cfg(test)]
@@ -379,7 +383,7 @@ mod tests {
         // Behind a branch all is there, and so it is where a jump leads.
         let branch = [sample(0), inst(Code::If, &[], &[5]), add(20, 1, 2), inst(Code::EndIf, &[], &[]), add(21, 3, 4)];
         assert_eq!(memory(&b, &branch, &[21])[1..], [255, 0, 0, 0, 0][..]);
-        // Workgroup memory is answered apart.
+        // Workgroup memory and uniform buffers are answered apart.
         let memory_op = MemoryOp {
             space: Space::Shared,
             element: NO_REG,
@@ -389,6 +393,7 @@ mod tests {
             address: NO_REG,
             offset: 0,
             uniform: false,
+            constant: false,
             atomic: AtomicOp::Add,
         };
         let shared = b.memory_entry(memory_op);
@@ -396,6 +401,11 @@ mod tests {
         let load = |to: V, entry: u32| Inst { imm: entry, ..inst(Code::Load, &[to], &[0]) };
         let both = [load(10, shared), load(11, buffer), load(12, shared), add(20, 11, 1), load(13, buffer), add(21, 10, 20)];
         let found: Vec<_> = in_flight(&b, &both, &[21]).iter().map(|of| (of.memory, of.shared)).collect();
+        assert_eq!(found, [(255, 255), (255, 255), (255, 255), (0, 255), (0, 0), (255, 1), (0, 0)]);
+        let constant = b.memory_entry(MemoryOp { space: Space::Buffer(1), constant: true, ..memory_op });
+        let both =
+            [load(10, constant), load(11, buffer), load(12, constant), add(20, 11, 1), load(13, buffer), add(21, 10, 20)];
+        let found: Vec<_> = in_flight(&b, &both, &[21]).iter().map(|of| (of.memory, of.constant)).collect();
         assert_eq!(found, [(255, 255), (255, 255), (255, 255), (0, 255), (0, 0), (255, 1), (0, 0)]);
     }
 

@@ -447,6 +447,7 @@ mod tests {
             address: NO_REG,
             offset,
             uniform: true,
+            constant: false,
             atomic: AtomicOp::Add,
         };
         b.memory = vec![load(0), load(4), load(16)];

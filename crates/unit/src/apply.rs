@@ -9,6 +9,7 @@
 use super::assembly::Assembly;
 use super::card::{Ahead, Card, Fault, Group, PassState, Work};
 use super::color::{Color, blend_group};
+use super::constant::Constant;
 use super::deal::Deal;
 use super::depth::Depth;
 use super::depths::test_group;
@@ -33,6 +34,8 @@ pub struct WarmedUnits<'u> {
     pub color: &'u mut [Color],
     /// Texture units, pipeline by pipeline; as many to each.
     pub texture: &'u mut [Texture],
+    /// Constant caches, as many as texture units, or none.
+    pub constant: &'u mut [Constant],
 }
 
 /// Functional warming of the segment in a slot, while nothing is in flight. `memory` gets what the caches would have asked of it.
@@ -207,13 +210,18 @@ impl Place<'_> {
     fn fetch(&self, quad: u32, epoch: u32, units: &mut WarmedUnits, memory: &mut Touching) {
         let quad = &self.tile.quads[quad as usize];
         let each = units.texture.len() / units.color.len();
-        let Some(unit) = units.texture.get_mut(self.shades * each + self.at as usize % each.max(1)) else { return };
-        let asking = self.tile.costs[quad.cost].steps.iter().filter(|step| step.then.has_request());
-        for (step, found) in asking.zip(&self.tile.requests[quad.first_request as usize..]) {
+        let core = self.shades * each + self.at as usize % each.max(1);
+        let Some(unit) = units.texture.get_mut(core) else { return };
+        let mut constant = units.constant.get_mut(core);
+        for (step, found) in self.tile.costs[quad.cost].asking().zip(&self.tile.requests[quad.first_request as usize..]) {
             let lines = &self.tile.lines[found.first_line as usize..][..usize::from(found.lines)];
-            for &line in lines {
-                match step.then {
-                    RequestKind::Texture | RequestKind::Load => unit.visit(line, epoch, memory),
+            for (at, &line) in (0..).zip(lines) {
+                let halves = if step.then == RequestKind::Load { found.halves(&self.tile.lines, at) } else { 3 };
+                match (step.then, &mut constant) {
+                    (RequestKind::Constant, Some(unit)) => unit.visit(line, epoch, memory),
+                    (RequestKind::Texture | RequestKind::Load | RequestKind::Constant, _) => {
+                        unit.visit(line, halves, epoch, memory)
+                    }
                     _ => memory.push(Touch { address: u64::from(line) * LINE, bytes: stored_bytes(found), write: true }),
                 }
             }

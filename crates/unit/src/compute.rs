@@ -149,6 +149,7 @@ impl Unit<Card> for Compute {
                     source: 0,
                     request: packet.first_request,
                     shared: packet.first_shared,
+                    constant: 0,
                     cost: packet.cost,
                 });
             }

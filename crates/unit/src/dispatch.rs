@@ -441,7 +441,13 @@ impl Dispatch {
                         card.fault.get_or_insert(Fault::Visibility { draw: work.draw.number, x, y });
                         return Tick::Blocked;
                     }
-                    warp.items.push(Item { source: group.tile, request: quad.first_request, shared: 0, cost: quad.cost });
+                    warp.items.push(Item {
+                        source: group.tile,
+                        request: quad.first_request,
+                        shared: 0,
+                        constant: 0,
+                        cost: quad.cost,
+                    });
                     shaded += fragments(live);
                     packed += 1;
                 }

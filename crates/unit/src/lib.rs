@@ -18,6 +18,7 @@ pub mod command;
 pub mod compose;
 pub mod compression;
 pub mod compute;
+pub mod constant;
 pub mod copies;
 pub mod core;
 pub mod deal;

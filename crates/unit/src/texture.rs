@@ -44,8 +44,10 @@ knob::knobs! {
         skip_levels: bool ["", Allowed::Switch, "known with the level of detail; off: always both levels, as Vulkan's \"Image Level(s) Selection\" has it"],
         /// Lines of the first-level cache; a multiple of its ways, or fewer than they are.
         cache_lines: u32 ["lines", Allowed::Range(1, 65536), "48 KB a multiprocessor (NVIDIA 2016, GeForce GTX 1080 white paper); 16 KB is enough for one screen row of bilinear (Hakura and Gupta 1997)"],
-        /// Bytes of a line of the first-level cache, which a miss reads whole. Whatever it is, 64 bytes are looked up at a time: rates of misses compare.
-        line_bytes: u32 ["bytes", Allowed::PowerOfTwo(64, 256), "16 texels of 4 bytes; Hakura and Gupta 1997 vary it from 32 to 256"],
+        /// Bytes of a line of the first-level cache, which has one tag. Whatever it is, 64 bytes are looked up at a time: rates of misses compare.
+        line_bytes: u32 ["bytes", Allowed::PowerOfTwo(64, 256), "128 on GM204 (Jia et al. 2019, table 3.1); 16 texels of 4 bytes; Hakura and Gupta 1997 vary it from 32 to 256"],
+        /// Bytes of a sector of such a line, at most the line: a miss reads the sectors that are asked for and are not there. Samples ask for 64 bytes at least.
+        sector_bytes: u32 ["bytes", Allowed::PowerOfTwo(32, 256), "32 on GM204 (Jia et al. 2019, table 3.1: load granularity); as long as a line in caches without sectors"],
         /// Ways of the first-level cache; where they are as many as its lines or more, any line goes anywhere.
         cache_ways: u32 ["ways", Allowed::PowerOfTwo(1, 65536), "ATTILA bGPU.ini TextureCacheWaysL1 = 16"],
         /// Misses in flight.
@@ -79,6 +81,15 @@ struct Entry {
     answer: Option<u32>,
 }
 
+/// A line of the first-level cache.
+#[derive(Clone, Copy, Debug, Default)]
+struct Line {
+    /// Its sectors that are there or on their way, a bit each;
+    asked: u8,
+    /// each is there when all misses before its number are back.
+    needs: [u32; 8],
+}
+
 /// Where the unit is in the warp at the head of its input.
 #[derive(Clone, Copy, Debug, Default)]
 struct Place {
@@ -94,6 +105,9 @@ struct Place {
 struct Coalesced {
     lines: Vec<u32>,
     pieces: Vec<u32>,
+    /// Of a load, the sectors of each line of the cache that any invocation reads, where lines have several.
+    sectors: Vec<(u64, u8)>,
+    noted: bool,
 }
 
 /// Where texture units count.
@@ -113,6 +127,17 @@ stats::counters! {
     }
 }
 
+/// Where first-level caches count what they read.
+pub const FILLS: Heading = Heading::new("shading.fills[i]", "First-level caches of textures and data, by texture unit.");
+
+stats::counters! {
+    /// What a first-level cache has read.
+    pub struct FillCounts {
+        /// Sectors ([`TextureConfig::sector_bytes`]).
+        sectors: "sectors",
+    }
+}
+
 /// What a texture unit serves.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct TextureUser {
@@ -122,6 +147,8 @@ pub struct TextureUser {
     pub number: usize,
     /// Whether its core shades nothing but vertices.
     pub vertices: bool,
+    /// Whether its core has no constant cache: it serves loads from uniform buffers too.
+    pub constants: bool,
 }
 
 /// A texture unit. Its items are requests of quads.
@@ -132,7 +159,10 @@ pub struct Texture {
     input: In<WarpToken>,
     output: Out<WarpToken>,
     memory: MemoryPort,
-    tags: Tags<u32>,
+    tags: Tags<Line>,
+    /// Of a sector's number by that of a half of a piece of [`LINE`] bytes.
+    sector_shift: u32,
+    fills: FillCounts,
     /// Of a line's bytes by [`LINE`].
     line_shift: u32,
     misses: Misses,
@@ -167,6 +197,8 @@ impl Texture {
             memory,
             tags: Tags::new(config.cache_lines, config.cache_ways),
             line_shift: config.line_bytes.trailing_zeros() - LINE.trailing_zeros(),
+            sector_shift: config.sector_bytes.min(config.line_bytes).trailing_zeros() - (LINE / 2).trailing_zeros(),
+            fills: FillCounts::default(),
             misses: Misses::new(config.misses),
             fifo: VecDeque::with_capacity(config.fifo as usize),
             place: Place::default(),
@@ -191,41 +223,142 @@ impl Texture {
         self.tags.counts()
     }
 
-    /// Has a line looked up without any time: it is in the cache then, and nothing is counted.
-    pub(super) fn visit(&mut self, line: u32, epoch: u32, memory: &mut Touching) {
+    /// Has the halves of a line looked up without any time: they are in the cache then, and nothing is counted.
+    pub(super) fn visit(&mut self, line: u32, halves: u8, epoch: u32, memory: &mut Touching) {
         if self.epoch != epoch {
             self.epoch = epoch;
             self.tags.clear();
         }
-        let (key, counts) = (u64::from(line >> self.line_shift), self.tags.counts());
-        if self.tags.find(key).is_none() {
-            let bytes = self.config.line_bytes;
-            memory.push(Touch { address: key * u64::from(bytes), bytes, write: false });
-            if let Some(place) = self.tags.victim(key, |_| true) {
-                self.tags.replace(place, key, self.misses.frontier());
+        let (key, counts) = (self.key(line), self.tags.counts());
+        let wanted = self.sectors(line, halves);
+        let found = self.tags.find(key).or_else(|| {
+            let place = self.tags.victim(key, |_| true)?;
+            self.tags.replace(place, key, Line::default());
+            Some(place)
+        });
+        let frontier = self.misses.frontier();
+        if let Some(place) = found {
+            while let Some((run, address, bytes)) = self.missing(place, key, wanted) {
+                memory.push(Touch { address, bytes, write: false });
+                self.tags.data(place).ask(run, frontier);
             }
         }
         self.tags.recount(counts);
     }
 
-    /// An item's request and the lines of it that are left from `line` on.
+    /// The number of the cache's line that a line of memory lies in.
     #[inline(always)]
-    fn request<'a>(card: &'a Card, warp: &Warp, item: &Item, line: u32) -> (&'a Request, &'a [u32]) {
-        let (requests, lines) = match warp.program {
-            Program::Fragment => {
-                let tile = &card.work(warp.slot).segment.tiles[item.source as usize];
-                (&tile.requests, &tile.lines)
+    fn key(&self, line: u32) -> u64 {
+        u64::from(line >> self.line_shift)
+    }
+
+    /// The sectors of the cache's line that halves of a line of memory lie in.
+    #[inline(always)]
+    fn sectors(&self, line: u32, halves: u8) -> u8 {
+        let first = 2 * (line & ((1 << self.line_shift) - 1));
+        let of = |half: u8| (halves >> half & 1) << ((first + u32::from(half)) >> self.sector_shift);
+        of(0) | of(1)
+    }
+
+    /// The first run of sectors that are wanted of a line and not asked for, its address and its bytes.
+    #[inline(always)]
+    fn missing(&mut self, place: usize, key: u64, wanted: u8) -> Option<(u8, u64, u32)> {
+        let missing = wanted & !self.tags.data(place).asked;
+        if missing == 0 {
+            return None;
+        }
+        let first = missing.trailing_zeros();
+        let count = (!(missing >> first)).trailing_zeros();
+        let run = (((1_u32 << count) - 1) << first) as u8;
+        let sector = LINE / 2 << self.sector_shift;
+        let address = key * u64::from(self.config.line_bytes) + u64::from(first) * sector;
+        Some((run, address, count * sector as u32))
+    }
+
+    /// What a load of a warp reads of each line of the cache, where lines have several sectors.
+    fn note_sectors(&mut self, card: &Card, warp: &Warp) {
+        self.coalesced.noted = true;
+        for (part, item) in warp.items.iter().enumerate() {
+            let kind = warp.then(warp.asking(), part, || &card.costs(warp.program, warp.slot, item)[item.cost]);
+            if kind != RequestKind::Load {
+                continue;
             }
-            Program::Vertex => {
-                let segment = &card.work(warp.slot).segment;
-                (&segment.requests, &segment.lines)
+            let (requests, all) = requests_of(card, warp, item);
+            let request = &requests[item.request as usize];
+            for (at, &line) in (0..).zip(&all[request.first_line as usize..][..usize::from(request.lines)]) {
+                let (key, sectors) = (self.key(line), self.sectors(line, request.halves(all, at)));
+                match self.coalesced.sectors.iter_mut().find(|(known, _)| *known == key) {
+                    Some((_, known)) => *known |= sectors,
+                    None => self.coalesced.sectors.push((key, sectors)),
+                }
             }
-            Program::Compute => {
-                let groups = &card.compute(warp.slot).groups;
-                (&groups.requests, &groups.lines)
+        }
+    }
+
+    /// Looks up sectors of a line and asks for those that are not there; the unit cannot go on if that cannot be done.
+    #[inline(always)]
+    fn look_up(&mut self, wires: &mut Wires, key: u64, wanted: u8) -> Result<(), Tick> {
+        let before = self.tags.counts();
+        let place = match self.tags.find(key) {
+            Some(place) => {
+                let line = *self.tags.data(place);
+                if wanted & !line.asked == 0 {
+                    // What is still on its way is waited for like a miss of one's own.
+                    let mut left = wanted;
+                    while left != 0 {
+                        let needs = line.needs[left.trailing_zeros() as usize];
+                        if !self.misses.reached(needs) {
+                            self.place.needs = self.misses.later(self.place.needs, needs);
+                        }
+                        left &= left - 1;
+                    }
+                    return Ok(());
+                }
+                self.tags.recount(CacheCounts { misses: before.misses + 1, accesses: before.accesses + 1, ..before });
+                place
+            }
+            None => {
+                // It is put in when the first of its sectors can be asked for.
+                self.can_ask(wires)?;
+                let place = self.tags.victim(key, |_| true).expect("any line may go");
+                self.tags.replace(place, key, Line::default());
+                place
             }
         };
-        let request = &requests[item.request as usize];
+        while let Some((run, address, bytes)) = self.missing(place, key, wanted) {
+            if let Err(why) = self.can_ask(wires) {
+                // The lookup is counted when it has ended.
+                let evictions = self.tags.counts().evictions;
+                self.tags.recount(CacheCounts { evictions, ..before });
+                return Err(why);
+            }
+            let tag = self.misses.issue();
+            self.memory.read(wires, address, bytes, tag);
+            let needs = self.misses.issued();
+            self.tags.data(place).ask(run, needs);
+            self.fills.sectors += u64::from(run.count_ones());
+        }
+        // Sectors that were on their way before are back no later than those that were asked for last.
+        self.place.needs = Some(self.misses.issued());
+        self.place.missed += 1;
+        Ok(())
+    }
+
+    /// Whether a miss can be sent.
+    #[inline(always)]
+    fn can_ask(&self, wires: &mut Wires) -> Result<(), Tick> {
+        match (self.misses.room(), self.memory.can_send(wires)) {
+            (0, _) => Err(Tick::Memory),
+            (_, false) => Err(Tick::Blocked),
+            _ => Ok(()),
+        }
+    }
+
+    /// An item's request and the lines of it that are left from `line` on.
+    #[inline(always)]
+    fn request<'a>(card: &'a Card, warp: &Warp, item: &Item, at: u32, line: u32) -> (&'a Request, &'a [u32]) {
+        let (requests, lines) = requests_of(card, warp, item);
+        let request = &requests[at as usize];
         (request, &lines[(request.first_line + line) as usize..(request.first_line + u32::from(request.lines)) as usize])
     }
 
@@ -235,7 +368,7 @@ impl Texture {
         for (part, item) in warp.items.iter().enumerate().skip(from) {
             let kind = warp.then(warp.asking(), part, || &card.costs(warp.program, warp.slot, item)[item.cost]);
             if kind == RequestKind::Store {
-                let (request, lines) = Self::request(card, warp, item, 0);
+                let (request, lines) = Self::request(card, warp, item, item.request, 0);
                 bytes += if lines.contains(&line) { stored_bytes(request) } else { 0 };
             }
         }
@@ -244,12 +377,12 @@ impl Texture {
 
     /// Notes the misses of a quad's request.
     #[cold]
-    fn note_misses(&self, card: &mut Card, slot: u16, item: &Item) {
+    fn note_misses(&self, card: &mut Card, slot: u16, item: &Item, at: u32) {
         let Card { work, passes, notes: Some(notes), .. } = card else { return };
         let Some(work) = &work[usize::from(slot)] else { return };
         let Some(pass) = passes.get(work.pass) else { return };
         let tile = &work.segment.tiles[item.source as usize];
-        if let Some(block) = block_of(tile, item.request, pass.blocks_across) {
+        if let Some(block) = block_of(tile, at, pass.blocks_across) {
             note(notes, Some(pass), block, |of| of.misses += self.place.missed);
         }
     }
@@ -305,7 +438,7 @@ impl Texture {
                 let item = warp.items[self.place.item];
                 let last = self.place.item + 1 == items;
                 let kind = warp.then(warp.asking(), self.place.item, || &card.costs(warp.program, warp.slot, &item)[item.cost]);
-                if !kind.has_request() {
+                if !kind.has_request() || kind == RequestKind::Constant && !self.user.constants {
                     if !last {
                         self.place.item += 1;
                         continue;
@@ -323,10 +456,14 @@ impl Texture {
                     return did.or(Tick::Blocked);
                 }
                 let texture = kind == RequestKind::Texture;
+                let at = if kind == RequestKind::Constant { item.constant } else { item.request };
                 if texture && quads == 0 {
                     return Tick::Moved;
                 }
-                let (request, lines) = Self::request(card, warp, &item, self.place.line);
+                if kind == RequestKind::Load && self.config.sector_bytes < self.config.line_bytes && !self.coalesced.noted {
+                    self.note_sectors(card, warp);
+                }
+                let (request, lines) = Self::request(card, warp, &item, at, self.place.line);
                 for &line in lines {
                     if !texture {
                         // What another invocation of the warp has asked for comes with it. Atomics are done one by one.
@@ -348,28 +485,14 @@ impl Texture {
                         return Tick::Moved;
                     }
                     match kind {
-                        RequestKind::Texture | RequestKind::Load => {
-                            let key = u64::from(line >> self.line_shift);
-                            if let Some(place) = self.tags.find(key) {
-                                // A line still on its way is waited for like a miss of one's own.
-                                let needs = *self.tags.data(place);
-                                if !self.misses.reached(needs) {
-                                    self.place.needs = self.misses.later(self.place.needs, needs);
-                                }
-                            } else {
-                                if self.misses.room() == 0 {
-                                    return did.or(Tick::Memory);
-                                }
-                                if !self.memory.can_send(wires) {
-                                    return did.or(Tick::Blocked);
-                                }
-                                let tag = self.misses.issue();
-                                let bytes = self.config.line_bytes;
-                                self.memory.read(wires, key * u64::from(bytes), bytes, tag);
-                                self.place.needs = Some(self.misses.issued());
-                                let place = self.tags.victim(key, |_| true).expect("any line may go");
-                                self.tags.replace(place, key, self.misses.issued());
-                                self.place.missed += 1;
+                        RequestKind::Texture | RequestKind::Load | RequestKind::Constant => {
+                            let key = self.key(line);
+                            let all = self.sectors(line, 3);
+                            let of_load =
+                                self.coalesced.sectors.iter().find(|(known, _)| kind == RequestKind::Load && *known == key);
+                            let wanted = of_load.map_or(all, |(_, sectors)| *sectors);
+                            if let Err(why) = self.look_up(wires, key, wanted) {
+                                return did.or(why);
                             }
                         }
                         RequestKind::Store => {
@@ -415,10 +538,11 @@ impl Texture {
                 let (needs, place) = (self.place.needs, warp.place);
                 if self.place.missed > 0 && card.notes.is_some() && warp.program == Program::Fragment {
                     let slot = warp.slot;
-                    self.note_misses(card, slot, &item);
+                    self.note_misses(card, slot, &item, at);
                 }
                 // The part goes on to its next request, for the step after this one.
-                card.warps[self.user.cluster][token.warp].items[self.place.item].request += 1;
+                let item = &mut card.warps[self.user.cluster][token.warp].items[self.place.item];
+                *(if kind == RequestKind::Constant { &mut item.constant } else { &mut item.request }) += 1;
                 if texture || last {
                     self.enter(wires.now(), needs, operations, last.then_some(place));
                 } else {
@@ -431,6 +555,8 @@ impl Texture {
             card.warps[self.user.cluster][token.warp].asked.pop_front();
             self.coalesced.lines.clear();
             self.coalesced.pieces.clear();
+            self.coalesced.sectors.clear();
+            self.coalesced.noted = false;
             wires.take(&self.input);
             did = Tick::Moved;
         }
@@ -443,6 +569,38 @@ impl Texture {
         let needs = needs.unwrap_or(self.misses.frontier());
         self.fifo.push_back(Entry { needs, from: now + Cycle::from(self.config.latency), operations, answer });
         self.place = Place { item: self.place.item + 1, line: 0, needs: None, missed: 0 };
+    }
+}
+
+impl Line {
+    /// Sectors are asked for, and are there when all misses before a number are back.
+    #[inline(always)]
+    fn ask(&mut self, sectors: u8, needs: u32) {
+        self.asked |= sectors;
+        let mut left = sectors;
+        while left != 0 {
+            self.needs[left.trailing_zeros() as usize] = needs;
+            left &= left - 1;
+        }
+    }
+}
+
+/// The requests among which those of a warp's part are, and their lines.
+#[inline(always)]
+pub(super) fn requests_of<'a>(card: &'a Card, warp: &Warp, item: &Item) -> (&'a [Request], &'a [u32]) {
+    match warp.program {
+        Program::Fragment => {
+            let tile = &card.work(warp.slot).segment.tiles[item.source as usize];
+            (&tile.requests, &tile.lines)
+        }
+        Program::Vertex => {
+            let segment = &card.work(warp.slot).segment;
+            (&segment.requests, &segment.lines)
+        }
+        Program::Compute => {
+            let groups = &card.compute(warp.slot).groups;
+            (&groups.requests, &groups.lines)
+        }
     }
 }
 
@@ -478,6 +636,7 @@ impl Unit<Card> for Texture {
 
     fn counted(groups: &mut Counted<Self>) {
         groups.numbered(CACHES.named("texture"), |unit| (unit.user.number, unit.tags.counts()));
+        groups.numbered(FILLS, |unit| (unit.user.number, unit.fills));
         groups.group_if(TEXTURES, |unit| (!unit.user.vertices).then_some(unit.counts));
     }
 }

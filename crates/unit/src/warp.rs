@@ -46,6 +46,8 @@ pub struct Item {
     pub request: u32,
     /// Its next access to workgroup memory.
     pub shared: u32,
+    /// Its next load from a uniform buffer, where the warp has any.
+    pub constant: u32,
     /// Its cost.
     pub cost: CostId,
 }
@@ -74,8 +76,10 @@ pub struct Warp {
     pub step: u32,
     /// The steps whose requests the texture unit has still to look at, in order: a warp may be in a later one.
     pub asked: VecDeque<u32>,
-    /// Whether some step of some part is an access to workgroup memory.
-    pub shares: bool,
+    /// The steps whose requests the constant cache has still to look at, in order.
+    pub constants_asked: VecDeque<u32>,
+    /// Whether some step of some part is an access to workgroup memory or a load from a uniform buffer, which do not go the way of others.
+    pub apart: bool,
     /// Whether all parts take the same path.
     pub uniform: bool,
     /// Groups of quads, of a fragment warp, in order.
@@ -99,21 +103,34 @@ impl Warp {
     /// for loops of different length and for early exits; a branch whose two sides both run is counted as the longer side
     /// (deliberate deviation: its costs name no reconvergence points). The others follow the parts' paths, if they are recorded.
     pub fn merge<'a>(&mut self, table: impl Fn(&Item) -> &'a CostTable) {
-        (self.step, self.shares) = (0, false);
+        (self.step, self.apart) = (0, false);
         self.asked.clear();
+        self.constants_asked.clear();
         self.steps.clear();
         self.takes.clear();
         self.runs.clear();
         self.run_ends.clear();
         self.uniform = true;
-        if self.execution != Execution::Longest && self.follow(&table) {
-            self.shares = self.steps.iter().any(|step| step.then == RequestKind::Shared);
+        self.merge_paths(&table);
+        if self.apart {
+            // Loads from uniform buffers stand behind all other requests.
+            for item in &mut self.items {
+                let others = table(item)[item.cost].asking().filter(|step| step.then != RequestKind::Constant);
+                item.constant = item.request + others.count() as u32;
+            }
+        }
+    }
+
+    fn merge_paths<'a>(&mut self, table: &impl Fn(&Item) -> &'a CostTable) {
+        let is_apart = |step: &Step| matches!(step.then, RequestKind::Shared | RequestKind::Constant);
+        if self.execution != Execution::Longest && self.follow(table) {
+            self.apart = self.steps.iter().any(is_apart);
             return;
         }
         let Some(first) = self.items.first() else { return };
         let cost: &Cost = &table(first)[first.cost];
         self.steps.extend_from_slice(&cost.steps);
-        self.shares = self.program == Program::Compute && self.steps.iter().any(|step| step.then == RequestKind::Shared);
+        self.apart = self.steps.iter().any(is_apart);
         let mut last = (first.source, first.cost);
         for at in 1..self.items.len() {
             let item = self.items[at];
@@ -137,10 +154,10 @@ impl Warp {
                         if mine.then == RequestKind::End {
                             mine.then = step.then;
                         }
-                        self.shares |= step.then == RequestKind::Shared;
+                        self.apart |= is_apart(step);
                     }
                     None => {
-                        self.shares |= step.then == RequestKind::Shared;
+                        self.apart |= is_apart(step);
                         self.steps.push(*step);
                     }
                 }

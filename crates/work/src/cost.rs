@@ -39,6 +39,9 @@ pub enum RequestKind {
     Store,
     /// An atomic: done at the second-level cache, the result comes back.
     Atomic,
+    /// A load from a uniform buffer: the result comes back through the constant cache, or through the texture unit where a card has none.
+    /// Its request stands behind all others of a run ([`Cost::asking`]).
+    Constant,
     /// An access to workgroup memory, which the core has itself. Its request is among those of [`Groups::shared`](crate::Groups::shared).
     Shared,
     /// A workgroup barrier: all invocations of the group must arrive.
@@ -73,27 +76,33 @@ impl Step {
     }
 }
 
-/// Numbers of requests that may be unanswered. Answers come in the order of requests, to memory and to workgroup memory each.
+/// Numbers of requests that may be unanswered. Answers come in the order of requests, to memory, to workgroup memory and to uniform buffers each.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub struct InFlight {
     /// Requests to memory and textures.
     pub memory: u8,
     /// Accesses to workgroup memory.
     pub shared: u8,
+    /// Loads from uniform buffers.
+    pub constant: u8,
 }
 
 impl InFlight {
     /// All are answered.
-    pub const NONE: InFlight = InFlight { memory: 0, shared: 0 };
+    pub const NONE: InFlight = InFlight { memory: 0, shared: 0, constant: 0 };
 
     /// Any number may be unanswered.
-    pub const ANY: InFlight = InFlight { memory: u8::MAX, shared: u8::MAX };
+    pub const ANY: InFlight = InFlight { memory: u8::MAX, shared: u8::MAX, constant: u8::MAX };
 
     /// The fewer of both.
     #[inline(always)]
     #[must_use]
     pub fn and(self, other: InFlight) -> InFlight {
-        InFlight { memory: self.memory.min(other.memory), shared: self.shared.min(other.shared) }
+        InFlight {
+            memory: self.memory.min(other.memory),
+            shared: self.shared.min(other.shared),
+            constant: self.constant.min(other.constant),
+        }
     }
 }
 
@@ -148,6 +157,15 @@ impl Cost {
             }
         }
         sum
+    }
+
+    /// The steps with a request, in the order of the requests of a run: loads from uniform buffers are behind all others.
+    pub fn asking(&self) -> impl Iterator<Item = &Step> {
+        let of = |constant: bool| {
+            let asks = move |step: &&Step| step.then.has_request() && (step.then == RequestKind::Constant) == constant;
+            self.steps.iter().filter(asks)
+        };
+        of(false).chain(of(true))
     }
 
     /// Steps with a request.

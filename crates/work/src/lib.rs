@@ -31,7 +31,8 @@ pub use key::{Cull, Needless, RenderKey, Shade, Signature};
 pub use pass::{Attachment, Contents, EndFrame, Load, Pass, Sprite, Surface, SurfaceKey, Transfer, TransferKind};
 pub use reach::{Extent, Extents, Reach};
 pub use segment::{
-    Areas, Block, End, Outcome, Primitive, Programs, QUAD_SHADED, Quad, Request, Segment, TileWork, Triangle, Vertex, Visit,
+    Areas, Block, End, LINES, Outcome, Primitive, Programs, QUAD_SHADED, Quad, Request, Segment, TileWork, Triangle, Vertex,
+    Visit,
 };
 
 /// Bytes of a memory line, the granularity at which work names memory.

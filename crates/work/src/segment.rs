@@ -152,7 +152,26 @@ pub struct Request {
     pub loads: bool,
 }
 
+/// Memory lines of a card. Higher numbers are none of lines: [`Request::words`] stand among them.
+pub const LINES: u32 = u32::MAX << 16;
+
 impl Request {
+    /// Of a load from a uniform buffer: the words of each of its lines at which an invocation reads, a bit each. They stand behind its lines, as
+    /// complements, which are no numbers of lines.
+    #[inline(always)]
+    pub fn words<'a>(&self, lines: &'a [u32]) -> impl Iterator<Item = (u32, u16)> + 'a {
+        let (lines, words) = lines[self.first_line as usize..][..2 * usize::from(self.lines)].split_at(usize::from(self.lines));
+        lines.iter().zip(words).map(|(&line, &words)| (line, !words as u16))
+    }
+
+    /// Of a load from another buffer: which halves of one of its lines invocations read, the lower one in bit 0. They stand behind its lines, two
+    /// bits for each, as complements.
+    #[inline(always)]
+    pub fn halves(&self, lines: &[u32], line: u32) -> u8 {
+        let at = (self.first_line + u32::from(self.lines) + line / 8) as usize;
+        (!lines[at] >> (2 * (line % 8)) & 3) as u8
+    }
+
     /// Number of [`Request::rate`]s.
     pub const RATES: usize = TexelClass::ALL.len() + 1;
 

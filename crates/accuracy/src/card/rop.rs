@@ -33,7 +33,7 @@ pub(super) const BENCHMARKS: &[Benchmark] = &[
         unit: "of RGBA8's rate",
         published: &[1.0, 0.5, 0.5, 0.25, 1.0, 1.0, 1.0, 1.0],
         source: seen("Mavridis and Papaioannou 2012, fig. 4.6 (GTX 460: 0.97, 0.56, 0.55, 0.29); hardware.fr 948 for 32 bits"),
-        fault: &["color.quads_per_cycle=1", "color.blends_per_cycle=1"],
+        fault: &["color.write_64=1"],
         measure: |bench| formats(bench, &OPAQUE, None),
         ..ROP
     },

@@ -86,8 +86,10 @@ fn of_buffer(edge: u32, way: Way) -> Trace {
 
 /// Misses of a machine whose texture cache holds so many lines of so many bytes.
 fn missed(work: &[Event], lines: u32, bytes: u32) -> Result<f64> {
-    let [lines, bytes] = [format!("texture.cache_lines={lines}"), format!("texture.line_bytes={bytes}")];
-    let changes = [&ALONE[..], &["core.warps=1", "core.warp_width=4", "texture.cache_ways=65536", &lines, &bytes]].concat();
+    let lines = format!("texture.cache_lines={lines}");
+    let [bytes, sector] = ["line", "sector"].map(|of| format!("texture.{of}_bytes={bytes}"));
+    let changes =
+        [&ALONE[..], &["core.warps=1", "core.warp_width=4", "texture.cache_ways=65536", &lines, &bytes, &sector]].concat();
     misses(&run(&config("four-pipelines", &changes)?, work.iter().cloned())?)
 }
 

@@ -1,7 +1,8 @@
-//! The shader cores and their texture units.
+//! The shader cores, their texture units and constant caches.
 
 use super::Builder;
 use sim::Link;
+use unit::constant::Constant;
 use unit::core::{Core, CoreConfig, CorePorts};
 use unit::texture::{Texture, TextureUser};
 
@@ -16,11 +17,15 @@ impl Builder<'_> {
         let answers = Link::items(config.core.warps.max(2), 1, 1);
         let (ask, texture_input) = self.chain("texture_requests", asks, &id.core, &id.texture);
         let (texture_output, answer) = self.chain("texture_answers", answers, &id.texture, &id.core);
+        let asks_constants = Link::items(config.constant.queue, 1, 1);
+        let (constant_ask, constant_input) = self.chain("constant_requests", asks_constants, &id.core, &id.constant);
+        let (constant_output, constant_answer) = self.chain("constant_answers", answers, &id.constant, &id.core);
         let (vertex_ask, vertex_texture_input) =
             self.chain("vertex_texture_requests", asks, &id.vertex_core, &id.vertex_texture);
         let (vertex_texture_output, vertex_answer) =
             self.chain("vertex_texture_answers", answers, &id.vertex_texture, &id.vertex_core);
 
+        let mut constants = constant_ask.into_iter().zip(constant_answer);
         let mut vertex_ends = std::mem::take(&mut self.open.vertex);
         let fragment_ends = std::mem::take(&mut self.open.fragment);
         let compute_ends = std::mem::take(&mut self.open.compute);
@@ -28,22 +33,30 @@ impl Builder<'_> {
         self.made.core = ends
             .map(|(n, ((fragment, compute), texture))| {
                 let vertex = if unified { vertex_ends[n].take() } else { None };
-                let ports = CorePorts { fragment: Some(fragment), vertex, compute: Some(compute), texture };
+                let (constant, compute) = (constants.next(), Some(compute));
+                let ports = CorePorts { fragment: Some(fragment), vertex, compute, texture, constant };
                 Core::new(config.core.clone(), n / per_pipeline, ports)
             })
             .collect();
         let ends = texture_input.into_iter().zip(texture_output).enumerate();
         for (n, (input, output)) in ends {
             let memory = self.port("texture", n, id.texture[n]);
-            let user = TextureUser { cluster: n / per_pipeline, number: n, vertices: false };
+            let user =
+                TextureUser { cluster: n / per_pipeline, number: n, vertices: false, constants: !config.constant.enabled };
             self.made.texture.push(Texture::new(config.texture.clone(), user, input, output, memory));
+        }
+        for (n, (input, output)) in constant_input.into_iter().zip(constant_output).enumerate() {
+            let memory = self.port("constant", n, id.constant[n]);
+            let unit = Constant::new(config.constant.clone(), n / per_pipeline, input, output, memory);
+            self.made.constant.push(unit);
         }
         let vertex_config =
             CoreConfig { warps: config.core.vertex_warps, issue: config.core.vertex_issue, ..config.core.clone() };
         let ends = vertex_ask.into_iter().zip(vertex_answer).enumerate();
         self.made.vertex_core = ends
             .map(|(n, texture)| {
-                let ports = CorePorts { fragment: None, vertex: vertex_ends[n].take(), compute: None, texture };
+                let vertex = vertex_ends[n].take();
+                let ports = CorePorts { fragment: None, vertex, compute: None, texture, constant: None };
                 Core::new(vertex_config.clone(), pipelines, ports)
             })
             .collect();
@@ -51,7 +64,7 @@ impl Builder<'_> {
         for (n, (input, output)) in ends {
             let number = id.core.len() + n;
             let memory = self.port("texture", number, id.vertex_texture[n]);
-            let user = TextureUser { cluster: pipelines, number, vertices: true };
+            let user = TextureUser { cluster: pipelines, number, vertices: true, constants: true };
             self.made.vertex_texture.push(Texture::new(config.texture.clone(), user, input, output, memory));
         }
     }

@@ -102,7 +102,7 @@ impl<'a> Builder<'a> {
         let (front, back) = (id.crossbar.first().or(id.ideal.first()), id.return_path.first().or(id.ideal.first()));
         let (Some(&front), Some(&back)) = (front, back) else { return Err("a machine has a memory".to_owned()) };
         let ids = MemoryIds { front, l2: id.l2.clone(), dram: id.dram.clone(), back };
-        let memory = MemoryPlan::new(memory, ids)?;
+        let memory = MemoryPlan::new(memory, ids)?.translating(config.tlb);
         let (made, open) = (Banks::default(), Open::default());
         Ok(Builder { config, wiring, memory, network: Some(network), map: None, behind_network: Vec::new(), id, made, open })
     }

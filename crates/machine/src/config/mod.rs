@@ -12,7 +12,7 @@ mod text;
 pub use super::class::SortClass;
 use super::class::Sorted;
 pub use knobs::CardConfig;
-pub use mem::{DramConfig, L2Config, MemoryKind, MemoryKnobs};
+pub use mem::{DramConfig, L2Config, MemoryKind, MemoryKnobs, TlbConfig};
 pub use text::documentation;
 
 use knob::{Knob, Section, Setting};
@@ -24,6 +24,7 @@ use unit::{
     command::{CommandConfig, CullChoice},
     compose::ComposeConfig,
     compute::ComputeConfig,
+    constant::ConstantConfig,
     core::{CoreConfig, Instructions},
     depth::DepthConfig,
     dispatch::DispatchConfig,
@@ -185,6 +186,8 @@ config! {
     core: CoreConfig = "core",
     /// Texture units.
     texture: TextureConfig = "texture",
+    /// Constant caches.
+    constant: ConstantConfig = "constant",
     /// Colour ROPs.
     color: ColorConfig = "color",
     /// Composition.
@@ -201,6 +204,8 @@ config! {
     l2: L2Config = "memory.l2",
     /// DRAM.
     dram: DramConfig = "memory.dram",
+    /// Translation of addresses.
+    tlb: TlbConfig = "memory.tlb",
 }
 
 impl Config {

@@ -22,6 +22,28 @@ pub(super) fn check(config: &Config) -> Result<(), String> {
     if lines > ways && !lines.is_multiple_of(ways) {
         return Err(format!("texture.cache_lines is {lines}, and must be a multiple of texture.cache_ways, which is {ways}"));
     }
+    if config.tlb.page_bytes > config.tlb.second_page_bytes {
+        return Err(format!(
+            "memory.tlb.page_bytes is {}, and must be at most memory.tlb.second_page_bytes, which is {}",
+            config.tlb.page_bytes, config.tlb.second_page_bytes
+        ));
+    }
+    if config.texture.sector_bytes > config.texture.line_bytes {
+        return Err(format!(
+            "texture.sector_bytes is {}, and must be at most texture.line_bytes, which is {}",
+            config.texture.sector_bytes, config.texture.line_bytes
+        ));
+    }
+    let constant = &config.constant;
+    let (bytes, line) = (constant.second_bytes, constant.second_line_bytes);
+    let lines = bytes / line;
+    if !bytes.is_multiple_of(line) || lines > constant.second_ways && !lines.is_multiple_of(constant.second_ways) {
+        return Err(format!(
+            "constant.second_bytes is {bytes}, and must be a multiple of constant.second_line_bytes, which is {line}, times \
+             constant.second_ways, which is {}, or of the former alone where it has fewer lines",
+            constant.second_ways
+        ));
+    }
     if config.color.blends_per_cycle > config.color.quads_per_cycle {
         return Err(format!(
             "color.blends_per_cycle is {}, and must be at most color.quads_per_cycle, which is {}",
@@ -174,12 +196,16 @@ pub(super) fn no_effect(config: &Config, path: &str) -> Option<String> {
         "fetch" if name == "batch_indices" && config.fetch.reuse_until != Reuse::Batch => {
             Some(format!("fetch.reuse_until is {}", config.fetch.reuse_until.name()))
         }
+        "constant" if name != "enabled" && !config.constant.enabled => Some("constant.enabled is false".to_owned()),
         "compose" if class.sorted != Sorted::Images => without("composes no frame buffers"),
         "route" if class.sorted != Sorted::Primitives => without("routes no primitives"),
         "order" if name.starts_with("early_") && config.order.early == EarlyTest::None => {
             Some("order.early is none".to_owned())
         }
-        "memory.l2" | "memory.dram" if config.memory.kind == MemoryKind::Ideal => Some("memory.kind is ideal".to_owned()),
+        "memory.l2" | "memory.dram" | "memory.tlb" if config.memory.kind == MemoryKind::Ideal => {
+            Some("memory.kind is ideal".to_owned())
+        }
+        "memory.tlb" if name != "entries" && config.tlb.entries == 0 => Some("memory.tlb.entries is 0".to_owned()),
         "memory.dram" if name == "page_idle" && config.dram.page != PagePolicy::Idle => {
             Some(format!("memory.dram.page is {}", config.dram.page.name()))
         }

@@ -6,3 +6,4 @@ mod client;
 mod dram;
 mod order;
 mod slices;
+mod translations;

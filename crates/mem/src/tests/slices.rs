@@ -4,7 +4,7 @@ use super::client::{Client, Order};
 use super::dram::ddr4;
 use crate::{
     Crossbar, Dram, DramConfig, Ideal, IdealConfig, Interleave, Kind, L2Config, L2Slice, MemoryConfig, MemoryPlan, PortShape,
-    ReturnPath, memory_tree,
+    ReturnPath, TlbConfig, memory_tree,
 };
 use num::{Cycle, Random};
 use sim::{Circuit, Clock, Wiring, run};
@@ -45,9 +45,17 @@ pub(super) fn dram_memory(slices: u32, channels: u32) -> MemoryConfig {
 }
 
 pub(super) fn rig(config: MemoryConfig, orders: Vec<Vec<Order>>) -> Rig {
+    rig_with(config, None, orders)
+}
+
+/// The same with addresses that are translated.
+fn rig_with(config: MemoryConfig, tlb: Option<TlbConfig>, orders: Vec<Vec<Order>>) -> Rig {
     let mut wiring = Wiring::new();
     let ids = wiring.bank("client", orders.len());
     let mut plan = MemoryPlan::declare(config, &mut wiring).unwrap();
+    if let Some(tlb) = tlb {
+        plan = plan.translating(tlb);
+    }
     let mut clients = Vec::new();
     for (index, (orders, id)) in orders.into_iter().zip(ids).enumerate() {
         let name = if index == 0 { "texture" } else { "color" };
@@ -65,6 +73,12 @@ pub(super) fn is_done(machine: &Rig) -> bool {
 }
 
 pub(super) fn go(config: MemoryConfig, orders: Vec<Vec<Order>>) -> Rig {
+    go_with(config, None, orders)
+}
+
+/// The same with addresses that are translated.
+pub(super) fn go_with(config: MemoryConfig, tlb: Option<TlbConfig>, orders: Vec<Vec<Order>>) -> Rig {
+    let rig = |config, orders| rig_with(config, tlb, orders);
     let mut every = rig(config, orders.clone());
     run(&mut every, &mut (), Clock::EveryCycle, 10_000, |m, _| is_done(m)).unwrap();
     let mut machine = rig(config, orders.clone());

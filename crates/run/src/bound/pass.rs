@@ -244,12 +244,14 @@ impl Bound<'_> {
         let warps = most.map_or(1.0, |draw| self.resident(draw.registers[1]));
         let cores = f64::from(config.core.per_pipeline);
         let warps = warps.min(f64::from(config.dispatch.reorder) / cores).max(1.0);
-        let ways = config.texture.cache_ways.min(config.texture.cache_lines);
+        // Lookups and misses are of 64 bytes: a longer line has several, which share a tag.
+        let pieces = config.texture.cache_lines * config.texture.line_bytes / LINE as u32;
+        let ways = config.texture.cache_ways.min(pieces);
         let sharing = Sharing {
             requests: sum(|draw| draw.fragment.requests()) / quads.max(1.0),
             resident: (warps * f64::from(config.core.warp_width) / f64::from(4 * BUNDLE)).max(1.0),
             pipelines: self.pipelines,
-            sets: f64::from(config.texture.cache_lines / ways),
+            sets: f64::from(pieces / ways),
             ways,
             bundles: quads / f64::from(BUNDLE),
             followed: f64::from(LINES_FOLLOWED),

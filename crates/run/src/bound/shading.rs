@@ -51,7 +51,8 @@ impl Bound<'_> {
         if cost.runs == 0 {
             return Shading::default();
         }
-        let (core, texture) = (&self.config.core, &self.config.texture);
+        let (core, texture, constant) = (&self.config.core, &self.config.texture, &self.config.constant);
+        let cost = &if constant.enabled { *cost } else { cost.without_constants() };
         let lanes =
             [core.float_lanes, core.integer_lanes, core.special_lanes, core.control_lanes, core.multiply_lanes].map(f64::from);
         let latencies =
@@ -96,6 +97,9 @@ impl Bound<'_> {
         let banks = 32.0 / f64::from(core.shared_banks);
         let class = class.max(each(cost.shared_cycles) * runs * banks);
         let chain = chain + each(cost.shared) * f64::from(core.shared_latency);
+        // Loads from uniform buffers hit the constant cache, at one address for a warp.
+        let class = class.max(each(cost.constants));
+        let chain = chain + each(cost.constant_stops) * f64::from(constant.latency);
         if asked == 0.0 {
             return Shading { core: class.max(chain / resident) / runs, texture: 0.0, latency: chain };
         }

@@ -73,7 +73,7 @@ impl Bound<'_> {
         // What is missed as likely as not is missed every other time.
         let mut due = [0.0; 4];
         // What is missed again soon is in the second level, unless that has hardly more room than all first levels together.
-        let first = f64::from(c.texture.cache_lines * c.core.per_pipeline) * self.pipelines * LINE as f64;
+        let first = f64::from(c.texture.cache_lines * c.texture.line_bytes * c.core.per_pipeline) * self.pipelines;
         let second = f64::from(c.l2.slices) * f64::from(c.l2.lines * c.l2.line_bytes);
         let lost = if second < 2.0 * first { missed.inner } else { 0.0 };
         let inner = Traffic { lookups: missed.inner, misses: lost, read: lost * LINE as f64, written: 0.0 };

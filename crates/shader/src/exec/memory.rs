@@ -108,9 +108,10 @@ pub(crate) fn peek(resources: &Resources<'_>, op: &MemoryOp, element: u32, at: u
     Some(std::array::from_fn(|c| component(&w, op.width, at + size * c as u64)))
 }
 
-/// The line of the card's memory that a byte of a buffer lies in.
-pub(super) fn line_of(resources: &Resources<'_>, binding: u16, offset: u64) -> u32 {
-    ((buffer(resources, binding, 0).address + offset) / LINE) as u32
+/// The line of the card's memory that a byte of a buffer lies in, and the half of it.
+pub(super) fn line_of(resources: &Resources<'_>, binding: u16, offset: u64) -> (u32, u16) {
+    let address = buffer(resources, binding, 0).address + offset;
+    ((address / LINE) as u32, 1 << (address % LINE / (LINE / 2)))
 }
 
 /// Loads from buffers at places that are known: `copy` receives the words of a run and the first register of theirs, `set` what one register
@@ -171,6 +172,12 @@ fn offsets(file: File<'_>, op: &MemoryOp) -> Lanes {
     if op.address == NO_REG { Lanes::ZERO } else { get(file, op.address) }
 }
 
+/// What a load of a buffer asks.
+#[inline(always)]
+fn kind_of(op: &MemoryOp) -> RequestKind {
+    if op.constant { RequestKind::Constant } else { RequestKind::Load }
+}
+
 /// A load of up to four components.
 #[inline(always)]
 pub(super) fn load<const RECORD: bool>(m: &Machine<'_>, file: File<'_>, mask: Mask, entry: u32, recorder: &mut Scratch) {
@@ -202,7 +209,7 @@ pub(super) fn load<const RECORD: bool>(m: &Machine<'_>, file: File<'_>, mask: Ma
         if RECORD && op.space == Space::Shared {
             recorder.shared(mask, op.count, false, |_| at);
         } else if RECORD {
-            recorder.request(RequestKind::Load, mask, op.count, |_| Some(w.address + at), size * u64::from(op.count));
+            recorder.request(kind_of(op), mask, op.count, |_| Some(w.address + at), size * u64::from(op.count));
         }
         return;
     }
@@ -231,7 +238,7 @@ pub(super) fn load<const RECORD: bool>(m: &Machine<'_>, file: File<'_>, mask: Ma
             let w = if many { window(m, op.space, lane(file, op.element, i)) } else { w };
             Some(w.address + u64::from(at.0[i]) + offset)
         };
-        recorder.request(RequestKind::Load, mask, op.count, address, size * u64::from(op.count));
+        recorder.request(kind_of(op), mask, op.count, address, size * u64::from(op.count));
     }
     for c in 0..usize::from(op.count) {
         if op.data[c] != NO_REG {

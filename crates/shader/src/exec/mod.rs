@@ -135,15 +135,15 @@ impl Program {
             |values, number, bits| values[number] = bits,
         );
         uniforms.work.counted = self.shared_counted;
-        uniforms.work.lines.clear();
-        uniforms
-            .work
-            .lines
-            .extend(self.shared_loads.iter().map(|&(binding, offset)| memory::line_of(resources, binding, offset)));
+        let loads = &mut uniforms.work.loads;
+        loads.clear();
+        loads.extend(self.shared_loads.iter().map(|&(binding, offset)| {
+            let (line, part) = memory::line_of(resources, binding, offset);
+            record::SharedLoad { line, constant: false, part }
+        }));
         if self.computed_uniforms.is_empty() {
             return;
         }
-        let lines = &mut uniforms.work.lines;
         ROOM.with_borrow_mut(|Executor { file, masks, shared, scratch, .. }| {
             // As in runs, no value is read before it is written.
             file.resize(file.len().max(self.prologue.registers), Lanes::ZERO);
@@ -168,7 +168,7 @@ impl Program {
             } else {
                 scratch.begin(Extra::default(), &record::SharedWork::default(), 1);
                 let stop = run::dispatch::<true>(&mut machine, file, masks, scratch);
-                lines.extend(scratch.lines_together());
+                loads.extend(scratch.loads_together());
                 stop
             };
             debug_assert!(matches!(stop, Stop::End));

@@ -85,6 +85,8 @@ pub(super) struct Scratch {
     together: Mask,
     /// Whether quads have parted.
     parted: bool,
+    /// Whether uniform buffers were read.
+    constants: bool,
     running: [Running; QUADS],
     steps: [Vec<Step>; QUADS],
     /// Requests of the quads that go together, step by step.
@@ -108,11 +110,21 @@ pub(super) struct Scratch {
     pub(super) texels: Option<Box<[Lanes; 4]>>,
 }
 
-/// What all invocations of a draw or dispatch share, as each warp does it: the lines that it loads, one a load, then instructions.
+/// What all invocations of a draw or dispatch share, as each warp does it: its loads, then instructions.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub(super) struct SharedWork {
-    pub lines: Vec<u32>,
+    pub loads: Vec<SharedLoad>,
     pub counted: Counted,
+}
+
+/// A load of one line.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct SharedLoad {
+    pub line: u32,
+    /// Whether it is from a uniform buffer.
+    pub constant: bool,
+    /// What is read of the line, as [`Request::words`] or [`Request::halves`] have it.
+    pub part: u16,
 }
 
 /// What a quad has executed since its last request.
@@ -208,6 +220,7 @@ impl Scratch {
         }
         self.forget();
         self.running[0] = Running::default();
+        self.constants = false;
         (self.together, self.parted, self.ahead) = (0, extra.paths, 0);
         if !extra.vectors && mask != 0 && *shared != SharedWork::default() {
             self.begin_shared(shared, mask);
@@ -218,14 +231,17 @@ impl Scratch {
     fn begin_shared(&mut self, shared: &SharedWork, mask: Mask) {
         let mut load = Counted::default();
         load.instructions[Class::Integer as usize] = 1;
-        for &line in &shared.lines {
+        for &SharedLoad { line, constant, part } in &shared.loads {
             let first_line = self.footprint.lines.len() as u32;
-            self.footprint.lines.push(line);
+            self.footprint.lines.extend([line, !u32::from(part)]);
             self.count(&load, InFlight::ANY, mask);
             self.path_begins(&load, InFlight::ANY, mask);
-            self.requests(RequestKind::Load, mask, |_, _| Request { first_line, lines: 1, operations: 1, ..NONE });
+            let kind = if constant { RequestKind::Constant } else { RequestKind::Load };
+            self.requests(kind, mask, |_, _| Request { first_line, lines: 1, operations: 1, ..NONE });
         }
-        let loaded = InFlight { memory: if shared.lines.is_empty() { u8::MAX } else { 0 }, ..InFlight::ANY };
+        let left = |constant: bool| shared.loads.iter().any(|load| load.constant == constant);
+        let [memory, constant] = [false, true].map(|constant| if left(constant) { 0 } else { u8::MAX });
+        let loaded = InFlight { memory, constant, ..InFlight::ANY };
         self.count(&shared.counted, loaded, mask);
         self.path_begins(&shared.counted, loaded, mask);
     }
@@ -389,10 +405,19 @@ impl Scratch {
         self.last = pc;
     }
 
-    /// The lines of all requests of a run whose quads have stayed together, in order.
-    pub(super) fn lines_together(&self) -> impl Iterator<Item = u32> + '_ {
-        let lines = |request: &Request| &self.footprint.lines[request.first_line as usize..][..usize::from(request.lines)];
-        self.rows.iter().flat_map(move |row| lines(&row[0]).iter().copied())
+    /// The loads of a run whose quads have stayed together, one for each line, in order.
+    pub(super) fn loads_together(&self) -> impl Iterator<Item = SharedLoad> + '_ {
+        let asking = self.steps[0].iter().filter(|step| step.then.has_request());
+        asking.zip(&self.rows).flat_map(|(step, row)| {
+            let (request, lines) = (row[0], &self.footprint.lines);
+            let constant = step.then == RequestKind::Constant;
+            (0..u32::from(request.lines)).map(move |k| {
+                let at = request.first_line as usize + k as usize;
+                let part =
+                    if constant { !lines[at + usize::from(request.lines)] as u16 } else { request.halves(lines, k).into() };
+                SharedLoad { line: lines[at], constant, part }
+            })
+        })
     }
 
     /// Ends the current step of the quads of the mask.
@@ -416,6 +441,7 @@ impl Scratch {
     /// Ends a step of each quad of the mask with its request, which `of` makes.
     #[inline(always)]
     fn requests(&mut self, kind: RequestKind, mask: Mask, mut of: impl FnMut(&mut Footprint, usize) -> Request) {
+        self.constants |= kind == RequestKind::Constant;
         if mask != 0 && self.goes_together(mask) {
             let mut row = [NONE; QUADS];
             for q in quads(mask) {
@@ -458,6 +484,26 @@ impl Scratch {
             }
             let count = (lines.len() - first).min(MOST_LINES);
             lines.truncate(first + count);
+            // What is read of each line.
+            let parts = match kind {
+                RequestKind::Constant => count,
+                RequestKind::Load => count.div_ceil(8),
+                _ => 0,
+            };
+            lines.resize(first + count + parts, !0);
+            for i in (4 * q..4 * q + 4).filter(|i| parts > 0 && mask >> i & 1 != 0) {
+                let Some(a) = address(i) else { continue };
+                let end = a + bytes.max(1) - 1;
+                for line in a / LINE..=end / LINE {
+                    let Some(at) = lines[first..first + count].iter().position(|&known| known == line as u32) else { continue };
+                    if kind == RequestKind::Load {
+                        let half = |byte: u64| 1 << (byte.clamp(line * LINE, line * LINE + LINE - 1) % LINE / (LINE / 2));
+                        lines[first + count + at / 8] &= !((half(a) | half(end)) << (2 * (at % 8)));
+                    } else if line == a / LINE {
+                        lines[first + count + at] &= !(1 << (a % LINE / 4));
+                    }
+                }
+            }
             Request { first_line: first as u32, lines: count as u8, operations: moved.clamp(1, 255) as u8, ..NONE }
         });
     }
@@ -479,6 +525,23 @@ impl Scratch {
             let (lines, operations) = ((self.words.len() - first) as u8, if atomic { 0 } else { words });
             self.shared[q].push(Request { first_line: first as u32, lines, operations, ..NONE });
             self.step(q, RequestKind::Shared);
+        }
+    }
+
+    /// Puts the requests to uniform buffers behind all others, at the end of a run.
+    #[cold]
+    fn constants_last(&mut self) {
+        fn last<T: Copy>(steps: &[Step], requests: &mut [T]) {
+            let asking = steps.iter().filter(|step| step.then.has_request());
+            let mut marked: Vec<_> =
+                asking.map(|step| step.then == RequestKind::Constant).zip(requests.iter().copied()).collect();
+            marked.sort_by_key(|&(constant, _)| constant);
+            requests.iter_mut().zip(marked).for_each(|(request, (_, sorted))| *request = sorted);
+        }
+        if self.parted {
+            self.steps.iter().zip(&mut self.staged).for_each(|(steps, staged)| last(steps, staged));
+        } else {
+            last(&self.steps[0], &mut self.rows);
         }
     }
 
@@ -535,6 +598,9 @@ impl Recorder {
         }
         let first_line = self.lines.len() as u32;
         self.lines.extend_from_slice(&run.footprint.lines);
+        if run.constants {
+            run.constants_last();
+        }
         if !run.parted {
             return self.finish_together(run, first_line);
         }

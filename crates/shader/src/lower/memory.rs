@@ -67,6 +67,7 @@ impl<'a> Lowerer<'a> {
             address: NO_REG,
             offset: run.offset,
             uniform,
+            constant: matches!(space, Space::Buffer(binding) if self.uniform_bindings[usize::from(binding)]),
             atomic,
         };
         self.b.memory_entry(op)

@@ -151,6 +151,8 @@ pub(super) struct Lowerer<'a> {
     /// Index in the interface's bindings.
     pub bindings: HashMap<Handle<GlobalVariable>, u16>,
     pub written_bindings: Vec<bool>,
+    /// Which bindings are uniform buffers.
+    pub uniform_bindings: Vec<bool>,
     pub global_exprs: HashMap<Handle<Expression>, Val>,
     pub writes: HashMap<Handle<Function>, Rc<writes::Writes>>,
     pub indexed: writes::Indexed,

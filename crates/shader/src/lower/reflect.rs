@@ -44,6 +44,7 @@ pub(crate) fn lower(
         globals: Default::default(),
         bindings: Default::default(),
         written_bindings: Vec::new(),
+        uniform_bindings: Vec::new(),
         global_exprs: Default::default(),
         writes: Default::default(),
         indexed: writes::find_indexed(module, info, index),
@@ -88,6 +89,7 @@ impl<'a> Lowerer<'a> {
         self.within(self.origin.limits.shader_invocations, invocations)?;
         let bindings = self.reflect_bindings(index)?;
         self.written_bindings = vec![false; bindings.len()];
+        self.uniform_bindings = bindings.iter().map(|of| matches!(of.kind, BindingKind::Uniform { .. })).collect();
         let workgroup_bytes = self.global_variables(index)?;
         let (inputs, input_slots, args) = self.inputs(&entry.function)?;
         let value = self.inline(None, &entry.function, info.get_entry_point(index), args)?;

@@ -235,6 +235,45 @@ fn a_warp_loads_and_computes_what_all_invocations_share() {
 }
 
 #[test]
+fn loads_from_uniform_buffers_name_their_words_behind_other_requests() {
+    let source = "
+        struct Table { at: vec4u, values: array<vec4f, 64> }
+        @group(0) @binding(0) var<uniform> u: Table;
+        @group(0) @binding(1) var<storage, read_write> o: array<vec4f>;
+        @group(0) @binding(2) var<storage, read> a: array<vec4f>;
+        @compute @workgroup_size(64) fn main(@builtin(global_invocation_id) id: vec3u) {
+            let mine = u.values[id.x / 2];
+            o[id.x] = mine + a[id.x] + u.values[u.at.x];
+        }";
+    let p = program(source);
+    let [u, o, a] = [1040, 1024, 1024].map(Words::new);
+    u.words()[0].store(5, std::sync::atomic::Ordering::Relaxed);
+    let buffer = |words, address, size| Resource::Buffer(BufferRange { words, offset: 0, size, address });
+    let bindings = vec![vec![buffer(&u, 4096, 1040)], vec![buffer(&o, 8192, 1024)], vec![buffer(&a, 12288, 1024)]];
+    let resources = Resources { bindings: &bindings, ..Resources::default() };
+    let uniforms = p.uniforms(&resources);
+    let mut executor = Executor::new();
+    for paths in [false, true] {
+        let (mut recorder, mut packets) = (Recorder::with(Extra { paths, ..Extra::default() }), Vec::new());
+        let mut bound = executor.bind(&p, &resources, &uniforms);
+        bound.run_groups(0..1, [1, 1, 1], Some((&mut recorder, &mut packets))).expect("it ends");
+        let cost = &recorder.costs[packets[3].cost];
+        use RequestKind::{Constant, End, Load, Store};
+        assert_eq!(
+            cost.steps.iter().map(|step| step.then).collect::<Vec<_>>(),
+            [Constant, Constant, Constant, Constant, Constant, Load, Store, End]
+        );
+        // Invocations 12 to 15 load from storage at 12288 + 12 x 16, and store; then the shared loads of value 5, and their own of 6 and 7.
+        let requests = &recorder.requests[packets[3].first_request as usize..][..7];
+        let lines = |k: usize| &recorder.lines[requests[k].first_line as usize..][..usize::from(requests[k].lines)];
+        assert_eq!([lines(0), lines(1)], [[(12288 + 192) / 64], [(8192 + 192) / 64]]);
+        let words = |k: usize| requests[k].words(&recorder.lines).collect::<Vec<_>>();
+        assert_eq!([2, 3, 4, 5].map(|k| words(k)[0]), [8, 9, 10, 11].map(|word| ((4096 + 96) / 64, 1 << word)));
+        assert_eq!(words(6), [((4096 + 112) / 64, 1 << 12), ((4096 + 128) / 64, 1)]);
+    }
+}
+
+#[test]
 fn programs_of_an_engine() {
     // Culling in compute: bit tricks, an append list with an atomic counter, structs behind pointers, early outs.
     let source = "

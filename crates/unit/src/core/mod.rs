@@ -12,7 +12,7 @@ use super::warp::{Execution, Program};
 use issue::{Fixed, Issue, PLACES, bits};
 use knob::Allowed;
 use num::NEVER;
-use shared::{SHARED, SharedMemory};
+use shared::{Asks, SHARED, SharedMemory};
 use sim::{Counted, In, Out, Tick, Unit, Wires};
 use stats::Heading;
 use turns::Turns;
@@ -151,6 +151,33 @@ pub struct CorePorts {
     pub compute: Option<(In<WarpToken>, Out<WarpToken>)>,
     /// Texture and memory requests, and their answers.
     pub texture: (Out<WarpToken>, In<WarpToken>),
+    /// Loads from uniform buffers, and their answers. Where there is no constant cache they are texture and memory requests.
+    pub constant: Option<(Out<WarpToken>, In<WarpToken>)>,
+}
+
+/// What a warp has asked the texture unit where that has loads from uniform buffers too: a bit for each request, the oldest in the lowest.
+#[derive(Clone, Copy, Debug, Default)]
+struct Mixed {
+    memory: u128,
+    constant: u128,
+    requests: u32,
+}
+
+impl Mixed {
+    fn ask(&mut self, asks: Asks) {
+        self.memory |= u128::from(asks.memory) << self.requests;
+        self.constant |= u128::from(asks.constant) << self.requests;
+        self.requests += 1;
+    }
+
+    /// What the next answer is to, as numbers.
+    fn answer(&mut self) -> [u8; 2] {
+        let answered = [self.memory, self.constant].map(|bits| (bits & 1) as u8);
+        self.memory >>= 1;
+        self.constant >>= 1;
+        self.requests -= 1;
+        answered
+    }
 }
 
 /// A warp in the core.
@@ -184,6 +211,8 @@ pub struct Core {
     vertex: u64,
     /// Requests of each place that are not answered.
     unanswered: Vec<InFlight>,
+    /// The same of the texture unit's, where there is no constant cache.
+    mixed: Vec<Mixed>,
     /// Places that wait for answers before they go on.
     waiting: u64,
     memory: SharedMemory,
@@ -232,6 +261,7 @@ impl Core {
             issue: Issue::new(),
             vertex: 0,
             unanswered: vec![InFlight::NONE; config.warps as usize],
+            mixed: vec![Mixed::default(); config.warps as usize],
             waiting: 0,
             memory: SharedMemory::new(&config),
             registers: config.registers,
@@ -289,7 +319,9 @@ impl Core {
         let Some(step) = step.filter(|step| !needs_all(step)) else { return false };
         let most = self.config.in_flight as u8 - 1;
         let may = |unanswered: u8, allowed: u8| unanswered <= allowed.min(most);
-        may(unanswered.memory, step.in_flight.memory) && may(unanswered.shared, step.in_flight.shared)
+        let own = self.ports.constant.is_some() || may(unanswered.memory + unanswered.constant, u8::MAX);
+        let memory = may(unanswered.memory, step.in_flight.memory) && may(unanswered.constant, step.in_flight.constant);
+        own && memory && may(unanswered.shared, step.in_flight.shared)
     }
 
     /// A request of a warp is answered: it goes on, if it waits for that.
@@ -435,8 +467,20 @@ impl Unit<Card> for Core {
         // 2. Answers of the texture unit: the warp goes on with its next step.
         while let Some(token) = wires.pop(&self.ports.texture.1) {
             let place = token.warp;
-            self.unanswered[place as usize].memory -= 1;
+            let unanswered = &mut self.unanswered[place as usize];
+            if self.ports.constant.is_some() {
+                unanswered.memory -= 1;
+            } else {
+                let [memory, constant] = self.mixed[place as usize].answer();
+                unanswered.memory -= memory;
+                unanswered.constant -= constant;
+            }
             self.answered(card, place);
+            did = Tick::Moved;
+        }
+        while let Some(token) = self.ports.constant.as_ref().and_then(|(_, answers)| wires.pop(answers)) {
+            self.unanswered[token.warp as usize].constant -= 1;
+            self.answered(card, token.warp);
             did = Tick::Moved;
         }
         while let Some(place) = self.memory.answer(now) {
@@ -454,19 +498,37 @@ impl Unit<Card> for Core {
         while self.issue.asking != 0 {
             let place = self.issue.choose(&self.fixed, self.issue.asking);
             let number = self.resident[place as usize].warp;
-            let asks = card.warps[self.cluster][number].shares.then(|| shared::asks(card, self.cluster, number));
-            if asks.is_none_or(|asks| asks.memory) {
+            let apart = card.warps[self.cluster][number].apart;
+            let asks = if apart { shared::asks(card, self.cluster, number) } else { Asks { memory: true, ..Asks::default() } };
+            let constant = self.ports.constant.as_ref().map(|(asks, _)| asks).filter(|_| asks.constant);
+            if constant.is_some_and(|requests| !wires.can_push(requests)) {
+                did = did.or(Tick::Blocked);
+                break;
+            }
+            if asks.memory || asks.constant && constant.is_none() {
                 if !wires.try_push(&self.ports.texture.0, WarpToken { warp: number }) {
                     did = did.or(Tick::Blocked);
                     break;
                 }
-                self.unanswered[place as usize].memory += 1;
+                if self.ports.constant.is_none() {
+                    self.mixed[place as usize].ask(asks);
+                }
+                self.unanswered[place as usize].memory += u8::from(asks.memory);
                 // The texture unit finds the warp by its number, and answers with its place.
                 let warp = &mut card.warps[self.cluster][number];
                 warp.place = place;
                 warp.asked.push_back(warp.step);
             }
-            if asks.is_some_and(|asks| asks.shared) {
+            if asks.constant {
+                self.unanswered[place as usize].constant += 1;
+            }
+            if let Some(requests) = constant {
+                wires.push(requests, WarpToken { warp: number });
+                let warp = &mut card.warps[self.cluster][number];
+                warp.place = place;
+                warp.constants_asked.push_back(warp.step);
+            }
+            if asks.shared {
                 self.unanswered[place as usize].shared += 1;
                 self.memory.access(card, self.cluster, number, place, now);
             }

@@ -33,6 +33,7 @@ stats::counters! {
 pub(super) struct Asks {
     pub memory: bool,
     pub shared: bool,
+    pub constant: bool,
 }
 
 /// What the parts of a warp ask at the end of its current step.
@@ -42,11 +43,12 @@ pub(super) fn asks(card: &Card, cluster: usize, number: u32) -> Asks {
     let mut asks = Asks::default();
     for (part, item) in warp.items.iter().enumerate() {
         let kind = warp.then(warp.step, part, || &card.costs(warp.program, warp.slot, item)[item.cost]);
-        asks.memory |= kind.has_request();
+        asks.constant |= kind == RequestKind::Constant;
+        asks.memory |= kind.has_request() && kind != RequestKind::Constant;
         asks.shared |= kind == RequestKind::Shared;
     }
     // Parts that have nothing left to ask are answered like the others.
-    asks.memory |= !asks.shared;
+    asks.memory |= !asks.shared && !asks.constant;
     asks
 }
 

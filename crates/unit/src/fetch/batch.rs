@@ -144,7 +144,7 @@ impl Fetch {
         warp.number = batch.number;
         for vertex in self.vertices.drain(..batch.count as usize) {
             let vertex = &work.segment.vertices[vertex as usize];
-            warp.items.push(Item { source: 0, request: vertex.first_request, shared: 0, cost: vertex.cost });
+            warp.items.push(Item { source: 0, request: vertex.first_request, shared: 0, constant: 0, cost: vertex.cost });
         }
         warp.merge(|_| &work.segment.costs);
         wires.push(output, WarpToken { warp: index });

@@ -18,6 +18,8 @@ sim::circuit! {
         sources: Vec<Source<WarpToken>>,
         core: One<Core>,
         texture: One<Echo<WarpToken>>,
+        /// One, or none.
+        constant: Vec<Echo<WarpToken>>,
         sinks: Vec<Sink<WarpToken>>,
     }
 }
@@ -82,11 +84,20 @@ impl Work {
 /// Cycles that the texture unit takes here.
 const TEXTURE: Cycle = 30;
 
+/// Cycles that the constant cache takes here.
+const CONSTANT: Cycle = 10;
+
 fn circuit(config: &CoreConfig, work: &[Work]) -> (CoreCircuit, Card) {
+    circuit_with(config, work, false)
+}
+
+/// With or without a constant cache.
+fn circuit_with(config: &CoreConfig, work: &[Work], has_constants: bool) -> (CoreCircuit, Card) {
     let mut wiring = Wiring::new();
     let from = wiring.bank("sources", 3);
     let core = wiring.unit("core", 0);
     let texture = wiring.unit("texture", 0);
+    let caches = wiring.bank("constant", usize::from(has_constants));
     let to = wiring.bank("sinks", 3);
     let mut outputs = Vec::new();
     let mut ends = Vec::new();
@@ -135,19 +146,31 @@ fn circuit(config: &CoreConfig, work: &[Work]) -> (CoreCircuit, Card) {
     card.compute[0] = Some(ComputeWork { dispatch: Arc::new(dispatch), groups: Arc::new(groups), epoch: 0 });
     let mut ends = ends.into_iter();
     let mut next = || ends.next();
-    let ports = CorePorts { vertex: next(), compute: next(), fragment: next(), texture: (ask, answered) };
+    let place = |token: WarpToken, card: &mut Card| WarpToken { warp: card.warps[0][token.warp].place };
+    let (mut constant, mut constants) = (None, Vec::new());
+    for &cache in &caches {
+        let (ask, asked) = wiring.channel("constants", 0, FREE, core, cache);
+        let (answer, answered) = wiring.channel("constant answers", 0, FREE, cache, core);
+        constants.push(Echo::answering(CONSTANT, place, asked, answer));
+        constant = Some((ask, answered));
+    }
+    let ports = CorePorts { vertex: next(), compute: next(), fragment: next(), texture: (ask, answered), constant };
     let sources = tokens.into_iter().zip(outputs).map(|(items, output)| Source::new(items, output)).collect();
     let core = One(Core::new(config.clone(), 0, ports));
-    let place = |token: WarpToken, card: &mut Card| WarpToken { warp: card.warps[0][token.warp].place };
     let texture = One(Echo::answering(TEXTURE, place, asked, answer));
-    (CoreCircuit::new(wiring, sources, core, texture, sinks), card)
+    (CoreCircuit::new(wiring, sources, core, texture, constants, sinks), card)
 }
 
 /// When warps of vertices, workgroups and fragments leave.
 fn run_all(config: &CoreConfig, work: &[Work]) -> [Vec<(Cycle, u32)>; 3] {
+    run_with(config, work, false)
+}
+
+/// The same with or without a constant cache.
+fn run_with(config: &CoreConfig, work: &[Work], has_constants: bool) -> [Vec<(Cycle, u32)>; 3] {
     let sinks = |c: &CoreCircuit| [0, 1, 2].map(|of| c.sinks[of].log(number));
     settle(
-        || circuit(config, work),
+        || circuit_with(config, work, has_constants),
         |c, _| c.core.resident() == 0 && sinks(c).iter().map(Vec::len).sum::<usize>() == work.len(),
         |c, card| {
             let asked: u64 = work.iter().flat_map(|work| &work.steps).flat_map(|step| step.instructions).map(u64::from).sum();
@@ -317,10 +340,47 @@ fn a_request_is_waited_for_and_others_go_on() {
 }
 
 #[test]
+fn loads_from_uniform_buffers_are_answered_apart() {
+    // A sample, a load from a uniform buffer, and a step that needs the load, the sample, or both.
+    let steps = |memory: u8, constant: u8| {
+        let of = |count, then, memory, constant| {
+            let in_flight = InFlight { memory, shared: u8::MAX, constant };
+            Step { in_flight, ..step([count, 0, 0, 0, 0], then) }
+        };
+        let any = u8::MAX;
+        [
+            of(1, RequestKind::Texture, any, any),
+            of(1, RequestKind::Constant, any, any),
+            of(4, RequestKind::Store, memory, constant),
+            of(1, RequestKind::End, any, any),
+        ]
+    };
+    let ends = |has, memory, constant| run_with(&config(), &[Work::fragments(&steps(memory, constant))], has)[2][0].0;
+    let (texture, cached) = (1 + TEXTURE + 1, 1 + CONSTANT + 1);
+    // Both ask in 2 and 3. Four instructions take 18 cycles from the first to the last, with which the store asks. In the end all is answered.
+    let rest = 18 + texture + 2;
+    assert_eq!(ends(true, 1, 0), 3 + cached + rest);
+    assert_eq!(ends(true, 0, 1), 2 + texture + rest);
+    assert_eq!(ends(true, 0, 0), 2 + texture + rest);
+    assert_eq!(ends(true, 1, 1), 4 + rest);
+    // Without a cache the texture unit answers both, in order.
+    assert_eq!(ends(false, 1, 0), 3 + texture + rest);
+    assert_eq!(ends(false, 0, 1), 2 + texture + rest);
+    assert_eq!(ends(false, 0, 0), 3 + texture + rest);
+    // One request at a time: each is waited for, whoever answers it.
+    let one = CoreConfig { in_flight: 1, ..config() };
+    let each = |has: bool| run_with(&one, &[Work::fragments(&steps(1, 1))], has)[2][0].0;
+    assert_eq!([each(false), each(true)], [2 + 2 * texture + rest, 2 + texture + cached + rest]);
+}
+
+#[test]
 fn a_warp_goes_on_until_it_needs_an_answer() {
     // Two requests, and a step that needs the first, both, or neither.
     let steps = |allowed: u8| {
-        let any = |instructions, then, memory| Step { in_flight: InFlight { memory, shared: 0 }, ..step(instructions, then) };
+        let any = |instructions, then, memory| Step {
+            in_flight: InFlight { memory, shared: 0, constant: 0 },
+            ..step(instructions, then)
+        };
         [
             any([1, 0, 0, 0, 0], RequestKind::Texture, u8::MAX),
             any([1, 0, 0, 0, 0], RequestKind::Load, u8::MAX),
@@ -366,8 +426,8 @@ fn banks_of_workgroup_memory_have_a_word_a_cycle() {
     // A warp goes on while its access is under way.
     let ahead = [
         steps[0],
-        Step { in_flight: InFlight { memory: 0, shared: 1 }, ..steps[0] },
-        Step { in_flight: InFlight { memory: 0, shared: 1 }, ..step([1, 0, 0, 0, 0], RequestKind::Load) },
+        Step { in_flight: InFlight { memory: 0, shared: 1, constant: 0 }, ..steps[0] },
+        Step { in_flight: InFlight { memory: 0, shared: 1, constant: 0 }, ..step([1, 0, 0, 0, 0], RequestKind::Load) },
         steps[1],
     ];
     let work = Work { words: vec![vec![0], vec![1]], ..Work::of_group(&ahead, 1, 1, 64) };

@@ -9,6 +9,7 @@ mod clip;
 mod color;
 mod command;
 mod compute;
+mod constant;
 mod core;
 mod deal;
 mod depth;

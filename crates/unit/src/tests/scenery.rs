@@ -137,7 +137,7 @@ pub fn warp(card: &mut Card, program: Program, parts: u32, registers: u32, costs
     let index = card.warps[0].insert(program, 0, registers);
     let warp = &mut card.warps[0][index];
     for _ in 0..parts {
-        warp.items.push(Item { source: 0, request: 0, shared: 0, cost: 0 });
+        warp.items.push(Item { source: 0, request: 0, shared: 0, constant: 0, cost: 0 });
     }
     warp.merge(|_| costs);
     index

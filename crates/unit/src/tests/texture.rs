@@ -40,6 +40,7 @@ fn config() -> TextureConfig {
         cache_lines: 1024,
         cache_ways: 1024,
         line_bytes: 64,
+        sector_bytes: 64,
         misses: 256,
         fifo: 256,
         latency: 20,
@@ -74,14 +75,15 @@ fn textured(config: &TextureConfig, kind: RequestKind, warps: &[Quads]) -> Textu
 
 /// The same for warps that come at their cycles.
 fn textured_from(config: &TextureConfig, kind: RequestKind, warps: &[(Cycle, Quads)]) -> Textured {
-    textured_as(config, kind, (TexelClass::Bytes, false), warps)
+    textured_as(config, kind, (TexelClass::Bytes, false), 3, warps)
 }
 
-/// The same with texels of some width, loaded or filtered.
+/// The same with texels of some width, loaded or filtered; loads from buffers read these halves of their lines.
 fn textured_as(
     config: &TextureConfig,
     kind: RequestKind,
     (texel, loads): (TexelClass, bool),
+    halves: u32,
     warps: &[(Cycle, Quads)],
 ) -> Textured {
     settle(
@@ -104,6 +106,7 @@ fn textured_as(
                     let first_line = tile.lines.len() as u32;
                     tile.requests.push(Request { first_line, lines: lines.len() as u8, operations: *operations, texel, loads });
                     tile.lines.extend(lines);
+                    tile.lines.resize(tile.lines.len() + lines.len().div_ceil(8), !(halves * 0x5555));
                 }
                 items.push((*at, WarpToken { warp: index }));
             }
@@ -261,11 +264,42 @@ fn a_longer_line_is_read_whole_and_serves_its_neighbours() {
     // Pieces 4 to 7 of 64 bytes are one line of 256, piece 8 is of the next.
     let warps: Vec<_> = [5, 4, 7, 8].map(|piece| (vec![vec![piece]], 1)).to_vec();
     for (bytes, misses) in [(64, 4), (128, 3), (256, 2)] {
-        let got = textured(&TextureConfig { line_bytes: bytes, ..config() }, RequestKind::Texture, &warps);
+        let got = textured(&TextureConfig { line_bytes: bytes, sector_bytes: bytes, ..config() }, RequestKind::Texture, &warps);
         assert_eq!((got.cache.accesses, got.cache.misses, got.read), (4, misses, misses * u64::from(bytes)), "{bytes} bytes");
         // Asked for in cycle 1; the first answer is that of a request of this size.
         assert_eq!(got.times[0], 1 + round_trip(bytes) + 1, "{bytes} bytes");
     }
+}
+
+#[test]
+fn a_miss_reads_the_sectors_that_are_asked_for() {
+    // Four pieces of 64 bytes make two lines of 128 in sectors of 32. A warp of one part each: the lower halves of the pieces, then the upper ones.
+    let sectored = TextureConfig { line_bytes: 128, sector_bytes: 32, ..config() };
+    let loads = |config: &TextureConfig, halves, warps: &[(Cycle, Quads)]| {
+        textured_as(config, RequestKind::Load, (TexelClass::Bytes, false), halves, warps)
+    };
+    let part = |piece: u32| (vec![vec![piece]], 4);
+    let got = loads(&sectored, 1, &[(0, part(5)), (200, part(5)), (400, part(4)), (600, part(5))]);
+    // The first is missed, then there; its neighbour in the line is another sector, which is read alone.
+    assert_eq!((got.read, got.requests, got.cache.misses, got.cache.hits), (64, 2, 2, 2));
+    assert_eq!(got.times, [1 + MISS + 1, 201 + 20 + 1, 401 + MISS + 1, 601 + 20 + 1]);
+    // A warp asks once for what all of its parts read of a line: four sectors, and two runs of one where they are apart.
+    let whole = (vec![vec![4], vec![5]], 4);
+    let got = loads(&sectored, 3, &[(0, whole.clone())]);
+    assert_eq!((got.read, got.requests, got.cache.misses, got.cache.hits), (128, 1, 1, 1));
+    let got = loads(&sectored, 2, &[(0, whole.clone()), (200, whole)]);
+    assert_eq!((got.read, got.requests, got.cache.misses, got.cache.hits), (64, 2, 1, 3));
+    // Samples ask for pieces of 64 bytes. One tag has two: of 2 KB, 1 KB of every other piece is all that stays.
+    let samples: Vec<_> = (0..32).chain(0..32).map(|n| (200 * Cycle::from(n), part(2 * (n % 32)))).collect();
+    let small = TextureConfig { cache_lines: 16, cache_ways: 16, ..sectored.clone() };
+    let times = |config: &TextureConfig| {
+        textured(config, RequestKind::Texture, &samples.iter().map(|(_, q)| q.clone()).collect::<Vec<_>>())
+    };
+    assert_eq!([times(&small).read, times(&sectored).read], [64 * 64, 32 * 64]);
+    // Sectors as long as lines read whole lines.
+    let whole_lines = TextureConfig { sector_bytes: 128, ..sectored };
+    let got = loads(&whole_lines, 1, &[(0, part(5)), (200, part(4))]);
+    assert_eq!((got.read, got.cache.misses, got.cache.hits), (128, 1, 1));
 }
 
 #[test]
@@ -285,7 +319,7 @@ fn wide_texels_take_as_long_as_the_card_says() {
         // Eight quads of four operations, the second time from the cache: addressed in 201, and 20 later the first is filtered. Eight
         // operations a cycle: the last begins when 28 of their times are done. A cycle on the way.
         let warp = (vec![vec![3]; 8], 4);
-        let got = textured_as(&config, RequestKind::Texture, (texel, loads), &[(0, warp.clone()), (200, warp)]);
+        let got = textured_as(&config, RequestKind::Texture, (texel, loads), 3, &[(0, warp.clone()), (200, warp)]);
         assert_eq!(got.times[1], 201 + 20 + 28 * times / 8 + 1, "{texel:?}, loaded: {loads}");
     }
 }

@@ -47,7 +47,7 @@ fn merged(execution: Execution, paths: &[&[(u32, RequestKind)]]) -> crate::warp:
     let mut warps = Warps::new(execution);
     let index = warps.insert(Program::Fragment, 0, 8);
     let warp = &mut warps[index];
-    warp.items = (0..paths.len() as u16).map(|cost| Item { source: 0, request: 0, shared: 0, cost }).collect();
+    warp.items = (0..paths.len() as u16).map(|cost| Item { source: 0, request: 0, shared: 0, constant: 0, cost }).collect();
     warp.merge(|_| &table);
     warp.clone()
 }
@@ -102,7 +102,7 @@ fn without_paths_steps_are_all_there_is() {
     let table = CostTable::from(costs);
     let mut warps = Warps::new(Execution::InOrder);
     let index = warps.insert(Program::Vertex, 0, 8);
-    warps[index].items = (0..2).map(|cost| Item { source: 0, request: 0, shared: 0, cost }).collect();
+    warps[index].items = (0..2).map(|cost| Item { source: 0, request: 0, shared: 0, constant: 0, cost }).collect();
     warps[index].merge(|_| &table);
     assert_eq!(warps[index].steps, [step([8, 2, 0, 0, 0], End)]);
     assert!(warps[index].order(0).is_empty());

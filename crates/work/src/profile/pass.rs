@@ -417,6 +417,7 @@ impl Followed<'_> {
                     self.touches.push(Touch { line, class, by: Toucher::Texture, ..Touch::default() });
                 }
             }
+            RequestKind::Constant => {}
             _ if self.touches.follows(line) => self.touches.push_once(Touch { line, by: Toucher::Store, ..Touch::default() }),
             _ => {}
         }

@@ -1,6 +1,6 @@
 //! What shader invocations cost.
 
-use super::super::{Class, Cost, Groups, LINE, Packet, QUAD_SHADED, Request, RequestKind, Step, TileWork};
+use super::super::{Class, Cost, Groups, InFlight, LINE, Packet, QUAD_SHADED, Request, RequestKind, Step, TileWork};
 
 /// What shader invocations cost, summed up: an entry a vertex, a quad, or four invocations of a workgroup.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -19,16 +19,24 @@ pub struct ShaderProfile {
     pub texture_lines: u64,
     /// Steps before which a run waits for requests, where it goes on until it needs a result.
     pub stops: u64,
+    /// Those before which it waits for loads from uniform buffers alone.
+    pub constant_stops: u64,
     /// Accesses to workgroup memory.
     pub shared: u64,
     /// Cycles that 32 banks of 4 bytes take for those of [`TOGETHER`] runs.
     pub shared_cycles: u64,
-    /// Loads, stores and atomics.
+    /// Loads, stores and atomics, without loads from uniform buffers.
     pub accesses: u64,
     /// Their lines.
     pub access_lines: u64,
     /// Pieces of [`PIECE`] bytes that they have in common with those beside them, counted once for [`TOGETHER`] runs.
     pub access_pieces: u64,
+    /// Loads from uniform buffers,
+    pub constants: u64,
+    /// their lines,
+    pub constant_lines: u64,
+    /// and their pieces, as those of accesses.
+    pub constant_pieces: u64,
 }
 
 /// Runs of four invocations that ask at once: a warp of 32.
@@ -52,11 +60,15 @@ impl std::ops::AddAssign for ShaderProfile {
         all(&mut self.operations, other.operations);
         self.texture_lines += other.texture_lines;
         self.stops += other.stops;
+        self.constant_stops += other.constant_stops;
         self.shared += other.shared;
         self.shared_cycles += other.shared_cycles;
         self.accesses += other.accesses;
         self.access_lines += other.access_lines;
         self.access_pieces += other.access_pieces;
+        self.constants += other.constants;
+        self.constant_lines += other.constant_lines;
+        self.constant_pieces += other.constant_pieces;
     }
 }
 
@@ -70,14 +82,15 @@ impl ShaderProfile {
     /// Adds the packets of workgroups.
     pub(super) fn add_groups(&mut self, groups: &Groups) {
         for together in groups.packets.chunks(TOGETHER) {
-            let before = self.access_pieces;
+            let before = [self.access_pieces, self.constant_pieces];
             for packet in together {
                 self.add(&groups.costs[packet.cost], &groups.requests[packet.first_request as usize..]);
             }
             let cost = &groups.costs[together[0].cost];
             // Those that take different paths ask one by one.
             if together.iter().all(|packet| packet.cost == together[0].cost) {
-                self.access_pieces = before + pieces(groups, together, cost);
+                let [accesses, constants] = [false, true].map(|constants| pieces(groups, together, cost, constants));
+                (self.access_pieces, self.constant_pieces) = (before[0] + accesses, before[1] + constants);
             }
             self.shared_cycles += shared_cycles(groups, together, cost);
         }
@@ -112,12 +125,16 @@ impl ShaderProfile {
         for (sum, n) in self.instructions.iter_mut().zip(cost.instructions()) {
             *sum += u64::from(n) * runs;
         }
-        let mut unanswered = 0_u64;
+        let (mut unanswered, mut constants) = (0_u64, 0_u64);
         for step in &cost.steps {
             let needs_all = matches!(step.then, RequestKind::End | RequestKind::Barrier);
-            let allowed = if needs_all { 0 } else { u64::from(step.in_flight.memory) };
+            let allowed = if needs_all { InFlight::NONE } else { step.in_flight };
+            let (allowed, of_constants) = (u64::from(allowed.memory), u64::from(allowed.constant));
             self.stops += u64::from(unanswered > allowed) * runs;
-            unanswered = unanswered.min(allowed) + u64::from(step.then.has_request());
+            self.constant_stops += u64::from(unanswered <= allowed && constants > of_constants) * runs;
+            let constant = step.then == RequestKind::Constant;
+            unanswered = unanswered.min(allowed) + u64::from(step.then.has_request() && !constant);
+            constants = constants.min(of_constants) + u64::from(constant);
             self.shared += u64::from(step.then == RequestKind::Shared) * runs;
             self.chain.iter_mut().zip(step.chain).for_each(|(sum, n)| *sum += u64::from(n) * runs);
         }
@@ -129,6 +146,10 @@ impl ShaderProfile {
                 self.textures += 1;
                 self.operations[request.rate()] += u64::from(request.operations);
                 self.texture_lines += u64::from(request.lines);
+            } else if step.then == RequestKind::Constant {
+                self.constants += 1;
+                self.constant_lines += u64::from(request.lines);
+                self.constant_pieces += u64::from(request.lines);
             } else {
                 self.accesses += 1;
                 self.access_lines += u64::from(request.lines);
@@ -137,16 +158,33 @@ impl ShaderProfile {
         }
     }
 
-    /// All requests to memory.
+    /// The same where loads from uniform buffers are accesses like others.
+    #[must_use]
+    pub fn without_constants(&self) -> ShaderProfile {
+        ShaderProfile {
+            stops: self.stops + self.constant_stops,
+            accesses: self.accesses + self.constants,
+            access_lines: self.access_lines + self.constant_lines,
+            access_pieces: self.access_pieces + self.constant_pieces,
+            constant_stops: 0,
+            constants: 0,
+            constant_lines: 0,
+            constant_pieces: 0,
+            ..*self
+        }
+    }
+
+    /// All requests to memory, without loads from uniform buffers.
     pub fn requests(&self) -> u64 {
         self.textures + self.accesses
     }
 }
 
-/// Pieces that the accesses of packets with one cost ask for, each once an access.
-fn pieces(groups: &Groups, together: &[Packet], cost: &Cost) -> u64 {
+/// Pieces that the accesses of packets with one cost ask for, or their loads from uniform buffers, each once an access.
+fn pieces(groups: &Groups, together: &[Packet], cost: &Cost, constants: bool) -> u64 {
     let (mut sum, mut found) = (0, Vec::new());
-    for (at, step) in asking(cost).enumerate().filter(|(_, step)| step.then != RequestKind::Texture) {
+    let counts = |step: &Step| step.then != RequestKind::Texture && (step.then == RequestKind::Constant) == constants;
+    for (at, step) in asking(cost).enumerate().filter(|(_, step)| counts(step)) {
         found.clear();
         for packet in together {
             let request = &groups.requests[packet.first_request as usize + at];
@@ -186,5 +224,5 @@ fn shared_cycles(groups: &Groups, together: &[Packet], cost: &Cost) -> u64 {
 
 /// The steps of a cost that ask memory.
 pub(super) fn asking(cost: &Cost) -> impl Iterator<Item = &Step> {
-    cost.steps.iter().filter(|step| step.then.has_request())
+    cost.asking()
 }
