@@ -47,7 +47,7 @@ knob::knobs! {
         /// Cycles of the DRAM's command clock in `card_cycles` of the card.
         clock: u32 ["cycles", Allowed::Range(1, 10000), "1,753 MHz: GDDR5 of 7 Gbit/s a pin (NVIDIA 2014, GeForce GTX 980 white paper, p. 7)"],
         /// Cycles of the card in which the DRAM's clock ticks `clock` times.
-        card_cycles: u32 ["cycles", Allowed::Range(1, 10000), "1,126 MHz: see clock"],
+        card_cycles: u32 ["cycles", Allowed::Range(1, 10000), "assumed: 1,126 MHz: see clock"],
         /// Cycles of the card from a slice to the queues of its channel, and from the last data of a read back to the slice: controller, PHY and
         /// wires.
         latency: u32 ["cycles", Allowed::Range(1, 1024), "60: an access of DRAM takes 150 cycles more than an L2 hit on Maxwell (357 against 207; Arafa et al. 2019, Jia et al. 2019), 30 of them in the chip"],
@@ -70,7 +70,7 @@ knob::knobs! {
         /// Column read to its data.
         cl: u32 ["DRAM cycles", Allowed::Range(1, 1000), "12 ns"],
         /// Column write to its data.
-        cwl: u32 ["DRAM cycles", Allowed::Range(1, 1000), "4 cycles"],
+        cwl: u32 ["DRAM cycles", Allowed::Range(1, 1000), "assumed: 4 cycles"],
         /// Activation to precharge.
         t_ras: u32 ["DRAM cycles", Allowed::Range(1, 1000), "28 ns"],
         /// Activation to activation of another bank.
@@ -78,13 +78,13 @@ knob::knobs! {
         /// A window with at most four activations.
         t_faw: u32 ["DRAM cycles", Allowed::Range(1, 1000), "23 ns"],
         /// Read to precharge.
-        t_rtp: u32 ["DRAM cycles", Allowed::Range(1, 1000), "2 cycles"],
+        t_rtp: u32 ["DRAM cycles", Allowed::Range(1, 1000), "assumed: 2 cycles"],
         /// End of write data to precharge.
         t_wr: u32 ["DRAM cycles", Allowed::Range(1, 1000), "12 ns"],
         /// End of write data to a read.
         t_wtr: u32 ["DRAM cycles", Allowed::Range(1, 1000), "5 ns"],
         /// End of read data to write data.
-        t_rtw: u32 ["DRAM cycles", Allowed::Range(0, 1000), "turn of the bus"],
+        t_rtw: u32 ["DRAM cycles", Allowed::Range(0, 1000), "assumed: turn of the bus"],
         /// What a refresh closes and holds up.
         refresh: RefreshScope ["", Allowed::Choice(RefreshScope::NAMES), "GDDR5 refreshes all banks (JESD212); LPDDR4, HBM and GDDR6 can refresh one"],
         /// Length of a refresh.
@@ -96,7 +96,7 @@ knob::knobs! {
         /// From the last access to a row to its end, where `page` is idle.
         page_idle: u32 ["DRAM cycles", Allowed::Range(1, 65535), "assumed: about tRC, the time that a row takes to be opened anew"],
         /// Reads among which the scheduler chooses.
-        window: u32 ["requests", Allowed::Range(1, 64), "ATTILA bGPU.ini V2MaxChannelTransactions = 64"],
+        window: u32 ["requests", Allowed::Range(1, 64), "assumed; ATTILA bGPU.ini V2MaxChannelTransactions = 64"],
         /// Writes that wait in the queue of writes.
         write_queue: u32 ["requests", Allowed::Range(1, 64), "64 (Chatterjee et al. 2012, USIMM; gem5 write_buffer_size)"],
         /// Writes in their queue from which on they go first; all of its places, where it has fewer.

@@ -17,7 +17,7 @@ knob::knobs! {
         /// Slices; a multiple of the DRAM channels.
         slices: u32 ["slices", Allowed::Range(1, 64), "assumed: two a memory channel"],
         /// Bytes that stay together in a slice.
-        interleave: u32 ["bytes", Allowed::PowerOfTwo(256, 65536), "ATTILA bGPU.ini V2ChannelInterleavingMask \"10 9 8\": 256"],
+        interleave: u32 ["bytes", Allowed::PowerOfTwo(256, 65536), "assumed; ATTILA bGPU.ini V2ChannelInterleavingMask \"10 9 8\": 256"],
         /// Whether lines stay in a slice. If not, a slice is a queue before its channel: all that is asked of it is asked of DRAM.
         cached: bool ["", Allowed::Switch, "in cards since 2010; ATTILA's memory controller has no cache"],
         /// Lines of a slice.
@@ -29,13 +29,13 @@ knob::knobs! {
         /// Bytes of a sector, fetched and written by itself.
         sector_bytes: u32 ["bytes", Allowed::PowerOfTwo(16, 256), "32 in cards since 2010"],
         /// Lines looked up a cycle.
-        lookups_per_cycle: u32 ["lines/cycle", Allowed::Range(1, 16), "one port"],
+        lookups_per_cycle: u32 ["lines/cycle", Allowed::Range(1, 16), "assumed: one port"],
         /// Lines with sectors on their way.
-        misses: u32 ["lines", Allowed::Range(1, 4096), "covers the latency of DRAM at full bandwidth"],
+        misses: u32 ["lines", Allowed::Range(1, 4096), "assumed: covers the latency of DRAM at full bandwidth"],
         /// Requests waiting for sectors.
-        waiting: u32 ["requests", Allowed::Range(1, 4096), "two a missing line"],
+        waiting: u32 ["requests", Allowed::Range(1, 4096), "assumed: two a missing line"],
         /// Requests between lookup and answer.
-        entries: u32 ["requests", Allowed::Range(1, 4096), "two a missing line"],
+        entries: u32 ["requests", Allowed::Range(1, 4096), "assumed: two a missing line"],
         /// Bytes a cycle into a slice, and out of it.
         width: u32 ["bytes/cycle", Allowed::Range(8, 4096), "32 a slice: 512 in all, of which 379 are measured (Jia et al. 2019, table 3.4)"],
         /// Cycles from the crossbar to a slice, and back.

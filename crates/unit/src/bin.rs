@@ -32,9 +32,9 @@ knob::knobs! {
         /// Edge of a tile, whose colours and depths are kept on the chip.
         tile: u32 ["pixels", Allowed::PowerOfTwo(8, 64), "16 (Arm Mali) to 32 (Imagination PowerVR)"],
         /// Triangles binned a cycle.
-        triangles_per_cycle: u32 ["triangles/cycle", Allowed::Range(1, 16), "one, as the clipper delivers them"],
+        triangles_per_cycle: u32 ["triangles/cycle", Allowed::Range(1, 16), "assumed: one, as the clipper delivers them"],
         /// Entries of lists written a cycle.
-        entries_per_cycle: u32 ["entries/cycle", Allowed::Range(1, 64), "one tile a cycle"],
+        entries_per_cycle: u32 ["entries/cycle", Allowed::Range(1, 64), "assumed: one tile a cycle"],
         /// How precisely the tiles of a triangle are found.
         overlap: Overlap ["", Allowed::Choice(Overlap::NAMES), "exact (\"perfect tiling\") since 2010; bounding boxes before (Antochi et al. 2004)"],
         /// Bytes that are kept of a triangle besides its vertices, for all tiles that it is in the list of.
@@ -42,7 +42,7 @@ knob::knobs! {
         /// How often transformed vertices are kept.
         vertices: Vertices ["", Allowed::Choice(Vertices::NAMES), "assumed: as index buffers have them; a draw is kept in parts"],
         /// Bytes that are kept of a vertex's position.
-        position_bytes: u32 ["bytes", Allowed::Range(1, 64), "four components of 32 bits"],
+        position_bytes: u32 ["bytes", Allowed::Range(1, 64), "assumed: four components of 32 bits"],
         /// Bytes that are kept of each word that a vertex has for the fragment stage.
         word_bytes: u32 ["bytes", Allowed::Range(1, 4), "assumed: 2, packed to 16 bits; 4 without compression"],
         /// Whether entries of lists are stored as differences to the one before: 1 to 5 bytes instead of 4.
@@ -53,15 +53,15 @@ knob::knobs! {
         /// on the chip, and made while triangles are binned.
         skip_same_tiles: bool ["", Allowed::Switch, "rendering elimination (Anglada et al. 2019); Arm Mali compares what was drawn instead"],
         /// Memory for triangles and lists.
-        memory_kib: u32 ["KiB", Allowed::Range(1, 4194304), "parameter buffers of 2 to 64 MB in phones"],
+        memory_kib: u32 ["KiB", Allowed::Range(1, 4194304), "assumed: parameter buffers of 2 to 64 MB in phones"],
         /// Segments of draws whose triangles are in lists, or on their way there.
         segments: u32 ["segments", Allowed::Range(1, 65535), "assumed: the states of draws lie in memory, as lists do"],
         /// Requests for lists and triangles in flight, in each pipeline.
-        misses: u32 ["requests", Allowed::Range(4, 1024), "covers the latency of memory"],
+        misses: u32 ["requests", Allowed::Range(4, 1024), "assumed: covers the latency of memory"],
         /// Lines of 64 bytes of triangles and vertices that each pipeline keeps for the next triangles.
         cache_lines: u32 ["lines", Allowed::PowerOfTwo(4, 4096), "assumed: 8 KB, the vertices of a tile and its neighbour"],
         /// Triangles read ahead of their setup, in each pipeline.
-        fifo: u32 ["triangles", Allowed::Range(1, 1024), "covers the latency of memory"],
+        fifo: u32 ["triangles", Allowed::Range(1, 1024), "assumed: covers the latency of memory"],
     }
 }
 

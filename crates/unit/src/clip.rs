@@ -15,7 +15,7 @@ knob::knobs! {
         interval: u32 ["cycles", Allowed::Range(1, 64), "pipelined; 2 in each of the 16 geometry units of the GeForce GTX 980"],
         /// Cycles that a primitive takes which has to be cut against a plane.
         clip_cycles: u32 ["cycles/primitive", Allowed::Range(1, 256),
-            "Sutherland-Hodgman against one or two planes at a vertex a cycle; ATTILA bGPU.ini ExecLatency = 6"],
+            "assumed: Sutherland-Hodgman against one or two planes at a vertex a cycle; ATTILA bGPU.ini ExecLatency = 6"],
         /// Whether triangles that face away end here; if not, setup finds out.
         cull_facing: bool ["", Allowed::Switch, "the sign of the area, from window positions that the tests below need too; ATTILA finds it in setup"],
         /// Whether primitives outside the view volume end here; if not, setup finds out, or cutting them does.
@@ -26,9 +26,9 @@ knob::knobs! {
         /// they have no area, and traversal, in all of their bounds, no sample of them.
         cull_no_sample: bool ["", Allowed::Switch, "bounds of a triangle against sample positions; off in cards without a filter for small triangles"],
         /// Cycles from here to the distribution.
-        latency: u32 ["cycles", Allowed::Range(1, 64), "ATTILA bGPU.ini CLIPPER StartLatency + ExecLatency = 7"],
+        latency: u32 ["cycles", Allowed::Range(1, 64), "assumed; ATTILA bGPU.ini CLIPPER StartLatency + ExecLatency = 7"],
         /// Runs of triangles queued before the distribution.
-        queue: u32 ["runs", Allowed::Range(2, 1024), "ATTILA bGPU.ini ClipBufferSize = 32"],
+        queue: u32 ["runs", Allowed::Range(2, 1024), "assumed; ATTILA bGPU.ini ClipBufferSize = 32"],
     }
 }
 

@@ -56,13 +56,13 @@ knob::knobs! {
         /// Which set of the cache is a block's.
         cache_sets: BlockSets ["", Allowed::Choice(BlockSets::NAMES), "caches fold addresses; ATTILA takes bits 8 to 11 of the address, of which 10 and 11 are the unit's"],
         /// Requests to memory in flight.
-        misses: u32 ["requests", Allowed::Range(1, 1024), "covers the latency of memory"],
+        misses: u32 ["requests", Allowed::Range(1, 1024), "assumed: covers the latency of memory"],
         /// Groups of quads between lookup and blending.
         fifo: u32 ["groups", Allowed::Range(8, 4096), "assumed: covers the latency of the second level; ATTILA bGPU.ini COLORWRITE FetchQueueSize = 256 stamps"],
         /// Cycles from lookup to blending where the block is in the cache.
-        latency: u32 ["cycles", Allowed::Range(1, 256), "ATTILA bGPU.ini BlendALULatency = 2 and the queues before it"],
+        latency: u32 ["cycles", Allowed::Range(1, 256), "assumed; ATTILA bGPU.ini BlendALULatency = 2 and the queues before it"],
         /// Whether blocks are compressed as they leave the cache.
-        compression: bool ["", Allowed::Switch, "ATTILA bGPU.ini COLORWRITE DisableCompression = FALSE"],
+        compression: bool ["", Allowed::Switch, "assumed; ATTILA bGPU.ini COLORWRITE DisableCompression = FALSE"],
         /// How they are: estimates of the bytes that they take (`--fidelity bound`) know `planes` only.
         codec: Codec ["", Allowed::Choice(Codec::NAMES), "cards since 2005 have planes of depth (Hasselgren and Akenine-Moller 2006); ATTILA CompressionAlgorithm = 0: two references"],
         /// Whether a block that is stored raw is compressed when it is written again; if not, it is raw until its surface is cleared.
@@ -74,7 +74,7 @@ knob::knobs! {
         /// Whether a pass that clears an attachment sets flags instead of writing memory.
         fast_clear: bool ["", Allowed::Switch, "in cards since the Radeon of 2000"],
         /// Blocks whose flags are set a cycle, in each pipeline.
-        clears_per_cycle: u32 ["blocks/cycle", Allowed::Range(1, 4096), "ATTILA bGPU.ini BlocksClearedPerCycle = 1024 for the card"],
+        clears_per_cycle: u32 ["blocks/cycle", Allowed::Range(1, 4096), "assumed; ATTILA bGPU.ini BlocksClearedPerCycle = 1024 for the card"],
     }
 }
 

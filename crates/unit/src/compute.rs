@@ -10,11 +10,11 @@ knob::knobs! {
     /// Compute dispatch.
     pub struct ComputeConfig {
         /// Warps made a cycle.
-        warps_per_cycle: u32 ["warps/cycle", Allowed::Range(1, 16), "a workgroup of 64 a cycle and a warp width of 32 take two"],
+        warps_per_cycle: u32 ["warps/cycle", Allowed::Range(1, 16), "assumed: a workgroup of 64 a cycle and a warp width of 32 take two"],
         /// Warps queued before each core.
-        queue: u32 ["warps", Allowed::Range(2, 256), "two: one arriving, one waiting"],
+        queue: u32 ["warps", Allowed::Range(2, 256), "assumed: two: one arriving, one waiting"],
         /// Cycles from here to a core.
-        latency: u32 ["cycles", Allowed::Range(1, 64), "as the fragment dispatch"],
+        latency: u32 ["cycles", Allowed::Range(1, 64), "assumed: as the fragment dispatch"],
     }
 }
 

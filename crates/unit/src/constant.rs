@@ -27,15 +27,15 @@ knob::knobs! {
         /// Bytes of the first level.
         bytes: u32 ["bytes", Allowed::PowerOfTwo(256, 1048576), "2 KB on Kepler and Maxwell (Jia et al. 2019, table 3.1)"],
         /// Ways of the first level.
-        ways: u32 ["ways", Allowed::PowerOfTwo(1, 256), "4 (Wong et al. 2010, GT200)"],
+        ways: u32 ["ways", Allowed::PowerOfTwo(1, 256), "assumed: 4 (Wong et al. 2010, GT200)"],
         /// Bytes of a line of the first level.
-        line_bytes: u32 ["bytes", Allowed::PowerOfTwo(64, 256), "64 (Wong et al. 2010, GT200)"],
+        line_bytes: u32 ["bytes", Allowed::PowerOfTwo(64, 256), "assumed: 64 (Wong et al. 2010, GT200)"],
         /// Bytes of the second level, a multiple of its line; 0: there is none.
         second_bytes: u32 ["bytes", Allowed::Range(0, 1048576), "32 KB on Kepler and Maxwell, called L1.5 (Jia et al. 2019, table 3.1)"],
         /// Ways of the second level.
         second_ways: u32 ["ways", Allowed::PowerOfTwo(1, 256), "assumed as in the first level"],
         /// Bytes of a line of the second level.
-        second_line_bytes: u32 ["bytes", Allowed::PowerOfTwo(64, 256), "256 (Wong et al. 2010, GT200)"],
+        second_line_bytes: u32 ["bytes", Allowed::PowerOfTwo(64, 256), "assumed: 256 (Wong et al. 2010, GT200)"],
         /// Cycles from an access to its answer where the first level has the line.
         latency: u32 ["cycles", Allowed::Range(1, 256), "a hit takes 25 cycles on GM204 (Jia et al. 2019, table 3.1), 14 of them outside: the index and the way to the cache and back"],
         /// Cycles from an access to its answer where the second level has the line.
@@ -45,7 +45,7 @@ knob::knobs! {
         /// Accesses of warps between lookup and answer.
         fifo: u32 ["accesses", Allowed::Range(1, 4096), "assumed: one for each warp of a core"],
         /// Warps queued before the cache.
-        queue: u32 ["warps", Allowed::Range(2, 256), "as before a texture unit"],
+        queue: u32 ["warps", Allowed::Range(2, 256), "assumed: as before a texture unit"],
     }
 }
 

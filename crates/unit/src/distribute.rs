@@ -32,9 +32,9 @@ knob::knobs! {
         /// How precisely the receivers of a triangle are found.
         overlap: Overlap ["", Allowed::Choice(Overlap::NAMES), "hardware tests bounding boxes (Molnar et al. 1994)"],
         /// Triangles routed a cycle by each geometry unit.
-        triangles_per_cycle: u32 ["triangles/cycle", Allowed::Range(1, 16), "as the clipper delivers them"],
+        triangles_per_cycle: u32 ["triangles/cycle", Allowed::Range(1, 16), "assumed: as the clipper delivers them"],
         /// Cycles between two triangles of one unit; 1 is fully pipelined.
-        interval: u32 ["cycles", Allowed::Range(1, 64), "pipelined; ATTILA sets triangles up before it distributes them: bGPU.ini SetupStartLatency = 4 of TrianglesCycle = 2"],
+        interval: u32 ["cycles", Allowed::Range(1, 64), "assumed: pipelined; ATTILA sets triangles up before it distributes them: bGPU.ini SetupStartLatency = 4 of TrianglesCycle = 2"],
     }
 }
 

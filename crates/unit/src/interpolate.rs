@@ -9,17 +9,17 @@ knob::knobs! {
     /// Interpolation of attributes.
     pub struct InterpolateConfig {
         /// Quads begun a cycle.
-        quads_per_cycle: u32 ["quads/cycle", Allowed::Range(1, 16), "ATTILA bGPU.ini NumInterpolators = 4"],
+        quads_per_cycle: u32 ["quads/cycle", Allowed::Range(1, 16), "assumed; ATTILA bGPU.ini NumInterpolators = 4"],
         /// Cycles between beginnings of `quads_per_cycle` quads, for rates below one quad per cycle.
         interval: u32 ["cycles", Allowed::Range(1, 64), "pipelined; 2 where a core shades two fragments per cycle (Mali-G57, Arm GPU Datasheet v7)"],
         /// Attribute words that each of these quads gets a cycle; more take more cycles.
-        words_per_cycle: u32 ["words/quad/cycle", Allowed::Range(1, 64), "a vec4 a quad and cycle, as ATTILA's interpolators"],
+        words_per_cycle: u32 ["words/quad/cycle", Allowed::Range(1, 64), "assumed: a vec4 a quad and cycle, as ATTILA's interpolators"],
         /// Whether only those varyings are computed and interpolated that the fragment stage reads; if not, all that the vertex stage writes.
         skip_varyings: bool ["", Allowed::Switch, "drivers link the stages of a pipeline; off shows what that is worth"],
         /// Cycles from here to the cores.
-        latency: u32 ["cycles", Allowed::Range(1, 64), "multiply-add chains and a reciprocal: 8 stages"],
+        latency: u32 ["cycles", Allowed::Range(1, 64), "assumed: multiply-add chains and a reciprocal: 8 stages"],
         /// Groups of quads queued before the cores.
-        queue: u32 ["groups", Allowed::Range(2, 4096), "ATTILA bGPU.ini ShaderInputQueueSize = 128"],
+        queue: u32 ["groups", Allowed::Range(2, 4096), "assumed; ATTILA bGPU.ini ShaderInputQueueSize = 128"],
     }
 }
 

@@ -18,9 +18,9 @@ knob::knobs! {
     /// Resolving of multisampled attachments.
     pub struct ResolveConfig {
         /// Cycles a block of 8x8 pixels takes in each pipeline's unit.
-        block_cycles: u32 ["cycles/block", Allowed::Range(1, 256), "16 pixels of four samples a cycle"],
+        block_cycles: u32 ["cycles/block", Allowed::Range(1, 256), "assumed: 16 pixels of four samples a cycle"],
         /// Requests to memory in flight.
-        misses: u32 ["requests", Allowed::Range(1, 1024), "covers the latency of memory"],
+        misses: u32 ["requests", Allowed::Range(1, 1024), "assumed: covers the latency of memory"],
     }
 }
 

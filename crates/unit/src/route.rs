@@ -36,19 +36,19 @@ knob::knobs! {
         /// Vertices transformed a cycle: a matrix times a position, and the division.
         vertices_per_cycle: u32 ["vertices/cycle", Allowed::Range(1, 16), "four dot products; one fixed-function transform as in cards of 1999"],
         /// Primitives routed a cycle.
-        primitives_per_cycle: u32 ["primitives/cycle", Allowed::Range(1, 16), "bounds of three vertices against the regions"],
+        primitives_per_cycle: u32 ["primitives/cycle", Allowed::Range(1, 16), "assumed: bounds of three vertices against the regions"],
         /// Transformed vertices that are remembered, first in first out.
-        reuse: u32 ["vertices", Allowed::Range(0, 64), "16, as post-transform caches of the time"],
+        reuse: u32 ["vertices", Allowed::Range(0, 64), "assumed: 16, as post-transform caches of the time"],
         /// Lines of positions remembered.
-        cache_lines: u32 ["lines", Allowed::PowerOfTwo(2, 65536), "4 KB"],
+        cache_lines: u32 ["lines", Allowed::PowerOfTwo(2, 65536), "assumed: 4 KB"],
         /// Ways of the cache of positions.
-        cache_ways: u32 ["ways", Allowed::PowerOfTwo(1, 65536), "as the attribute cache's"],
+        cache_ways: u32 ["ways", Allowed::PowerOfTwo(1, 65536), "assumed: as the attribute cache's"],
         /// Requests for lines of positions in flight.
-        misses: u32 ["requests", Allowed::Range(1, 1024), "covers the latency of memory"],
+        misses: u32 ["requests", Allowed::Range(1, 1024), "assumed: covers the latency of memory"],
         /// Primitives between the lookup of their positions and routing.
-        fifo: u32 ["primitives", Allowed::Range(1, 4096), "covers the latency of memory"],
+        fifo: u32 ["primitives", Allowed::Range(1, 4096), "assumed: covers the latency of memory"],
         /// Cycles from positions to bounds.
-        latency: u32 ["cycles", Allowed::Range(1, 256), "transform, division, comparison"],
+        latency: u32 ["cycles", Allowed::Range(1, 256), "assumed: transform, division, comparison"],
         /// What is sent of a primitive.
         mode: Retained ["", Allowed::Choice(Retained::NAMES), "Molnar et al. 1994 compare both; both traffics are counted whichever is simulated"],
     }

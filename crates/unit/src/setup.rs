@@ -14,13 +14,13 @@ knob::knobs! {
     /// Triangle setup in each rasteriser.
     pub struct SetupConfig {
         /// Triangles set up a cycle.
-        triangles_per_cycle: u32 ["triangles/cycle", Allowed::Range(1, 8), "ATTILA bGPU.ini RASTERIZER TrianglesCycle = 2 for the card; one each here"],
+        triangles_per_cycle: u32 ["triangles/cycle", Allowed::Range(1, 8), "assumed; ATTILA bGPU.ini RASTERIZER TrianglesCycle = 2 for the card; one each here"],
         /// Cycles between two triangles of one unit; 1 is fully pipelined.
         interval: u32 ["cycles", Allowed::Range(1, 64), "pipelined since the GeForce 256"],
         /// Cycles from here to traversal.
-        latency: u32 ["cycles", Allowed::Range(1, 64), "ATTILA bGPU.ini SetupLatency = 10"],
+        latency: u32 ["cycles", Allowed::Range(1, 64), "assumed; ATTILA bGPU.ini SetupLatency = 10"],
         /// Triangles queued before traversal.
-        queue: u32 ["triangles", Allowed::Range(2, 1024), "ATTILA bGPU.ini SetupFIFOSize = 32"],
+        queue: u32 ["triangles", Allowed::Range(2, 1024), "assumed; ATTILA bGPU.ini SetupFIFOSize = 32"],
     }
 }
 

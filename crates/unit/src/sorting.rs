@@ -168,11 +168,11 @@ knob::knobs! {
         early: EarlyTest ["", Allowed::Choice(EarlyTest::NAMES),
             "Molnar et al. 1994 have none; the others show what an early test is worth there"],
         /// Groups of quads that wait for the depths of their early test.
-        early_queue: u32 ["groups", Allowed::Range(1, 4096), "covers a question and its answer"],
+        early_queue: u32 ["groups", Allowed::Range(1, 4096), "assumed: covers a question and its answer"],
         /// Remote early tests: cycles that a question takes to the owner of its pixels, and an answer back.
-        early_latency: u32 ["cycles", Allowed::Range(1, 1024), "as network.link_latency"],
+        early_latency: u32 ["cycles", Allowed::Range(1, 1024), "assumed: as network.link_latency"],
         /// Remote early tests: bytes a cycle of each way between two pipelines, there and back.
-        early_bytes: u32 ["bytes/cycle", Allowed::Range(1, 65536), "the depths of four quads, one sample a pixel"],
+        early_bytes: u32 ["bytes/cycle", Allowed::Range(1, 65536), "assumed: the depths of four quads, one sample a pixel"],
     }
 }
 

@@ -23,7 +23,7 @@ knob::knobs! {
         /// Quads addressed a cycle.
         quads_per_cycle: u32 ["quads/cycle", Allowed::Range(1, 16), "4 bilinear texels a cycle and quad pipe; 8 texels a cycle an SM of 2014"],
         /// Pieces of 64 bytes looked up in the cache a cycle.
-        lookups_per_cycle: u32 ["pieces/cycle", Allowed::Range(1, 32), "four banks, one a texel of a bilinear footprint"],
+        lookups_per_cycle: u32 ["pieces/cycle", Allowed::Range(1, 32), "assumed: four banks, one a texel of a bilinear footprint"],
         /// Bytes of an aligned piece of memory of which a load, store or atomic of a warp has one looked up at a time, whatever its invocations need of it.
         access_bytes: u32 ["bytes", Allowed::PowerOfTwo(64, 256), "128: a warp's accesses to a line of 128 bytes are one transaction since 2010 (NVIDIA, CUDA C Programming Guide, \"Global Memory\")"],
         /// Such pieces a cycle.
@@ -49,15 +49,15 @@ knob::knobs! {
         /// Bytes of a sector of such a line, at most the line: a miss reads the sectors that are asked for and are not there. Samples ask for 64 bytes at least.
         sector_bytes: u32 ["bytes", Allowed::PowerOfTwo(32, 256), "32 on GM204 (Jia et al. 2019, table 3.1: load granularity); as long as a line in caches without sectors"],
         /// Ways of the first-level cache; where they are as many as its lines or more, any line goes anywhere.
-        cache_ways: u32 ["ways", Allowed::PowerOfTwo(1, 65536), "ATTILA bGPU.ini TextureCacheWaysL1 = 16"],
+        cache_ways: u32 ["ways", Allowed::PowerOfTwo(1, 65536), "assumed; ATTILA bGPU.ini TextureCacheWaysL1 = 16"],
         /// Misses in flight.
-        misses: u32 ["requests", Allowed::Range(1, 1024), "covers the latency of memory (357 cycles) at two thirds of a miss a cycle"],
+        misses: u32 ["requests", Allowed::Range(1, 1024), "assumed: covers the latency of memory (357 cycles) at two thirds of a miss a cycle"],
         /// Quads between address and filter.
-        fifo: u32 ["quads", Allowed::Range(1, 4096), "covers the latency of memory (357 cycles) at the rate of quads (Igehy et al. 1998); ATTILA bGPU.ini TextureAccessQueue = 256"],
+        fifo: u32 ["quads", Allowed::Range(1, 4096), "assumed: covers the latency of memory (357 cycles) at the rate of quads (Igehy et al. 1998); ATTILA bGPU.ini TextureAccessQueue = 256"],
         /// Cycles from address to filter where all lines are in the cache.
         latency: u32 ["cycles", Allowed::Range(1, 256), "a hit takes 82 cycles on GM204 (Jia et al. 2019, table 3.1), 8 of them outside; ATTILA bGPU.ini AddressALULatency + FilterALULatency = 10"],
         /// Warps queued before the unit.
-        queue: u32 ["warps", Allowed::Range(2, 256), "ATTILA bGPU.ini TextureRequestQueueSize = 512 texels"],
+        queue: u32 ["warps", Allowed::Range(2, 256), "assumed; ATTILA bGPU.ini TextureRequestQueueSize = 512 texels"],
     }
 }
 

@@ -18,7 +18,7 @@ knob::knobs! {
         geometry_units: u32 ["units", Allowed::Range(1, 16), "16 PolyMorph engines, each a primitive in two cycles (NVIDIA 2014, GeForce GTX 980 white paper, p. 7; the rate is unconfirmed): as many as 8 that take one"],
         /// Cycles in which units wake and none moves, one after another, after which the run is stopped as stuck. Waiting for a known
         /// cycle is not waking, however long it takes.
-        watchdog: u32 ["cycles", Allowed::Range(1000, 1000000000), "none is ever needed: a guard against units that ask for ever"],
+        watchdog: u32 ["cycles", Allowed::Range(1000, 1000000000), "assumed: none is ever needed: a guard against units that ask for ever"],
     }
 }
 

@@ -42,9 +42,9 @@ knob::knobs! {
     /// The command processor.
     pub struct CommandConfig {
         /// Cycles that a command takes: a draw's segment, a dispatch, a pass.
-        command_cycles: u32 ["cycles/command", Allowed::Range(1, 65536), "a few register writes; ATTILA writes one register a cycle"],
+        command_cycles: u32 ["cycles/command", Allowed::Range(1, 65536), "assumed: a few register writes; ATTILA writes one register a cycle"],
         /// Segments of draws in flight. In sort-middle-binned, those that are not binned yet.
-        segments: u32 ["segments", Allowed::Range(1, 4096), "ATTILA bGPU.ini PipelinedBatchRendering = TRUE, two batches; more hides small draws"],
+        segments: u32 ["segments", Allowed::Range(1, 4096), "assumed; ATTILA bGPU.ini PipelinedBatchRendering = TRUE, two batches; more hides small draws"],
         /// Different states of draws in flight: pipelines with their viewport, scissor rectangle, blend constant and stencil reference. A
         /// draw with another state waits until one of them is free.
         states: u32 ["states", Allowed::Range(1, 4096), "AMD GCN: seven contexts in flight (GPUOpen 2018, on context rolls)"],
@@ -54,11 +54,11 @@ knob::knobs! {
         /// triangles only.
         drain: bool ["", Allowed::Switch, "draws follow each other in cards; ATTILA's rasteriser takes a batch when it has ended the last one (FragmentFIFO)"],
         /// Runs of workgroups in flight.
-        workgroup_runs: u32 ["runs", Allowed::Range(1, 256), "enough to keep the cores fed"],
+        workgroup_runs: u32 ["runs", Allowed::Range(1, 256), "assumed: enough to keep the cores fed"],
         /// Requests of the copy engine in flight.
-        copy_misses: u32 ["requests", Allowed::Range(1, 1024), "covers the latency of memory"],
+        copy_misses: u32 ["requests", Allowed::Range(1, 1024), "assumed: covers the latency of memory"],
         /// Cycles between two passes, in addition to those that caches take.
-        barrier_cycles: u32 ["cycles", Allowed::Range(0, 65536), "a wait-for-idle and the next pass's state"],
+        barrier_cycles: u32 ["cycles", Allowed::Range(0, 65536), "assumed: a wait-for-idle and the next pass's state"],
         /// Whether passes and copies of memory follow each other without waiting where neither writes what the other reads or writes. At most four
         /// passes are in flight then.
         overlap: bool ["", Allowed::Switch, "Vulkan 1.3, section 7: commands may overlap unless a dependency orders them; before that, a wait for idle between render targets (assumed)"],

@@ -49,13 +49,13 @@ knob::knobs! {
         /// Which unit sends what to which other. Where the number of pipelines is no power of two, binary swap first composes the surplus in pairs.
         scheme: Scheme ["", Allowed::Choice(Scheme::NAMES), "binary swap (Ma et al. 1994); direct send (Hsu 1993); a chain (PixelFlow: Molnar et al. 1992)"],
         /// Samples of pixels that a unit composes a cycle.
-        samples_per_cycle: u32 ["samples/cycle", Allowed::Range(1, 4096), "a quad of each of four ROPs"],
+        samples_per_cycle: u32 ["samples/cycle", Allowed::Range(1, 4096), "assumed: a quad of each of four ROPs"],
         /// Bytes of a primitive's number, sent with each sample to decide between equal depths; 0 where nothing is sent.
-        number_bytes: u32 ["bytes/sample", Allowed::Range(0, 4), "0: colour and depth alone (Molnar et al. 1994), ties by what a pipeline knows"],
+        number_bytes: u32 ["bytes/sample", Allowed::Range(0, 4), "assumed: 0: colour and depth alone (Molnar et al. 1994), ties by what a pipeline knows"],
         /// Whether composed blocks are compressed as they are written.
         compression: bool ["", Allowed::Switch, "composers of the literature have no compressors; ROPs' have"],
         /// Requests to memory in flight, and blocks between request and use.
-        misses: u32 ["requests", Allowed::Range(1, 1024), "covers the latency of memory"],
+        misses: u32 ["requests", Allowed::Range(1, 1024), "assumed: covers the latency of memory"],
     }
 }
 

@@ -46,11 +46,11 @@ knob::knobs! {
         /// Whether these cores also shade vertices; if not, there are vertex cores.
         unified: bool ["", Allowed::Switch, "unified since 2006"],
         /// Vertex cores, where they are separate.
-        vertex_cores: u32 ["cores", Allowed::Range(1, 32), "ATTILA bGPU.ini NumVertexShaders = 8"],
+        vertex_cores: u32 ["cores", Allowed::Range(1, 32), "assumed; ATTILA bGPU.ini NumVertexShaders = 8"],
         /// Warps that a vertex core holds.
-        vertex_warps: u32 ["warps", Allowed::Range(1, 64), "ATTILA bGPU.ini VERTEXSHADER ExecutableThreads = 12"],
+        vertex_warps: u32 ["warps", Allowed::Range(1, 64), "assumed; ATTILA bGPU.ini VERTEXSHADER ExecutableThreads = 12"],
         /// Warp instructions that a vertex core issues a cycle.
-        vertex_issue: u32 ["instructions/cycle", Allowed::Range(1, 8), "ATTILA bGPU.ini VERTEXSHADER FetchRate = 1"],
+        vertex_issue: u32 ["instructions/cycle", Allowed::Range(1, 8), "assumed; ATTILA bGPU.ini VERTEXSHADER FetchRate = 1"],
         /// Invocations of a warp.
         warp_width: u32 ["invocations", Allowed::PowerOfTwo(4, 64), "NVIDIA 32, AMD 64 or 32, Intel 8 to 32, ATTILA 64 (VectorLength 16 of stamps)"],
         /// Warps that a core holds. A workgroup of more runs in turns.
@@ -68,11 +68,11 @@ knob::knobs! {
         /// Single-precision invocations executed a cycle.
         float_lanes: u32 ["lanes", Allowed::Range(1, 512), "128 an SM of 2014 and 2016, 192 of 2012"],
         /// Integer invocations executed a cycle.
-        integer_lanes: u32 ["lanes", Allowed::PowerOfTwo(1, 512), "64 or 128 an SM"],
+        integer_lanes: u32 ["lanes", Allowed::PowerOfTwo(1, 512), "assumed: 64 or 128 an SM"],
         /// Transcendental invocations executed a cycle.
         special_lanes: u32 ["lanes", Allowed::PowerOfTwo(1, 512), "32 an SM of 2014, a quarter of the others"],
         /// Branches and barriers executed a cycle.
-        control_lanes: u32 ["lanes", Allowed::PowerOfTwo(1, 512), "as integers"],
+        control_lanes: u32 ["lanes", Allowed::PowerOfTwo(1, 512), "assumed: as integers"],
         /// Multiplications of 32-bit integers, with a sum, executed a cycle.
         multiply_lanes: u32 ["lanes", Allowed::Range(1, 512), "0.29 of the lanes of single precision on a GTX 980, 0.20 on an RX 570 (clpeak: 1,446 and 1,032 billion operations/s)"],
         /// Cycles from a single-precision instruction to one that needs its result.
@@ -84,7 +84,7 @@ knob::knobs! {
         /// Cycles from a multiplication of integers to an instruction that needs its result.
         multiply_latency: u32 ["cycles", Allowed::Range(1, 127), "86 on Maxwell, where it is a sequence of products of 16 bits; 5 on Volta and Turing (Jia et al. 2019, table 4.1)"],
         /// Cycles from a warp's branch to its next instruction.
-        control_latency: u32 ["cycles", Allowed::Range(1, 63), "fetch of the target"],
+        control_latency: u32 ["cycles", Allowed::Range(1, 63), "assumed: fetch of the target"],
         /// Whether an instruction waits for those only whose results it needs; if not, for the one before it.
         scoreboard: bool ["", Allowed::Switch, "in order, with dependences by registers, in cards since 2001: one warp of four independent chains issues four times as often as of one (gpu-benches: V100)"],
         /// Whether a warp that has two instructions that do not need each other issues both in a cycle; `core.issue` counts warps then.
@@ -105,7 +105,7 @@ knob::knobs! {
         /// What an instruction works on. Vectors have the renderer record other costs.
         instructions: Instructions ["", Allowed::Choice(Instructions::NAMES), "scalar since 2006; vectors of four in cards before and in ATTILA (VectorALUConfig = simd4+scalar)"],
         /// Shaded warps queued behind each core.
-        output_queue: u32 ["warps", Allowed::Range(2, 256), "enough never to hold up the core"],
+        output_queue: u32 ["warps", Allowed::Range(2, 256), "assumed: enough never to hold up the core"],
     }
 }
 

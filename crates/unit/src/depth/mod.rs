@@ -47,28 +47,28 @@ knob::knobs! {
         /// Blocks of 8x8 pixels of 32 bits, 256 bytes, that the Z cache holds. A block with more bytes takes the places of several.
         cache_blocks: u32 ["blocks", Allowed::PowerOfTwo(4, 65536), "assumed: 64 KB cover the latency of the second level; ATTILA bGPU.ini ZCacheWays = 4, ZCacheLines = 16 lines of 16 stamps"],
         /// Ways of the Z cache; where they are as many as its blocks or more, any block goes anywhere.
-        cache_ways: u32 ["ways", Allowed::PowerOfTwo(2, 65536), "as those of the colour cache; ATTILA bGPU.ini ZCacheWays = 4"],
+        cache_ways: u32 ["ways", Allowed::PowerOfTwo(2, 65536), "assumed: as those of the colour cache; ATTILA bGPU.ini ZCacheWays = 4"],
         /// Which set of the cache is a block's.
         cache_sets: BlockSets ["", Allowed::Choice(BlockSets::NAMES), "caches fold addresses; ATTILA takes bits 8 to 11 of the address, of which 10 and 11 are the unit's"],
         /// Requests to memory in flight.
-        misses: u32 ["requests", Allowed::Range(1, 1024), "covers the latency of memory"],
+        misses: u32 ["requests", Allowed::Range(1, 1024), "assumed: covers the latency of memory"],
         /// Groups of quads between lookup and test, for the early and for the late tests each.
         fifo: u32 ["groups", Allowed::Range(1, 4096), "assumed: covers the latency of the second level; ATTILA bGPU.ini ZSTENCILTEST FetchQueueSize = 256 stamps"],
         /// Cycles from lookup to test where the block is in the cache.
-        latency: u32 ["cycles", Allowed::Range(1, 256), "ATTILA bGPU.ini ZALULatency = 2 and the queues before it"],
+        latency: u32 ["cycles", Allowed::Range(1, 256), "assumed; ATTILA bGPU.ini ZALULatency = 2 and the queues before it"],
         /// What becomes of the cache at the end of a pass. Kept blocks are still in the cache for what reads depths from memory: no time is
         /// modelled for bringing them there.
         pass_end: PassEnd ["", Allowed::Choice(PassEnd::NAMES), "a pass's depths can be read as a texture after it; ATTILA flushes colours alone at a swap"],
         /// Whether blocks are compressed as they leave the cache.
-        compression: bool ["", Allowed::Switch, "ATTILA bGPU.ini DisableCompression = FALSE"],
+        compression: bool ["", Allowed::Switch, "assumed; ATTILA bGPU.ini DisableCompression = FALSE"],
         /// How they are: estimates of the bytes that they take (`--fidelity bound`) know `planes` only.
         codec: Codec ["", Allowed::Choice(Codec::NAMES), "cards since 2005 have planes of depth (Hasselgren and Akenine-Moller 2006); ATTILA CompressionAlgorithm = 0: two references"],
         /// Whether a block that is stored raw is compressed when it is written again; if not, it is raw until its surface is cleared.
         recompress: bool ["", Allowed::Switch, "a compressor sees whole blocks; ATTILA's ROPCache writes a block that is uncompressed in memory uncompressed"],
         /// Cycles from here to interpolation.
-        output_latency: u32 ["cycles", Allowed::Range(1, 64), "wires"],
+        output_latency: u32 ["cycles", Allowed::Range(1, 64), "assumed: wires"],
         /// Groups of quads queued before interpolation.
-        output_queue: u32 ["groups", Allowed::Range(2, 4096), "ATTILA bGPU.ini EarlyZTestedStampQueueSize = 32"],
+        output_queue: u32 ["groups", Allowed::Range(2, 4096), "assumed; ATTILA bGPU.ini EarlyZTestedStampQueueSize = 32"],
     }
 }
 

@@ -65,13 +65,13 @@ knob::knobs! {
         batch_indices: u32 ["indices", Allowed::Range(3, 4096), "96 on NVIDIA cards, 384 on AMD's (Kerbl et al. 2018, Revisiting the Vertex Cache)"],
         /// Vertices that wait for their attributes to be looked up while further indices are read, where vertices are reused until they are
         /// assembled.
-        ahead: u32 ["vertices", Allowed::Range(1, 1024), "ATTILA bGPU.ini SLInputRequestQueueSize = 128"],
+        ahead: u32 ["vertices", Allowed::Range(1, 1024), "assumed; ATTILA bGPU.ini SLInputRequestQueueSize = 128"],
         /// Lines of vertex attributes looked up a cycle.
         lookups_per_cycle: u32 ["lines/cycle", Allowed::Range(1, 32), "assumed: two for each triangle read; ATTILA bGPU.ini SLAttributesCycle = 8 attributes"],
         /// Whether only those attributes are fetched that the vertex stage reads; if not, all that the vertex buffers of a draw have.
         skip_attributes: bool ["", Allowed::Switch, "drivers tell the fetch what the compiled shader reads; off shows what that is worth"],
         /// Bytes of a line of the attribute cache, which is fetched whole.
-        line_bytes: u32 ["bytes", Allowed::PowerOfTwo(64, 256), "a memory line; ATTILA bGPU.ini SLInputCacheLineSize = 256"],
+        line_bytes: u32 ["bytes", Allowed::PowerOfTwo(64, 256), "assumed: a memory line; ATTILA bGPU.ini SLInputCacheLineSize = 256"],
         /// Lines of the attribute cache.
         cache_lines: u32 ["lines", Allowed::PowerOfTwo(2, 65536), "assumed: 256 KB stand for the first-level caches of 16 multiprocessors; ATTILA bGPU.ini SLInputCacheLines = 32 of 256 bytes"],
         /// Ways of the attribute cache.
@@ -84,17 +84,17 @@ knob::knobs! {
         announced: u32 ["entries", Allowed::Range(4, 8192), "assumed: three entries for each run of primitives in a few batches"],
         /// Cycles without a further vertex after which a batch is started though it is not full. Only where geometry belongs to
         /// pipelines, which get their primitives in runs: elsewhere the end of a draw is known.
-        patience: u32 ["cycles", Allowed::Range(1, 4096), "as that of fragments: short against an access to memory"],
+        patience: u32 ["cycles", Allowed::Range(1, 4096), "assumed: as that of fragments: short against an access to memory"],
         /// Which core gets the next batch of vertices.
         deal: VertexDeal ["", Allowed::Choice(VertexDeal::NAMES), "in turn; ATTILA has one pointer for vertices and fragments (FragmentFIFO, TiledShaderDistribution = TRUE)"],
         /// Warps of vertices and fragments that one core gets, where vertices follow fragments, before the turn goes to the next core.
-        deal_warps: u32 ["warps", Allowed::Range(1, 4096), "ATTILA bGPU.ini ShaderInputBatchSize = 64 invocations: four warps"],
+        deal_warps: u32 ["warps", Allowed::Range(1, 4096), "assumed; ATTILA bGPU.ini ShaderInputBatchSize = 64 invocations: four warps"],
         /// Vertices that go to the cores in a cycle; 0: a whole batch.
         vertices_per_cycle: u32 ["vertices/cycle", Allowed::Range(0, 64), "assumed to be no limit; ATTILA bGPU.ini SLIndicesCycle = 2"],
         /// Cycles from here to the cores.
-        latency: u32 ["cycles", Allowed::Range(1, 64), "wires and input registers"],
+        latency: u32 ["cycles", Allowed::Range(1, 64), "assumed: wires and input registers"],
         /// Batches queued before each core.
-        queue: u32 ["batches", Allowed::Range(2, 64), "two: one arriving, one waiting"],
+        queue: u32 ["batches", Allowed::Range(2, 64), "assumed: two: one arriving, one waiting"],
     }
 }
 
