@@ -16,6 +16,22 @@ use work::{Needless, RenderKey, Shade};
 use super::super::needs::Need;
 use super::{DrawCall, DrawError, Skips};
 
+/// What traversal and tests of a quad take, in steps.
+const QUAD_STEPS: u64 = 3;
+
+/// What blending a quad takes beside, in steps for each sample of a pixel, where its format is none of four bytes: each texel is unpacked, blended as
+/// floats and packed.
+const BLEND_STEPS: u64 = 24;
+
+/// What a quad costs beside its shader, in steps.
+fn quad_steps(targets: &[FrameTarget], samples: u32) -> u64 {
+    let slow = |target: &&FrameTarget| {
+        let format = target.state.format();
+        target.state.blends() && !matches!(format, Format::Rgba8Unorm | Format::Bgra8Unorm)
+    };
+    QUAD_STEPS + BLEND_STEPS * u64::from(samples) * targets.iter().filter(slow).count() as u64
+}
+
 /// A colour target of a draw.
 pub struct FrameTarget {
     /// Which attachment.
@@ -137,6 +153,8 @@ pub struct Settings {
     /// Coverage may shrink in the fragment stage.
     pub shrinks: bool,
     pub targets: Vec<FrameTarget>,
+    /// What a quad costs beside its shader, in steps.
+    pub quad_steps: u64,
     /// Words of depth in a payload.
     pub depth_payload: usize,
     pub payload_words: usize,
@@ -240,6 +258,7 @@ impl Settings {
             width,
             height,
             samples: samples as usize,
+            quad_steps: quad_steps(&targets, samples),
             topology: pipeline.primitive.topology,
             vertex_in_order: pipeline.vertex().interface().side_effects,
             clip: ClipVolume::new(&viewport, pipeline.primitive.unclipped_depth),

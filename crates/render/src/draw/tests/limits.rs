@@ -36,6 +36,25 @@ fn drawn(scene: &Scene, how: How) -> Result<(), String> {
     pool.install(|| scene.draw_here(how)).map(drop)
 }
 
+#[test]
+fn blending_texels_of_other_than_four_bytes_takes_steps_of_its_own() {
+    let one = BlendComponent { src: BlendFactor::One, dst: BlendFactor::One, op: BlendOp::Add };
+    let drawn = |format, blend: Option<Blend>, samples| {
+        let mut scene = busy().samples(samples);
+        scene.format = format;
+        *scene.target() = ColorTarget { format, blend, write_mask: 15 };
+        let image = scene.draw_as(How { skips: Skips::NONE, ..USUAL });
+        (image.ledger.steps.spent(), image.drawn.funnel.quads_rasterized)
+    };
+    let blend = Some(Blend { color: one, alpha: one });
+    for samples in [1, 4] {
+        let (bytes, quads) = drawn(Format::Rgba8Unorm, blend, samples);
+        let (floats, same) = drawn(Format::Rgba16Float, blend, samples);
+        assert_eq!((floats - bytes, same), (24 * u64::from(samples) * quads, quads), "{samples} samples");
+        assert_eq!(drawn(Format::Rgba16Float, None, samples).0, drawn(Format::Rgba8Unorm, None, samples).0);
+    }
+}
+
 /// Draws with one limit at what is needed, and at one less.
 fn at_the_edge(
     mut scene: Scene,
