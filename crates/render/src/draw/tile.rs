@@ -276,7 +276,7 @@ const TELL: u64 = 1 << 18;
 impl TileRun<'_, '_, '_> {
     /// Work beside shaders that was not charged to the ledger yet, in steps: traversal and tests of triangles and quads take about so long.
     fn work(&self) -> u64 {
-        16 * self.visits + 2 * self.counts.tiles_visited + self.frame.quad_steps * self.counts.quads_rasterized - self.told
+        16 * self.visits + self.counts.tiles_visited + self.frame.quad_steps * self.counts.quads_rasterized - self.told
     }
 
     /// Counts a visit; whether the ledger allows it.
