@@ -173,6 +173,11 @@ fn collect(mut from: impl Read + Send + 'static) -> thread::JoinHandle<Vec<u8>> 
 
 /// The largest resident memory of a process so far, in bytes; 0 where the system does not say.
 fn resident_peak(process: u32) -> u64 {
+    // A process that begins has the memory of the one that starts it, for a moment after that goes on.
+    let program = std::fs::read_link(format!("/proc/{process}/exe"));
+    if program.ok() == std::env::current_exe().ok() {
+        return 0;
+    }
     let status = std::fs::read_to_string(format!("/proc/{process}/status")).unwrap_or_default();
     let line = status.lines().find_map(|line| line.strip_prefix("VmHWM:")).unwrap_or_default();
     line.trim().trim_end_matches(" kB").parse::<u64>().unwrap_or(0) * 1024
