@@ -26,7 +26,7 @@ const BODIES: [&str; 4] = [
     "for (var k = 0u; k < 20u; k++) { c = c * 0.99 + vec4f(sin(c.x), cos(c.y), c.z * c.y, 0.0) * 0.01; }",
 ];
 
-/// A sequence whose frames draw over the whole target so many times with each pipeline.
+/// A sequence whose frames draw over the whole target, with each pipeline as many times as `layers` says.
 fn sequence(layers: impl Fn(u32) -> [u32; 4]) -> Trace {
     let mut card = Recorder::new("sequence");
     let format = Format::Rgba8Unorm;

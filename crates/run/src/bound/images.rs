@@ -19,7 +19,7 @@ pub(super) fn copy(line: u32, pipeline: u32) -> u64 {
     u64::from(line) + COPY * (u64::from(pipeline) + 1)
 }
 
-/// The pipelines that draw into a block, if so many draw into each on average: some that follow each other.
+/// The pipelines that draw into a block, where `copies` pipelines draw into each block on average. They follow each other in number.
 pub(super) fn drawn_by(block: u32, copies: f64, pipelines: u32) -> impl Iterator<Item = u32> {
     let before = |block: u32| (f64::from(block) * copies) as u32;
     (0..before(block + 1) - before(block)).map(move |at| (block + at) % pipelines)
@@ -59,7 +59,7 @@ impl Bound<'_> {
         (each[below] + (each[below + 1] - each[below]) * (at - below as f64)).clamp(1.0, self.pipelines)
     }
 
-    /// Composes the copies of a pass: so many of its blocks are drawn, each in so many copies on average.
+    /// Composes the copies of a pass: `drawn` of its blocks are drawn, each in `copies` copies on average.
     pub(super) fn composed(
         &mut self,
         draws: &[DrawProfile],

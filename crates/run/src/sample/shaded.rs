@@ -187,7 +187,7 @@ impl<'r> Walk<'r> {
         Walk { runs, costs, next: 0, rows: Vec::new() }
     }
 
-    /// What the shaders of the next frame take, which has used so many pipelines.
+    /// What the shaders of the next frame take. The frame has used `used` pipelines.
     ///
     /// # Errors
     /// If what is kept of them cannot be read.

@@ -43,7 +43,7 @@ pub(super) struct AllOngoing {
 }
 
 impl AllOngoing {
-    /// Nothing, on a machine with so many runs of workgroups in flight.
+    /// Nothing is under way. The machine may have `runs` runs of workgroups in flight.
     pub fn new(runs: usize) -> AllOngoing {
         AllOngoing { of_run: vec![0; runs], ..AllOngoing::default() }
     }
