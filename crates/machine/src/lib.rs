@@ -277,8 +277,10 @@ impl Machine {
         let steps = self.most.map(|most| most.steps);
         self.card.closed = false;
         let sort = self.config.card.sort;
-        // A free-running display is never quiet; what is on its way when a frame ends belongs to the next.
+        // A free-running display is never quiet; what is on its way when a frame ends belongs to the next. Behind the last frame it is switched
+        // off, unless it is to show that.
         let free = self.config.scanout.runs_free();
+        let shows_last = self.config.scanout.show_last;
         // Without reports, scan-out of a frame takes no simulated time.
         let mut scanned_out = VecDeque::new();
         let mut drawing = Drawing::default();
@@ -327,6 +329,8 @@ impl Machine {
                 let short = match card.events.front() {
                     None => true,
                     Some(Event::BeginPass(_)) => !card.closed && card.events.len() == 1,
+                    // The last frame switches a display off.
+                    Some(Event::EndFrame(_)) => free && !card.closed && card.events.len() == 1,
                     Some(_) => false,
                 };
                 let applies = matches!(card.events.front(), Some(Event::Applied(_)));
@@ -339,7 +343,8 @@ impl Machine {
                     || circuit.scanout.captures()
                     || applies && circuit.command.idle()
                     || free && drawing.is_stuck(circuit, patience);
-                stops || if circuit.command.frame_over() { free || quiet() } else { done && (!card.closed || quiet()) }
+                let goes_on = free && (shows_last || !card.closed || !card.events.is_empty());
+                stops || if circuit.command.frame_over() { goes_on || quiet() } else { done && (!card.closed || quiet()) }
             };
             let ran = loop {
                 let ran = sim::run(&mut self.circuit, &mut self.card, clock, patience, &mut done);

@@ -23,19 +23,19 @@ knob::knobs! {
     /// A constant cache.
     pub struct ConstantConfig {
         /// Whether cores that shade fragments read uniform buffers through a cache of their own. If not, and in separate vertex cores, they read them through the texture unit.
-        enabled: bool ["", Allowed::Switch, "in NVIDIA's cards since 2006 (Wong et al. 2010); AMD's read them as other buffers where addresses differ in a warp"],
+        enabled: bool ["", Allowed::Switch, "CUDA C programming guide: cards of every compute capability have one"],
         /// Bytes of the first level.
         bytes: u32 ["bytes", Allowed::PowerOfTwo(256, 1048576), "2 KB on Kepler and Maxwell (Jia et al. 2019, table 3.1)"],
         /// Ways of the first level.
-        ways: u32 ["ways", Allowed::PowerOfTwo(1, 256), "assumed: 4 (Wong et al. 2010, GT200)"],
+        ways: u32 ["ways", Allowed::PowerOfTwo(1, 256), "assumed: 4"],
         /// Bytes of a line of the first level.
-        line_bytes: u32 ["bytes", Allowed::PowerOfTwo(64, 256), "assumed: 64 (Wong et al. 2010, GT200)"],
+        line_bytes: u32 ["bytes", Allowed::PowerOfTwo(64, 256), "assumed: 64"],
         /// Bytes of the second level, a multiple of its line; 0: there is none.
         second_bytes: u32 ["bytes", Allowed::Range(0, 1048576), "32 KB on Kepler and Maxwell, called L1.5 (Jia et al. 2019, table 3.1)"],
         /// Ways of the second level.
         second_ways: u32 ["ways", Allowed::PowerOfTwo(1, 256), "assumed as in the first level"],
         /// Bytes of a line of the second level.
-        second_line_bytes: u32 ["bytes", Allowed::PowerOfTwo(64, 256), "assumed: 256 (Wong et al. 2010, GT200)"],
+        second_line_bytes: u32 ["bytes", Allowed::PowerOfTwo(64, 256), "assumed: 256"],
         /// Cycles from an access to its answer where the first level has the line.
         latency: u32 ["cycles", Allowed::Range(1, 256), "a hit takes 25 cycles on GM204 (Jia et al. 2019, table 3.1), 14 of them outside: the index and the way to the cache and back"],
         /// Cycles from an access to its answer where the second level has the line.

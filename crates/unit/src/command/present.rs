@@ -65,7 +65,8 @@ impl Present {
 impl Command {
     /// Takes the swaps that the display reports, and reports to it, once, that no frame follows.
     pub(super) fn heed_display(&mut self, wires: &mut Wires, card: &Card) -> Tick {
-        let idle = self.idle();
+        // Behind the last frame, too: it is over when the display has been switched off.
+        let idle = self.idle() || self.frame_over();
         let Some(present) = &mut self.present else { return Tick::Starved };
         let mut did = Tick::Starved;
         while wires.pop(&self.ports.scanned).is_some() {
@@ -123,7 +124,10 @@ impl Command {
     pub(super) fn hand_over(&mut self, wires: &mut Wires, card: &mut Card) -> Option<()> {
         let (present, end) = (self.present.as_mut()?, self.ended.as_ref()?);
         let surface = end.shown?;
-        if !wires.try_push(&self.ports.scanout, Piece { slot: 0, kind: Kind::DATA }) {
+        // Its event may have been taken.
+        let last = card.closed && !card.events.iter().any(|event| !matches!(event, Event::EndFrame(other) if other.number == end.number));
+        let kind = if last { Kind::END } else { Kind::DATA };
+        if !wires.try_push(&self.ports.scanout, Piece { slot: 0, kind }) {
             return None;
         }
         let address = present.address(&surface);
@@ -133,6 +137,7 @@ impl Command {
             present.renamed.retain(|(known, _)| *known != surface.key);
             present.renamed.push((surface.key, address));
         }
+        present.told = last;
         present.frames += 1;
         present.waiting += u32::from(present.swap == Swap::Vsync);
         self.state = if present.swap == Swap::Vsync { State::Scanning } else { State::Over };

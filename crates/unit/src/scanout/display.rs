@@ -6,6 +6,9 @@
 //! are due are read all the same, and thrown away: their line is dry. What has not been asked for when the blank begins is not read at
 //! all, and its lines are dry: memory that is too slow for a display does not fall behind by more than a refresh.
 //!
+//! Frames of another size, format or number of samples than those before change the display's mode: what is being sent ends where it is, and
+//! counts as no refresh, and a vertical blank of the new mode begins. With vsync that is so in the vertical blank.
+//!
 //! Behind the last frame the display goes on until it has shown it whole, or is switched off at once (`show_last`).
 //!
 //! What a line shows is settled when it is on the screen. What the FIFO holds of a line ahead of a swap counts as that of the new frame.
@@ -94,6 +97,8 @@ stats::counters! {
         dropped: "frames",
         /// Refreshes that show one frame whole, as the refresh before did.
         repeated: "refreshes",
+        /// Frames of another size, format or number of samples than the one before: the display has changed its mode.
+        modes: "frames",
         /// Swaps while a picture was being sent: it is torn.
         tears: "tears",
         /// The lines of these, added up.
@@ -114,7 +119,9 @@ struct Screen {
     /// Cycles of a line and of a refresh.
     line_cycles: Cycle,
     period: Cycle,
-    /// The cycle in which refresh 0 begins, and the current refresh: that being sent, or in the blank in front of it.
+    /// Refreshes before this mode of the display.
+    before: u64,
+    /// The cycle in which refresh 0 of this mode begins, and the current refresh: that being sent, or in the blank in front of it.
     origin: Cycle,
     refresh: u64,
     sending: bool,
@@ -138,6 +145,46 @@ struct Screen {
 }
 
 impl Screen {
+    /// A mode for a frame, the first of its kind, that begins with a vertical blank in a cycle, behind `before` refreshes.
+    fn new(config: &ScanoutConfig, now: Cycle, before: u64, frame: Presented, ordinal: u64) -> Screen {
+        let line_cycles = Cycle::from(config.line_cycles);
+        let lines = u64::from(frame.surface.height);
+        let blank = u64::from(config.blank_lines);
+        let texel = u64::from(frame.surface.samples) * u64::from(frame.surface.format.block_bytes());
+        Screen {
+            surface: frame.surface,
+            lines,
+            line_bytes: u64::from(frame.surface.width) * texel,
+            line_cycles,
+            period: (lines + blank) * line_cycles,
+            before,
+            origin: now + blank * line_cycles,
+            refresh: 0,
+            sending: false,
+            front: frame,
+            ordinal,
+            parts: Vec::new(),
+            whole: None,
+            allowed: 1,
+            issued: 0,
+            dry: None,
+            stops: false,
+            begun: (config.buffers == 1).then_some(0),
+            live: Vec::new(),
+        }
+    }
+
+    /// Whether a frame is shown in this mode.
+    fn fits(&self, frame: &Presented) -> bool {
+        let kind = |surface: &Surface| (surface.width, surface.height, surface.samples, surface.format);
+        kind(&self.surface) == kind(&frame.surface)
+    }
+
+    /// The number, over all modes, of a refresh of this one.
+    fn number(&self, refresh: u64) -> u64 {
+        self.before + refresh
+    }
+
     /// Bytes of a refresh.
     fn bytes(&self) -> u64 {
         self.lines * self.line_bytes
@@ -251,17 +298,7 @@ impl Display {
 
     /// Why a frame cannot be shown.
     fn refusal(&self, frame: &Presented) -> Option<String> {
-        let Surface { width, height, samples, format, .. } = frame.surface;
-        if let Some(screen) = &self.screen
-            && (width, height, samples, format)
-                != (screen.surface.width, screen.surface.height, screen.surface.samples, screen.surface.format)
-        {
-            let (w, h) = (screen.surface.width, screen.surface.height);
-            return Some(format!(
-                "it has {width} x {height} pixels and the display {w} x {h}, or another format: a display that runs free \
-                 (scanout.mode) shows frames of one kind; use after-frame"
-            ));
-        }
+        let Surface { width, samples, format, .. } = frame.surface;
         let bytes = u64::from(width) * u64::from(samples) * u64::from(format.block_bytes());
         let brought = u64::from(self.port_width) * u64::from(self.config.line_cycles);
         (bytes > brought).then(|| {
@@ -279,36 +316,17 @@ impl Display {
         self.counts.presented += 1;
         let vsync = self.config.swap == Swap::Vsync;
         let Some(screen) = &mut self.screen else {
-            let line_cycles = Cycle::from(self.config.line_cycles);
-            let lines = u64::from(frame.surface.height);
-            let blank = u64::from(self.config.blank_lines);
-            let texel = u64::from(frame.surface.samples) * u64::from(frame.surface.format.block_bytes());
-            self.screen = Some(Screen {
-                surface: frame.surface,
-                lines,
-                line_bytes: u64::from(frame.surface.width) * texel,
-                line_cycles,
-                period: (lines + blank) * line_cycles,
-                origin: now + blank * line_cycles,
-                refresh: 0,
-                sending: false,
-                front: frame,
-                ordinal: self.counts.presented,
-                parts: Vec::new(),
-                whole: None,
-                allowed: 1,
-                issued: 0,
-                dry: None,
-                stops: false,
-                begun: (self.config.buffers == 1).then_some(0),
-                live: Vec::new(),
-            });
+            self.screen = Some(Screen::new(&self.config, now, self.counts.refreshes, frame, self.counts.presented));
             self.acks += u32::from(vsync);
             return;
         };
         if vsync {
             self.pending.push_back(frame);
             return;
+        }
+        if !screen.fits(&frame) {
+            count(&mut self.counts, &screen.parts);
+            return self.change_mode(now, frame, self.counts.presented);
         }
         (screen.front, screen.ordinal) = (frame, self.counts.presented);
         if !screen.sending {
@@ -324,8 +342,16 @@ impl Display {
         if since > 0 {
             self.counts.tears += 1;
             self.counts.tear_lines += u64::from(line);
-            self.tears.push((screen.refresh, line));
+            self.tears.push((screen.number(screen.refresh), line));
         }
+    }
+
+    /// A frame of another kind is shown from here on. What has been asked for of the one before comes, and is thrown away.
+    fn change_mode(&mut self, now: Cycle, frame: Presented, ordinal: u64) {
+        self.counts.modes += 1;
+        self.flight.clear();
+        self.capture = None;
+        self.screen = Some(Screen::new(&self.config, now, self.counts.refreshes, frame, ordinal));
     }
 
     /// What the clock brings: the first line of a refresh, or its vertical blank.
@@ -336,7 +362,7 @@ impl Display {
             screen.sending = true;
             screen.parts = vec![(0, screen.front.clone(), screen.ordinal, now)];
         } else if screen.begun.is_none_or(|begun| begun == screen.lines) {
-            return self.end_refresh();
+            return self.end_refresh(now);
         }
         if let Some(begun) = &mut screen.begun {
             self.capture = Some(*begun as u32);
@@ -345,7 +371,7 @@ impl Display {
     }
 
     /// The vertical blank begins.
-    fn end_refresh(&mut self) {
+    fn end_refresh(&mut self, now: Cycle) {
         let Some(screen) = &mut self.screen else { return };
         let parts = std::mem::take(&mut screen.parts);
         count(&mut self.counts, &parts);
@@ -355,14 +381,19 @@ impl Display {
         screen.whole = whole;
         let shown = parts.into_iter().map(|(line, frame, ..)| (line, frame)).collect();
         screen.begun = screen.begun.map(|_| 0);
-        let refresh = Refresh { number: screen.refresh, parts: shown, live: std::mem::take(&mut screen.live) };
+        let refresh = Refresh { number: screen.number(screen.refresh), parts: shown, live: std::mem::take(&mut screen.live) };
         self.sprites += refresh.sprite_counts();
         self.done.push(refresh);
         (screen.sending, screen.refresh) = (false, screen.refresh + 1);
+        let mut other = None;
         if let Some(next) = self.pending.pop_front() {
             screen.ordinal = self.counts.presented - self.pending.len() as u64;
-            screen.front = next;
             self.acks += 1;
+            if screen.fits(&next) {
+                screen.front = next;
+            } else {
+                other = Some((next, screen.ordinal));
+            }
         }
         screen.stops = self.ended && whole == Some(screen.ordinal);
         let end = screen.allowed * screen.bytes();
@@ -371,12 +402,15 @@ impl Display {
             let first = (missing / screen.line_bytes).max(screen.dry.map_or(0, |known| known + 1));
             for line in first..screen.allowed * screen.lines {
                 self.counts.dry_lines += 1;
-                self.dry.push((line / screen.lines, (line % screen.lines) as u32));
+                self.dry.push((screen.number(line / screen.lines), (line % screen.lines) as u32));
             }
             screen.dry = Some(screen.allowed * screen.lines - 1);
         }
         screen.issued = end;
         screen.allowed += u64::from(!screen.stops);
+        if let Some((frame, ordinal)) = other {
+            self.change_mode(now, frame, ordinal);
+        }
     }
 
     /// No frame follows, and nothing more is shown. What has been asked for comes, and is thrown away.
@@ -406,7 +440,7 @@ impl Display {
                 if now >= screen.left_by(at + 1) && screen.dry.is_none_or(|known| line > known) {
                     screen.dry = Some(line);
                     self.counts.dry_lines += 1;
-                    self.dry.push((line / screen.lines, (line % screen.lines) as u32));
+                    self.dry.push((screen.number(line / screen.lines), (line % screen.lines) as u32));
                 }
                 at = (line + 1) * screen.line_bytes;
             }
@@ -438,20 +472,17 @@ impl Display {
         // 3. Frames.
         while let Some(piece) = wires.pop(input) {
             moved = true;
-            if piece.kind != Kind::DATA {
-                self.ended = true;
-                if !self.config.show_last {
-                    self.switch_off();
+            self.ended = piece.kind != Kind::DATA;
+            if let Some(frame) = card.presented.pop_front() {
+                if let Some(what) = self.refusal(&frame) {
+                    card.stop(Fault::Display { frame: frame.frame, what });
+                    return Tick::Moved;
                 }
-                continue;
+                self.take(now, frame);
             }
-            self.ended = false;
-            let Some(frame) = card.presented.pop_front() else { continue };
-            if let Some(what) = self.refusal(&frame) {
-                card.stop(Fault::Display { frame: frame.frame, what });
-                return Tick::Moved;
+            if self.ended && !self.config.show_last {
+                self.switch_off();
             }
-            self.take(now, frame);
         }
         let mut did = Tick::moved_or(moved, Tick::Starved);
         while self.acks > 0 {

@@ -54,6 +54,12 @@ struct Seen {
 }
 
 fn seen(config: &ScanoutConfig, times: &[Cycle]) -> Seen {
+    seen_of(config, &times.iter().map(|&at| (at, 16)).collect::<Vec<_>>())
+}
+
+/// The same, of frames with a number of blocks next to each other.
+fn seen_of(config: &ScanoutConfig, frames: &[(Cycle, u32)]) -> Seen {
+    let times: Vec<Cycle> = frames.iter().map(|(at, _)| *at).collect();
     let run = || {
         let mut wiring = Wiring::new();
         let ids = ["source", "scanout", "sink"].map(|name| wiring.unit(name, 0));
@@ -61,9 +67,9 @@ fn seen(config: &ScanoutConfig, times: &[Cycle]) -> Seen {
         let (output, input) = wiring.channel("in", 0, FREE, ids[0], ids[1]);
         let (out, got) = wiring.channel("out", 0, FREE, ids[1], ids[2]);
         let mut card = card(1);
-        let surface = surface(1, Format::Rgba8Unorm, 16, 1);
-        for (frame, &at) in (0..).zip(times) {
-            let bytes = vec![0; (LINES * LINE_BYTES) as usize].into();
+        for (frame, &(at, blocks)) in (0..).zip(frames) {
+            let surface = surface(1, Format::Rgba8Unorm, blocks, 1);
+            let bytes = vec![0; (LINES * LINE_BYTES * u64::from(blocks) / 16) as usize].into();
             card.presented.push_back(Presented {
                 frame,
                 surface,
@@ -219,6 +225,37 @@ fn memory_too_slow_for_a_display_falls_behind_by_a_refresh_at_most() {
     assert!((4.0..=5.0).contains(&requests), "{requests}");
     let all = (0..11).flat_map(|refresh| (0..LINES as u32).map(move |line| (refresh, line)));
     assert_eq!(seen.dry, all.collect::<Vec<_>>());
+}
+
+#[test]
+fn a_frame_of_another_size_begins_a_mode_of_its_own() {
+    // The second frame has lines of half the bytes. It comes in line 3 of refresh 1, which ends there: a blank follows, and its refresh.
+    let (at, half) = (ORIGIN + P + 350, LINE_BYTES / 2);
+    let seen = seen_of(&config(), &[(1, 16), (at, 8)]);
+    assert_eq!(seen.refreshes, [vec![(0, 0)], vec![(0, 1)]]);
+    let wait = ORIGIN - 1 + 400;
+    let expected = DisplayCounts {
+        refreshes: 2,
+        presented: 2,
+        shown: 2,
+        modes: 1,
+        // `at` of a frame is the cycle before that in which the display takes it.
+        present_to_line: wait + 2,
+        ..DisplayCounts::default()
+    };
+    assert_eq!((seen.counts, seen.tears, seen.dry), (expected, vec![], vec![]));
+    // In 350 cycles three lines and a half have left the FIFO of two lines. The eleventh request of 256 bytes has room from then on: too late.
+    assert_eq!(seen.bytes, LINES * LINE_BYTES + 10 * 256 + LINES * half);
+
+    // With vsync the mode changes in the blank behind refresh 1, and begins with a blank; nothing is cut off.
+    let seen = seen_of(&ScanoutConfig { swap: Swap::Vsync, ..config() }, &[(1, 16), (at, 8), (at + 1, 8)]);
+    assert_eq!(seen.refreshes, [vec![(0, 0)], vec![(0, 0)], vec![(0, 1)], vec![(0, 2)]]);
+    assert_eq!((seen.counts.modes, seen.bytes), (1, 2 * LINES * LINE_BYTES + 2 * LINES * half));
+    let blank = |refresh: u64| ORIGIN + refresh * P + LINES * 100;
+    assert_eq!(seen.acks, [1 + 1, blank(1) + 1, blank(2) + 1]);
+    // A mode that no frame is shown in is dropped with its frame.
+    let seen = seen_of(&config(), &[(1, 16), (ORIGIN - 100, 8), (ORIGIN - 50, 16)]);
+    assert_eq!((seen.refreshes, seen.counts.modes, seen.counts.dropped), (vec![vec![(0, 2)]], 2, 2));
 }
 
 #[test]
