@@ -97,7 +97,7 @@ impl Bound<'_> {
             let fronts = if self.sorted.own_geometry() { self.pipelines } else { 1.0 };
             roofs.add("vertex port", traffic.attributes.read / f64::from(config.memory.port_width) / fronts);
         }
-        let pins = self.attachments(&mut roofs, color, depth.as_ref(), blocks, block_misses, cells, &traffic);
+        let (pins, left) = self.attachments(&mut roofs, color, depth.as_ref(), blocks, block_misses, cells, &traffic);
         rates.iter_mut().for_each(|rates| (rates.color_block, rates.depth_block) = (pins[0], pins[1]));
         let quads: f64 = draws.iter().map(|draw| draw.fragment.requests() as f64).sum();
         let units = rates.iter().zip(draws).map(|(r, d)| r.texture * d.fragment.runs as f64).sum::<f64>() / self.pipelines;
@@ -169,7 +169,7 @@ impl Bound<'_> {
         limit = if resolve > most.max(composed.cycles) { "resolve" } else { limit };
         let skipped = draws.is_empty() && resolve == 0.0 && config.command.skip_empty_passes;
         let barrier = if skipped { 0.0 } else { f64::from(config.command.barrier_cycles) };
-        let cycles = most + first_and_last + composed.cycles + resolve + barrier;
+        let cycles = most + first_and_last + left + composed.cycles + resolve + barrier;
         let (kind, number, label) = (PhaseKind::Pass, *number, label.clone());
         PhaseEstimate { kind, number, label, cycles, limit, units: roofs.units, memory, textures }
     }
@@ -402,7 +402,9 @@ impl Bound<'_> {
         }
     }
 
-    /// Adds what the attachments of a pass move through their ports; the cycles that each block takes at least in colour and in depth.
+    /// Adds what the attachments of a pass move through their ports while it draws. Gives the cycles that each block takes at least in colour
+    /// and in depth, and those in which the blocks that are in the caches when all is drawn leave them: each pipeline's colours and depths
+    /// through a port of their own.
     fn attachments(
         &self,
         roofs: &mut Roofs,
@@ -412,12 +414,12 @@ impl Bound<'_> {
         misses: &[[u64; BLOCK_CACHES.len()]; 2],
         cells: &[Cell],
         traffic: &PassTraffic,
-    ) -> [f64; 2] {
+    ) -> ([f64; 2], f64) {
         let (port, c) = (f64::from(self.config.memory.port_width), self.config);
         let sum = |of: fn(&Cell) -> u32| cells.iter().map(|cell| u64::from(of(cell))).sum::<u64>() as f64;
         let groups = sum(|cell| cell.groups) / sum(|cell| cell.seen).max(1.0);
         let uses = [sum(|cell| cell.pins), sum(|cell| cell.seen)];
-        let mut least = [0.0; 2];
+        let (mut least, mut left) = ([0.0; 2], [0.0; 2]);
         let mut rop = |unit: &'static str,
                        attachment: &AttachmentProfile,
                        side: usize,
@@ -435,8 +437,11 @@ impl Bound<'_> {
             // What is replaced whole is not read.
             let kept = if side == 0 { 1.0 - traffic.replaced[1] / traffic.replaced[0].max(1.0) } else { 1.0 };
             let filled = (first + (missed - distinct).max(0.0)) * kept;
-            let (read, written) = (filled * bytes * part, missed * bytes * part);
+            // Tiles are written one by one, while others are drawn.
+            let last = if self.binned || !attachment.stores { 0.0 } else { distinct.min(cache * self.pipelines).min(missed) };
+            let (read, written) = (filled * bytes * part, (missed - last) * bytes * part);
             roofs.add(unit, read.max(written) / self.pipelines / port);
+            left[side] += last * bytes * part / self.pipelines / port;
             // Blocks between lookup and use stay in their sets, and go on in order: of as many as find room at once, all wait for one
             // that is missed.
             let at_once = (self.in_use[side] / places(attachment)).min(f64::from(fifo) / groups.max(1.0)).max(1.0);
@@ -461,7 +466,7 @@ impl Bound<'_> {
             let knobs = (self.depth_codec(), c.depth.fifo, c.depth.misses, c.depth.latency);
             rop("depth port", depth, 1, f64::from(c.depth.cache_blocks) / places(depth), knobs);
         }
-        least
+        (least, left[0].max(left[1]))
     }
 }
 
