@@ -82,18 +82,19 @@ pub fn json(outcomes: &[Outcome]) -> Value {
     })
 }
 
-/// What stands before the tables of a page.
+/// The text before the tables of a page.
 const INTRODUCTION: &str = "# Accuracy
 
-What a correct model must reproduce, measured on the model itself: identities and rules of specifications, which allow no deviation, and
-closed forms with a bound. A check makes its own input from a seed and runs the code that a replay runs; the formula, or arithmetic of
-any precision (`gfx::reference`), is what it compares with. `fillrate accuracy --list` names the targets, `fillrate accuracy TARGET`
-measures one, `--size large` does so on millions of cases, and `--inject-fault` spoils what is under test, as each target says: all of them
-fail then. The test suite runs every target at its small size, with and without its fault.
+A target states a result that a correct model must reproduce: an identity or a rule of a specification, which allows no deviation, or a
+closed form with a bound. Its check makes its own input from a seed, runs the code that a replay runs, and compares the result with the
+formula or with arithmetic of any precision (`gfx::reference`). `fillrate accuracy --list` names the targets, `fillrate accuracy TARGET`
+measures one, and `--size large` measures millions of cases. `--inject-fault` spoils the input of each check by the fault in the table:
+every target must then fail. The tests run every target at its small size, with and without its fault.
 
 ";
 
-/// Outcomes as a page: for each case the figures of the first of the largest runs, and the worst over all runs.
+/// Outcomes as a page. Each section has a table of its targets. Each target has a table of its cases, with the numbers of the first of the
+/// largest runs and the worst error of all runs.
 pub fn markdown(outcomes: &[Outcome]) -> String {
     let mut text = INTRODUCTION.to_owned();
     let failed = outcomes.iter().filter(|outcome| !outcome.holds()).count();
@@ -110,9 +111,9 @@ pub fn markdown(outcomes: &[Outcome]) -> String {
     }
     let (seeds, sizes) = (seeds.join(","), sizes.join(","));
     let made = format!(
-        "This page is what `fillrate accuracy --seed {seeds} --size {sizes} --markdown` prints: {} of {} runs of targets hold. Figures \
-         are those of the first seed at the largest size; the last column has the largest error of all runs, as a share of what is \
-         allowed where that is not 0.",
+        "`fillrate accuracy --seed {seeds} --size {sizes} --markdown` writes this page: {} of {} runs of targets hold. Each row has the \
+         numbers of the first seed at the largest size. The column `worst of all runs` has the largest error of all runs: as a share of \
+         the allowed error, or as it is where no error is allowed.",
         outcomes.len() - failed,
         outcomes.len()
     );
@@ -127,12 +128,15 @@ pub fn markdown(outcomes: &[Outcome]) -> String {
         if of_section.is_empty() {
             continue;
         }
-        let _ = write!(text, "\n## {}\n", section.title());
+        let _ = write!(text, "\n## {}\n\n", section.title());
+        text += "| target | rule | bound | fault that it finds |\n|---|---|---|---|\n";
+        for target in &of_section {
+            let [what, bound, fault] = [target.what, target.bound, target.fault].map(cell);
+            let _ = writeln!(text, "| {} | {what} | {bound} | {fault} |", target.id);
+        }
         for target in of_section {
             let runs: Vec<&Outcome> = outcomes.iter().filter(|outcome| outcome.target.id == target.id).collect();
-            let about =
-                format!("{}. Bound: {}. The fault that it is shown to find: {}.", target.what, target.bound, target.fault);
-            let _ = write!(text, "\n### {}\n\n{}\n", target.id, wrapped(&about));
+            let _ = write!(text, "\n### {}\n\n", target.id);
             text += "| case | expected | measured | error | allowed | worst of all runs | |\n|---|--:|--:|--:|--:|--:|---|\n";
             let Some(shown) = runs.iter().rev().max_by_key(|run| run.setting.size) else { continue };
             for row in &shown.rows {
@@ -141,12 +145,17 @@ pub fn markdown(outcomes: &[Outcome]) -> String {
                 let worst = same.iter().map(|row| share(row)).fold(0.0, f64::max);
                 let worst = if row.allowed == 0.0 { number(worst) } else { format!("{:.1} %", 100.0 * worst) };
                 let verdict = if same.iter().all(|row| row.holds()) { "pass" } else { "**fail**" };
-                let case = row.case.replace('|', "\\|");
+                let case = cell(&row.case);
                 let _ = writeln!(text, "| {case} | {expected} | {measured} | {error} | {allowed} | {worst} | {verdict} |");
             }
         }
     }
     text
+}
+
+/// The content of a table's cell.
+fn cell(text: &str) -> String {
+    text.replace('|', "\\|")
 }
 
 /// A paragraph in lines.

@@ -17,7 +17,7 @@ pub const WALKS: Target = Target {
     what: "Tests for coverage of right isosceles triangles with legs of L pixels at the corner of a target of W x W: by blocks those of \
            8x8 pixels of the 64x64 tiles that are met; by rows min(L, W) and the pixels covered, L(L-1)/2 of them if L <= W; by boxes \
            min(L, W)^2; with rejection L^2, 2^28 for L = 16384. On all sort classes, with one picture; \
-           lists of tiles take boxes apart, and rejection once a tile; at 4096 tests a cycle L^2 tests \
+           lists of tiles take boxes apart, and rejection once per tile; at 4096 tests per cycle L^2 tests \
            take L^2/4096 cycles",
     bound: "exact",
     fault: "the box of each triangle is a row higher and wider on its way to the machine",

@@ -13,7 +13,7 @@ pub const ARITHMETIC: Target = Target {
     what: "What programs in WGSL compute, against f64, over numbers of every size",
     bound: "WGSL's table: +, -, x correctly rounded; / 2.5 ULP, inverseSqrt and sqrt 2, exp and exp2 3 + 2|x|, log and log2 3 and 2^-21 \
             in [0.5, 2], sin and cos 2^-11 in [-pi, pi]",
-    fault: "the last bit of the program's first operand is turned around",
+    fault: "the last bit of the program's first operand is inverted",
     check,
 };
 

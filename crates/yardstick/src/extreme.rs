@@ -14,7 +14,7 @@ pub const SNAP: Target = Target {
     section: Section::Raster,
     what: "From floating point to 16.8: rounding to nearest, ties to even; NaN becomes 0, what is outside of the guard band clamps",
     bound: "exact",
-    fault: "the number is snapped with its last bit turned around",
+    fault: "the number is snapped with its last bit inverted",
     check: snapping,
 };
 
@@ -23,7 +23,7 @@ pub const EXTREME: Target = Target {
     section: Section::Raster,
     what: "Positions of every size up to the largest number, w down to 1e-6 and across 0, NaN and infinity in any component",
     bound: "none drawn that is not finite, nothing else than finite numbers after clipping and setup, the same on every run",
-    fault: "clipping is not told which positions are not finite",
+    fault: "clipping does not know which positions are not finite",
     check: extreme,
 };
 

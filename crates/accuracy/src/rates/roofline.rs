@@ -12,10 +12,10 @@ pub(super) const ROOFLINE: Target = Target {
     id: "roofline",
     section: Section::Memory,
     what: "No run takes fewer cycles than any of its units needs for its work at its rate (machines of several classes, DRAM included). \
-           With ever more arithmetic a fragment, memory takes the time first, then the cores: both lines meet \
-           at peak/bandwidth instructions a byte (Williams et al. 2009)",
+           With ever more arithmetic per fragment, memory takes the time first, then the cores: both lines meet \
+           at peak/bandwidth instructions per byte (Williams et al. 2009)",
     bound: "exact; 2 % of the knee",
-    fault: "the core issues an instruction a cycle less than it is told to",
+    fault: "the core issues one instruction per cycle fewer than its configuration says",
     check,
 };
 

@@ -11,8 +11,8 @@ use num::Random;
 pub(super) const FORSYTH: Target = Target {
     id: "forsyth",
     section: Section::Sorting,
-    what: "Vertices shaded a triangle of a sphere (an icosahedron, 32 splits an edge, 20,480 triangles) in Forsyth's order (2006), the last \
-           12, 16, 20, 24, 28, 32, 1024 remembered, first in first out: the published .740 .715 .702 .691 .681 .672 .529",
+    what: "Vertices shaded per triangle of a sphere (an icosahedron, 32 splits per edge, 20,480 triangles) in Forsyth's order (2006), the \
+           last 12, 16, 20, 24, 28, 32, 1024 remembered, first in first out: the published .740 .715 .702 .691 .681 .672 .529",
     bound: "3 %",
     fault: "triangles come as the sphere is built",
     check,

@@ -15,7 +15,7 @@ pub(super) const CHEN_PEAK: Target = Target {
            larger the triangles; where the pixels take longer, setup hides behind them again: the slow-down peaks where both take as \
            long (Chen et al. 1998)",
     bound: "a factor of 2 in area; the peak a fifth above both ends",
-    fault: "setup of the machine takes four times as long as it is told to",
+    fault: "setup of the machine takes four times as long as its configuration says",
     check,
 };
 

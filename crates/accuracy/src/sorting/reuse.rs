@@ -14,7 +14,7 @@ use work::{Event, Segment, Vertex};
 pub(super) const VERTEX_REUSE: Target = Target {
     id: "vertex-reuse",
     section: Section::Sorting,
-    what: "Vertices shaded a triangle of a grid of W x W cells, row by row, with the last K remembered, first in first out: (W + 1)/W to \
+    what: "Vertices shaded per triangle of a grid of W x W cells, row by row, with the last K remembered, first in first out: (W + 1)/W to \
            K = 2W, (W + 1)^2/(2W^2) from K = 2W + 3 on. In between the order within a cell decides: with (0 1 3)(2 0 3) of its corners \
            1 + 1/W^2 and one vertex more than all, so that 200, 201, 202 on 100 x 100 are 1.0100, 1.0001, 0.5101; with (0 2 1)(1 2 3) \
            all from 2W + 1 on. Triangles in random order come near to 3: two of a vertex are within (K - 1)/3 of each other by chance",

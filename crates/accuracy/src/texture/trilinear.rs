@@ -13,7 +13,7 @@ use trace::record;
 pub(super) const TRILINEAR: Target = Target {
     id: "trilinear",
     section: Section::Memory,
-    what: "Compulsory texels a fragment of a trilinear filter, axis-aligned: 1.25 x 4^f, f the fraction of the level of detail (of two \
+    what: "Compulsory texels per fragment of a trilinear filter, axis-aligned: 1.25 x 4^f, f the fraction of the level of detail (of two \
            levels, the lines of an endless cache; the texture repeats, so that there is no border)",
     bound: "1 %",
     fault: "the sampler reads the nearest level only",

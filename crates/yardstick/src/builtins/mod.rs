@@ -24,8 +24,8 @@ pub const BUILTINS: Target = Target {
     section: Section::Raster,
     what: "Every numeric built-in function, operator and conversion of WGSL, at the special values of the WebGPU conformance suite \
            and at random",
-    bound: "each result within what WGSL allows: exact, correctly rounded, so many ULP, an absolute error, or inherited from a formula",
-    fault: "the last bit of the first operand is turned around",
+    bound: "each result within what WGSL allows: exact, correctly rounded, n ULP, an absolute error, or inherited from a formula",
+    fault: "the last bit of the first operand is inverted",
     check,
 };
 
