@@ -43,7 +43,8 @@ fn the_page_has_every_scene_and_its_picture() {
     let folder = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("docs/data");
     let page = std::fs::read_to_string(folder.join("techniques.md")).expect("the page is there");
     for scene in SCENES {
-        let about = format!("{} Fault: {}.", scene.what, scene.fault);
+        let about =
+            format!("| scene | {} |\n| fault | {} |\n", scene.what.replace('|', "\\|"), scene.fault.replace('|', "\\|"));
         assert!(
             page.contains(&about),
             "{} is not on the page as it is now: docs/README.md says how to write it anew",

@@ -61,13 +61,19 @@ pub fn pictures(outcomes: &[Outcome], folder: &Path) -> Result<()> {
     Ok(())
 }
 
+/// The content of a table's cell.
+fn cell(text: &str) -> String {
+    text.replace('|', "\\|")
+}
+
 /// The page of all scenes: pictures lie beside it in `folder`.
 pub fn markdown(outcomes: &[Outcome], folder: &str) -> String {
     let failed = outcomes.iter().filter(|outcome| !outcome.holds()).count();
     let mut text = format!(
-        "# Techniques\n\nScenes of a graphics course, each proven with arithmetic that is not the renderer's. `fillrate accuracy scenes --page docs/data` \
-         writes this page: {} of {} scenes hold. With `--inject-fault` each is spoiled as it says, and its proof fails. Prices are cycles of the \
-         baseline with each sort class, all frames together; `*` marks a class that names passes whose order it does not keep.\n",
+        "# Techniques\n\nScenes of a graphics course. The picture of each scene is proven with arithmetic that is not the renderer's. \
+         `fillrate accuracy scenes --page docs/data` writes this page: {} of {} scenes hold. `--inject-fault` spoils each scene by its fault, \
+         and its proof must then fail. The last table of a scene has the cycles of the baseline with each sort class, all frames together. `*` \
+         marks a class that names passes whose order it does not keep.\n",
         outcomes.len() - failed,
         SCENES.len(),
     );
@@ -78,8 +84,17 @@ pub fn markdown(outcomes: &[Outcome], folder: &str) -> String {
             let _ = write!(text, "\n## {group}\n");
         }
         let _ = write!(text, "\n### {}\n\n![{}]({folder}/{}.png)\n\n", scene.name, scene.name, scene.name);
-        let _ = writeln!(text, "{} Fault: {}. The recording has {} bytes.\n", scene.what, scene.fault, played.bytes);
-        text.push_str("| proof | expected | measured | may be off by | |\n|---|--:|--:|--:|---|\n");
+        let _ = write!(
+            text,
+            "| about | |\n|---|---|\n| scene | {} |\n| fault | {} |\n| recording | {} bytes |\n",
+            cell(scene.what),
+            cell(scene.fault),
+            played.bytes
+        );
+        for answer in &played.answers {
+            let _ = writeln!(text, "| {} | {} |", cell(&answer.question), cell(&answer.answer));
+        }
+        text.push_str("\n| proof | expected | measured | may be off by | |\n|---|--:|--:|--:|---|\n");
         for row in played.rows.iter().filter(|row| !row.case.contains("not the renderer's")) {
             let (expected, [measured, allowed]) = (asked(row), [row.measured, row.allowed].map(number));
             let _ = writeln!(text, "| {} | {expected} | {measured} | {allowed} | {} |", row.case, verdict(row));
@@ -88,9 +103,6 @@ pub fn markdown(outcomes: &[Outcome], folder: &str) -> String {
         let star = |disordered: u64| if disordered > 0 { "\\*" } else { "" };
         let cycles: Vec<_> = played.prices.iter().map(|price| format!("{}{}", price.cycles, star(price.disordered))).collect();
         let _ = write!(text, "\n| {} |\n|{}\n| {} |\n", classes.join(" | "), "--:|".repeat(classes.len()), cycles.join(" | "));
-        for answer in &played.answers {
-            let _ = write!(text, "\n{} {}\n", answer.question, answer.answer);
-        }
     }
     text
 }

@@ -393,13 +393,13 @@ fn maps(stage: &mut Stage) -> Result<()> {
             )?
             .0;
         let maps = stage.time(&mapped(camera, &crowd(count)), &[])?.0;
-        told.push(format!("of {count} {maps} against {volumes}"));
+        told.push(format!("{maps} against {volumes} for {count}"));
         ratios.push(volumes / maps);
     }
     stage.row(Row::at_least("16 solids over each other: cycles of volumes over those of a map", 1.0, ratios[2]));
     stage.row(Row::at_least("how much more that is than with one", 1.0, ratios[2] / ratios[0]));
     let answer = format!(
-        "In cycles, maps against volumes of so many solids: {}. Each volume is drawn over its whole shadow; a map is read once.",
+        "Cycles of maps against volumes, by the number of solids: {}. A volume is drawn over its whole shadow. A map is read once.",
         told.join(", ")
     );
     stage.answer("Shadow maps or volumes?", answer);

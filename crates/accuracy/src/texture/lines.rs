@@ -18,10 +18,10 @@ use work::{Event, LINE};
 pub(super) const TEXTURE_LRU: Target = Target {
     id: "texture-lru",
     section: Section::Memory,
-    what: "Lines of a x b texels, fully associative, the least recently used goes, scan-lines W wide, bilinear, a texel a pixel: with \
+    what: "Lines of a x b texels, fully associative, the least recently used goes, scan-lines W wide, bilinear, a texel per pixel: with \
            W/a lines or fewer (W/a + 1)(1 + 1/b)/W misses per fragment, with 2W/a + 1 or more (W/a + 1)(H/b + 1)/(WH); \
-           W = 512 and a = b = 4: .3149 to .0640 at 257 lines, 16.4 KB (Hakura and Gupta 1997: at most 16 KB). With one line fewer each row of lines misses two \
-           more, the last row one",
+           W = 512 and a = b = 4: .3149 to .0640 at 257 lines, 16.4 KB (Hakura and Gupta 1997: at most 16 KB). With one line \
+           fewer each row of lines misses two more, the last row one",
     bound: "exact",
     fault: "the cache has one line fewer",
     check: lru,
