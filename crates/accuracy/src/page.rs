@@ -32,7 +32,7 @@ fn verdict(holds: bool) -> String {
     if holds { "pass".into() } else { "FAIL".into() }
 }
 
-/// A number in at most eleven characters or so: whole numbers whole, others with five figures.
+/// A number in at most eleven characters or so: whole numbers whole, others with five digits.
 fn number(value: f64) -> String {
     if value.fract() == 0.0 && value.abs() < 1e12 {
         return format!("{}", value + 0.0);
