@@ -24,7 +24,7 @@ pub struct Arguments {
     reading: super::reading::Reading,
     #[command(flatten)]
     machine: super::configs::Choice,
-    /// Generated sequences of so many frames too
+    /// Compare generated sequences of this number of frames, too
     #[arg(long, value_name = "FRAMES", conflicts_with = "classes")]
     sequences: Option<u32>,
     /// Frames to sample beside the first; several make several runs

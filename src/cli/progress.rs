@@ -83,7 +83,7 @@ impl Far {
         self.line_after(begun.elapsed(), done, last)
     }
 
-    /// The line when so many frames have ended in this time.
+    /// The line when `done` frames have ended after the time `elapsed`.
     fn line_after(&self, elapsed: Duration, done: u64, last: Option<Ended>) -> String {
         let Some(Ended { frame, surveyed, of }) = last else {
             // Nothing comes out of a stream before its first frame that is asked for, nor while only its commands are read.
@@ -209,7 +209,7 @@ mod tests {
         assert_eq!(line, "frame 2 done; 3 of 13, 0.5 frames per second, 20s left");
     }
 
-    /// A recording of so many equal frames, opened as a stream. Each has a comment of so many bytes.
+    /// A recording of `frames` equal frames, opened as a stream. Each has a comment of `comment` bytes.
     fn recording(frames: usize, comment: usize, wanted: Range<u64>) -> (tempfile::TempDir, Arc<Trace>) {
         let folder = tempfile::tempdir().expect("a folder");
         let path = folder.path().join("frames.txt");

@@ -86,7 +86,7 @@ pub struct Arguments {
     /// With sampled frames: seed of the sampling generator [default: 1]
     #[arg(long, value_name = "N")]
     seed: Option<u64>,
-    /// With --fidelity cycle: frames that one machine simulates in a row. Runs of so many frames are simulated side by side, each on a machine
+    /// With --fidelity cycle: frames that one machine simulates in a row. Runs of N frames are simulated side by side, each on a machine
     /// that begins behind functional warming with all frames before it. With `all`, one machine simulates all frames [default: 4; all of
     /// up to 16 frames, and where functional warming is not exact]
     #[arg(long, value_name = "N|all")]
@@ -133,7 +133,7 @@ enum ClockName {
 /// side; the shorter, the more often a run begins, with caches that time has not touched (docs/data/fidelity.md).
 pub(super) const FRAMES_PER_RUN: NonZeroU32 = NonZeroU32::new(4).unwrap();
 
-/// So many frames one machine simulates, where nothing else is asked for: exact, and soon done.
+/// By default one machine simulates all frames of sequences up to this number of frames: that is exact, and soon done.
 const FRAMES_OF_ONE_RUN: u32 = 16;
 
 /// A time, as in `90s` or `5m`.

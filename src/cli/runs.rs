@@ -35,7 +35,7 @@ pub struct Arguments {
     /// Only write the generated sequences into this folder, as traces
     #[arg(long, value_name = "DIR", conflicts_with_all = ["traces", "times", "one_run"])]
     record: Option<PathBuf>,
-    /// Print host times too, as medians of so many pairs, and in which parts processors spent them
+    /// Print host times too, as medians of this number of pairs, and in which parts processors spent them
     #[arg(long, value_name = "PAIRS", num_args = 0..=1, default_missing_value = "3")]
     times: Option<NonZeroU32>,
 }

@@ -12,8 +12,8 @@ const THREAD_BYTES: usize = 3 << 20;
 /// The variable that says how many, where no option does: that of the library.
 const VARIABLE: &str = "RAYON_NUM_THREADS";
 
-/// Starts the threads: so many, or as many as the environment says, or as there are processors. Started by the first that needs them,
-/// they could not say why they fail to.
+/// Starts the threads. Their number is `option`, else what the environment says, else the number of processors. If the first use started them,
+/// a failure could not be explained.
 ///
 /// # Errors
 /// If the environment asks for too many or does not say a number, or if they cannot be started.

@@ -9,7 +9,7 @@ use crate::host::one_line;
 use crate::stats::Group as _;
 use crate::work::Funnel;
 
-/// What of a frame is told.
+/// The part of a frame that is reported.
 #[derive(Clone, Debug)]
 pub enum Chosen {
     /// Phases by their name, with or without their label; `all` are all.

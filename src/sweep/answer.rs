@@ -1,8 +1,8 @@
 //! The answer of a sweep in sentences: which machine is fastest, what each axis does, and on what that depends.
 //!
-//! An axis is told by the geometric means of the cycles of its values. Where it does more, or something else, on some traces, that is told with
-//! it; and where it does so at some values of another axis, the one on which it depends most. Traces that are one scene in several ways are an
-//! axis themselves.
+//! An axis is described by the geometric means of the cycles of its values. If its effect is larger, or different, on some traces, the answer
+//! says so. The same holds for some values of another axis: of such axes, the answer names the one on which the effect depends most. Traces
+//! that are one scene in several variants are an axis themselves.
 
 use super::outcome::{Effect, Outcome, Response, Within, plain, ratio};
 use crate::knob::Setting;

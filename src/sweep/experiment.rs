@@ -19,14 +19,15 @@ pub enum Design {
     Grid,
     /// The base, and each value of each axis alone.
     OneAtATime,
-    /// So many combinations, each value drawn from its axis with the same probability.
+    /// A number of combinations, each value drawn from its axis with the same probability.
     Random {
         /// Machines.
         machines: u32,
         /// Seed of the generator.
         seed: u64,
     },
-    /// So many combinations in which the values of each axis come equally often, as nearly as their numbers allow (McKay, Beckman and Conover 1979).
+    /// A number of combinations in which the values of each axis come equally often, as nearly as their numbers allow (McKay, Beckman and
+    /// Conover 1979).
     LatinHypercube {
         /// Machines.
         machines: u32,

@@ -324,7 +324,7 @@ mod tests {
         assert_eq!(of(&a, &b), ["order of each axis: pipelines, core.warps then, core.warps, pipelines now"]);
         assert!(of(&a, &a).is_empty());
 
-        // A configuration of a version that had other knobs is told by its hash.
+        // A configuration of a version that had other knobs is identified by its hash.
         b.base = "7".into();
         let (left, right) = (text(&base), "(pipelines: 4)");
         let old = differences(&Begun { inputs: &a, base: &left }, &Begun { inputs: &b, base: right }, ["now", "then"]);

@@ -54,7 +54,7 @@ pub struct Response {
     pub machines: usize,
 }
 
-/// Of which machines and traces something is told.
+/// The machines and traces that a statement is about.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Within<'w> {
     /// All.
@@ -84,8 +84,8 @@ pub struct Outcome<'s> {
     pub inputs: &'s Inputs,
     /// The machines of the plan that were run, those that take fewest cycles first, those without a result last.
     pub machines: Vec<Machine>,
-    /// All machines of the plan that have an estimate, where a screen has chosen the machines that were run: what axes do is told of these, since
-    /// only the fastest machines were run. Their cycles are the estimates.
+    /// All machines of the plan that have an estimate, if a screen has chosen the machines that were run. The effects of axes are derived from
+    /// these machines, since only the fastest were run. Their cycles are the estimates.
     pub estimated: Vec<Machine>,
     /// Knobs in which they differ.
     pub parameters: Vec<String>,
@@ -233,7 +233,8 @@ impl<'s> Outcome<'s> {
         self.machines.iter().filter_map(|machine| Some((machine, machine.cycles?)))
     }
 
-    /// The machines by which it is told what axes do, each with its cycles: those with an estimate where there was a screen, else those with a result.
+    /// The machines from which the effects of axes are derived, each with its cycles: after a screen the machines with an estimate, else those
+    /// with a result.
     pub fn telling(&self) -> impl Iterator<Item = (&Machine, u64)> {
         let of = if self.estimated.is_empty() { &self.machines } else { &self.estimated };
         of.iter().filter_map(|machine| Some((machine, machine.cycles?)))

@@ -40,13 +40,13 @@ pub struct Sweep<'s> {
 /// How far a sweep is.
 #[derive(Clone, Copy, Debug)]
 pub enum Step {
-    /// So many machines are to be estimated.
+    /// Machines are about to be estimated. The number of estimates: each machine once per trace.
     Screen(u64),
-    /// So many are to be simulated, of which some are done by an earlier run.
+    /// Machines are about to be simulated. An earlier run has done some of them.
     Simulate {
-        /// All of them, once a trace.
+        /// All simulations: each machine once per trace.
         all: u64,
-        /// Of these, those done.
+        /// The simulations that an earlier run has done.
         done: u64,
     },
     /// One more is done.

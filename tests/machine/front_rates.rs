@@ -73,7 +73,7 @@ fn cycles(config: &Config, events: &[Event]) -> f64 {
     run(&config, events, Clock::SkipIdle).total.number("cycles").expect("a run has cycles")
 }
 
-/// Triangles a cycle that a configuration declares for a list with indices of so many bytes: the least of what its units take.
+/// The triangles per cycle that a configuration declares for a list with indices of `index_bytes` bytes: the lowest of its units' rates.
 fn declared(config: &Config, index_bytes: u32) -> f64 {
     let bytes = f64::from(config.memory.port_width) / f64::from(index_bytes);
     let units = f64::from(config.card.geometry_units);

@@ -1,5 +1,5 @@
-//! Laws between two runs, which need no right answer: more of a resource does no harm, and a scene that is told in another way takes about
-//! as long.
+//! Laws between two runs, which need no right answer: more of a resource does no harm, and a scene that is described in another way takes
+//! about as long.
 
 use std::sync::Arc;
 
@@ -191,7 +191,7 @@ fn a_scene_told_in_another_way_takes_as_long() {
     assert!(failed.is_empty(), "{}", failed.join("\n"));
 }
 
-/// The work of a scene of one draw, in so many draws.
+/// The work of a scene of one draw, in `draws` draws.
 fn in_draws(config: &Config, scene: &Scene, draws: u32) -> Vec<Event> {
     let parts = Scene { segments: draws.min(scene.triangles), ..scene.clone() };
     let mut draw = None;

@@ -455,7 +455,7 @@ fn acted(browser: &Path, page: &Path, width: u32) -> Value {
         .expect("the browser starts");
     let dom = String::from_utf8_lossy(&done.stdout).into_owned();
     let told = dom.split("<pre id=\"told\">").nth(1).and_then(|rest| rest.split("</pre>").next());
-    let told = told.unwrap_or_else(|| panic!("nothing is told: {}", String::from_utf8_lossy(&done.stderr)));
+    let told = told.unwrap_or_else(|| panic!("the page reports nothing: {}", String::from_utf8_lossy(&done.stderr)));
     serde_json::from_str(&told.replace("&lt;", "<").replace("&gt;", ">").replace("&amp;", "&")).expect("JSON")
 }
 

@@ -68,7 +68,7 @@ impl Worst {
     }
 }
 
-/// A size that gives a text of about so many bytes.
+/// A size that gives a text of about `bytes` bytes.
 fn size_for(bytes: usize, length: impl Fn(usize) -> usize) -> usize {
     (100 * bytes / (length(300) - length(200)).max(1)).max(1)
 }

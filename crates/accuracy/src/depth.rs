@@ -86,7 +86,7 @@ fn layers(edge: u32, depths: impl Fn(u32) -> Vec<f32>) -> Scene {
     scene
 }
 
-/// The depth of layer k of so many, nearest first.
+/// The depth of layer `k` of `layers`, nearest first.
 fn depth_of(k: usize, layers: usize) -> f32 {
     (k + 1) as f32 / (layers + 1) as f32
 }

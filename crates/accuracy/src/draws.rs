@@ -35,7 +35,7 @@ pub struct Stroke {
 }
 
 impl Stroke {
-    /// A list of so many vertices.
+    /// A triangle list of `vertices` vertices.
     pub fn new(source: impl Into<String>, vertices: u32) -> Stroke {
         Stroke {
             source: source.into(),
@@ -60,7 +60,7 @@ pub struct Sheet {
 }
 
 impl Sheet {
-    /// A target of so many pixels and samples.
+    /// A target of `size` pixels with `samples` samples per pixel.
     pub fn new(size: [u32; 2], samples: u32) -> Sheet {
         Sheet { card: Recorder::new("accuracy"), size, samples, strokes: Vec::new() }
     }

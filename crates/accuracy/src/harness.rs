@@ -93,8 +93,8 @@ pub fn wrong_pixels(report: &MachineReport) -> Result<u64> {
     wrong.sum::<Option<u64>>().context("a frame has no picture")
 }
 
-/// Runs so many pieces of work, as many at once as there are threads; what they come to is in their order. A machine waits for its renderer,
-/// so that none of these threads may be one of those on which renderers draw.
+/// Runs `pieces` pieces of work, as many at once as there are threads. The results are in the order of the pieces. A machine waits for its
+/// renderer, so none of these threads may be one on which renderers draw.
 ///
 /// # Errors
 /// The first piece's that fails, or that a thread cannot be started. `name` is what messages call a piece.

@@ -128,7 +128,7 @@ pub fn resample(survey: &Survey, frames: &[[f64; QUANTITIES.len()]], samples: us
     Ok(resampled)
 }
 
-/// Runs all fidelities on a trace, with so many frames sampled each time, as far as it has frames enough.
+/// Runs all fidelities on a trace. `sampled` runs once for each number of samples for which the trace has enough frames.
 ///
 /// The trace is rendered once for `cycle` and `bound`; their time in all is that of rendering and of their own, one after the other. It is
 /// surveyed once for all numbers of samples, whose times in all include the survey. `functional` is run as a replay runs it.

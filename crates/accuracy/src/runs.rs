@@ -69,8 +69,8 @@ impl Spent {
         (self.rendering + self.warming + self.machines).as_secs_f64()
     }
 
-    /// The least time on so many cores: all of them at work, and one at least as long as the machine takes that is warmed with one frame
-    /// after another. The renderer draws the tiles of a frame in parallel.
+    /// The least time on `cores` cores. All of them share the work evenly, but none of it ends before the machine that is warmed with one
+    /// frame after another. The renderer draws the tiles of a frame in parallel.
     fn least(&self, cores: f64) -> f64 {
         (self.all() / cores).max(self.warming.as_secs_f64())
     }
@@ -94,7 +94,7 @@ fn run(trace: &Trace, options: &Options) -> Result<(Frames, Outcome, Option<Spen
     Ok((frames, outcome, spent))
 }
 
-/// Simulates a sequence on one machine and in runs of so many frames, one after the other, so many times.
+/// Simulates a sequence on one machine, then in runs of `frames_per_run` frames, and repeats this `pairs` times.
 ///
 /// # Errors
 /// If the trace cannot be replayed, the card cannot be warmed functionally, or the sequence has no more frames than a run.

@@ -14,7 +14,7 @@ pub struct Sequence {
     pub name: &'static str,
     /// What lives on in it.
     pub what: &'static str,
-    /// Records so many frames.
+    /// Records the given number of frames.
     pub record: fn(u32) -> Recorder,
 }
 

@@ -265,7 +265,7 @@ pub struct Saving {
     pub differs: Option<String>,
 }
 
-/// The counters that no skip may change, but those of which it says so.
+/// The counters that no skip may change, except those that this skip says it changes.
 fn kept(skip: &Skip, funnel: Funnel) -> Funnel {
     let mut kept = Funnel {
         primitives_in: funnel.primitives_in,

@@ -24,7 +24,7 @@ pub const WALKS: Target = Target {
     check,
 };
 
-/// One triangle with legs of so many pixels at the corner of a square target.
+/// One triangle with legs of `legs` pixels at the corner of a square target.
 fn scene(edge: u32, legs: u32) -> Scene {
     let l = legs as f32;
     Scene::plain(edge, edge, vec![[[0.0, 0.0], [l, 0.0], [0.0, l]]], 512)

@@ -111,13 +111,13 @@ impl ExactEdge {
         ExactEdge { slope, quad: [c, c + right, c + down, c + (right + down)] }
     }
 
-    /// What values differ by from those at the base at a place in 1/256 pixel from it.
+    /// The difference between the values at a position and those at the base. `x` and `y` are offsets from the base in 1/256 pixels.
     #[inline(always)]
     fn moved(&self, x: f64, y: f64) -> f64 {
         self.slope[0] * x + self.slope[1] * y
     }
 
-    /// Values in the pixels of a quad that differ by so much from those at the base.
+    /// The values in the pixels of a quad: those of the quad at the base, plus `moved`.
     #[inline(always)]
     fn quad(&self, moved: f64) -> Quad {
         each(|p| self.quad[p] + moved)
@@ -419,7 +419,7 @@ impl Weights {
 pub fn has_finite_weights(triangle: &Triangle) -> bool {
     let [a, b, c] = triangle.inv_w.map(f32::to_bits);
     let (least, most) = (a.min(b).min(c), a.max(b).max(c));
-    // As bits numbers without sign are in order, and 64 exponents are so many steps of 2^23. Normal numbers only.
+    // The bits of positive floats are in the floats' order, and 64 exponents are 64 steps of 2^23. Normal numbers only.
     least >= 1 << 23 && most < INFINITY && most - least <= 64 << 23 && triangle.area() >= 1
 }
 

@@ -1,7 +1,7 @@
 //! How the C library's allocator shares memory out among threads.
 
-/// Has the allocator keep one heap for all threads, where it is glibc's; to be called before there are other threads. `MALLOC_ARENA_MAX` in the
-/// environment, by which that library is told the same, goes before.
+/// Makes glibc's allocator keep one heap for all threads. Call it before there are other threads. With other allocators it does nothing. The
+/// environment variable `MALLOC_ARENA_MAX`, glibc's own setting for this, takes precedence.
 ///
 /// By default it keeps up to eight heaps for each processor, and a thread that begins takes any of them. Machines of runs of frames are threads
 /// that begin and end: each heap came to hold what one of them left between pieces that live, and memory grew with a sequence though what was

@@ -52,7 +52,7 @@ pub fn ron_reason(error: &ron::Error) -> String {
     }
 }
 
-/// A text of at most about so many bytes: of a longer one the beginning and the end, since messages name the remedy last.
+/// A text of at most about `most` bytes: the beginning and the end of a longer text, since messages name the remedy last.
 pub fn excerpt(text: &str, most: usize) -> Cow<'_, str> {
     if text.len() <= most {
         return Cow::Borrowed(text);

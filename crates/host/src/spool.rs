@@ -87,7 +87,7 @@ impl Spool {
         Ok(())
     }
 
-    /// How many of so many bytes are in the file.
+    /// The number of the `length` bytes from `from` on that are in the file.
     fn of_file(&self, from: u64, length: usize) -> usize {
         self.filed.saturating_sub(from).min(length as u64) as usize
     }

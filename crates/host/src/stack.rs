@@ -21,7 +21,7 @@ const LARGEST: u64 = 1 << 46;
 /// Bytes of stack of the program, as most systems give to its first thread.
 const PROGRAM: u64 = 8 << 20;
 
-/// Does work on a thread that has room for so many levels of nesting. The memory is taken from the system as it is used.
+/// Runs a function on a thread whose stack has room for `levels` levels of nesting. The system provides the memory as it is used.
 ///
 /// # Errors
 /// If the system has no such thread.
@@ -53,7 +53,7 @@ fn with_stack<T: Send>(name: &str, bytes: u64, run: impl FnOnce() -> T + Send) -
 mod tests {
     use super::*;
 
-    /// Goes down by so many frames of 2 KiB, of which an unoptimised build makes several copies.
+    /// Recurses through `levels` stack frames of 2 KiB, of which an unoptimised build makes several copies.
     fn descend(levels: u64) -> u64 {
         let frame = std::hint::black_box([levels; 256]);
         if levels == 0 { 0 } else { descend(levels - 1) + std::hint::black_box(frame)[3] / levels }

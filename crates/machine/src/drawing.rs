@@ -4,7 +4,7 @@ use sim::Circuit;
 
 use crate::parts::Parts;
 
-/// Drawing is stuck when no unit that draws has moved for so many refreshes. A frame that waits for the display goes on once a refresh.
+/// Drawing is stuck when no unit that draws has moved for this number of refreshes. A frame that waits for the display goes on once per refresh.
 pub(super) const REFRESHES: u64 = 8;
 
 /// Looks once a refresh at the units that draw. The display and memory, which serves it, move for ever, so that the watchdog of all units

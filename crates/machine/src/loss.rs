@@ -125,7 +125,7 @@ struct Rest {
 }
 
 impl Rest {
-    /// At most so many of the cycles in these states, times the pipelines.
+    /// Takes at most `counted` of the cycles in these states. Returns the cycles taken, times the number of pipelines.
     fn take(&mut self, states: &[Stall], mut counted: u64) -> u64 {
         let mut sum = 0;
         for &state in states {

@@ -325,8 +325,8 @@ impl DramConfig {
         }
     }
 
-    /// With refreshes no farther apart than so many cycles, rows might be closed again and again before a request is served. A channel
-    /// that spends half of its time on refreshes, or more, is none either.
+    /// The longest distance between two refreshes, in DRAM cycles, that is refused. At this distance rows might be closed again and again
+    /// before a request is served, or the channel would spend half of its time or more on refreshes.
     fn between_refreshes(&self) -> u64 {
         let c = |cycles: u32| u64::from(cycles);
         // 1. What was under way as the refresh came: data on the bus, rows that have to stay open.

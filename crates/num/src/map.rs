@@ -250,8 +250,9 @@ struct Numbers {
     count: usize,
 }
 
-/// A table may have so many numbers, and so many more for each number that has a place.
+/// Numbers below this always go into the table [`Numbers::low`].
 const TABLE: u64 = 64;
+/// For each number that has a place, the table may have this number of entries more.
 const TABLE_EACH: u64 = 16;
 
 impl Numbers {

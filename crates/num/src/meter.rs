@@ -51,12 +51,12 @@ impl Meter {
         Ok(())
     }
 
-    /// As with so much counted, whatever was.
+    /// Sets the amount counted so far to `spent`.
     pub fn restart(&self, spent: u64) {
         self.spent.store(spent, Relaxed);
     }
 
-    /// Whether so much more work may begin.
+    /// Checks that `amount` more work may begin.
     ///
     /// # Errors
     /// If it would pass the limit.

@@ -61,7 +61,7 @@ pub fn compare(a: &RgbaImage, b: &RgbaImage) -> Result<Difference, String> {
     Ok(result)
 }
 
-/// The peak signal-to-noise ratio in dB of so many channels, by the sum of their squared differences; infinite for equal ones.
+/// The peak signal-to-noise ratio in dB of `channels` values, from the sum of their squared differences. It is infinite for equal pictures.
 fn psnr(squares: u64, channels: u64) -> f64 {
     if squares == 0 { f64::INFINITY } else { 10.0 * (255.0 * 255.0 * channels as f64 / squares as f64).log10() }
 }

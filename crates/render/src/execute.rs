@@ -488,7 +488,7 @@ impl<'t, 's> Renderer<'t, 's> {
         Ok(())
     }
 
-    /// Makes sure that so many bytes can be charged: large amounts wait until nothing is in flight, so that the sums are exact.
+    /// Makes sure that `bytes` bytes can be charged: large amounts wait until nothing is in flight, so that the sums are exact.
     pub(super) fn before(&mut self, bytes: u64) -> Result<(), Fault> {
         if bytes >= LARGE { self.land_all() } else { Ok(()) }
     }

@@ -107,7 +107,7 @@ impl Ledger {
         self.most_alive.load(Relaxed)
     }
 
-    /// Whether so many bytes more may be alive for a moment.
+    /// Checks that `bytes` bytes more may be alive for a moment.
     ///
     /// # Errors
     /// If they pass the limit; the message says what they are for.
@@ -132,8 +132,8 @@ impl Ledger {
         self.most_alive.fetch_max(alive, Relaxed);
     }
 
-    /// A ledger for a pass in flight. What is alive is told with each draw. The kinds of work that draws count have limits of their own, each a
-    /// [part](SHARE) of what the trace may do: a pass that comes to more is drawn again once it is known what the passes before it did.
+    /// A ledger for a pass in flight. Each draw reports what is alive. The kinds of work that draws count have limits of their own, each a
+    /// [part](SHARE) of what the trace may do: a pass that exceeds it is drawn again once it is known what the passes before it did.
     pub fn share(&self) -> Ledger {
         let part = |meter: &Meter| Meter::new(meter.limit().with(meter.limit().get() / SHARE));
         let (steps, quads, bytes) = (part(&self.steps), part(&self.quads), part(&self.bytes));

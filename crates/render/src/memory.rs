@@ -26,10 +26,10 @@ impl AddressSpace {
         AddressSpace { next: TEXTURE_ALIGN }
     }
 
-    /// An address for a buffer of so many bytes.
+    /// An address for a buffer of `bytes` bytes.
     ///
     /// # Errors
-    /// If there are not so many left.
+    /// If fewer bytes are left.
     pub fn buffer(&mut self, bytes: u64) -> Result<u64, String> {
         self.take(bytes, BUFFER_ALIGN)
     }
@@ -37,7 +37,7 @@ impl AddressSpace {
     /// An address for a texture: room for its tiled form, in which each image is padded to whole blocks.
     ///
     /// # Errors
-    /// If there are not so many left.
+    /// If fewer bytes are left.
     pub fn texture(&mut self, bytes: u64) -> Result<u64, String> {
         self.take(bytes, TEXTURE_ALIGN)
     }

@@ -274,7 +274,7 @@ impl Renderer<'_, '_> {
         Ok(self.res.textures.add(id.0, texture, claim)?)
     }
 
-    /// Claims the memory of an object whose contents take so many bytes.
+    /// Claims the memory of an object whose contents take `bytes` bytes.
     pub(super) fn claim(&self, what: &str, bytes: u64) -> Result<Claim, Fault> {
         Ok(self.ledger.claim(what, bytes.saturating_add(OBJECT))?)
     }

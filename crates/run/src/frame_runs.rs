@@ -40,7 +40,7 @@ const FRAME: u64 = 16 << 10;
 enum Begin<'w> {
     /// With nothing: the runs are these, and some of their frames only warm up.
     Anew(Vec<Range<u32>>, WarmsUp<'w>),
-    /// As clones of a machine that has been warmed with all frames before: so many frames are in a run.
+    /// As clones of a machine that has been warmed with all frames before. The number is the frames per run.
     Warmed(u32),
 }
 
@@ -57,7 +57,7 @@ struct Room {
 }
 
 impl Room {
-    /// For so many machines side by side.
+    /// Room for the work of `machines` machines that run side by side.
     fn new(machines: usize) -> Room {
         let beside = machines.saturating_sub(1).max(1) as u64;
         Room { all: beside * WORK_WAITING, taken: Mutex::new(0), freed: Condvar::new() }
@@ -191,7 +191,7 @@ impl<'e> Outlet<'e> {
         self.changed.wait(state).unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// Waits until fewer than so many runs are under way, and begins another; `false` where something has failed.
+    /// Waits until fewer than `most` runs are under way, and begins another. Returns `false` if a run has failed.
     fn begin(&self, most: usize) -> bool {
         let mut state = locked(&self.state);
         while state.under_way >= most && !state.failing {
@@ -313,8 +313,8 @@ pub fn simulate_given_runs<'r>(
     consume(rendering, card, Begin::Anew(runs, warms_up), most, sink, done);
 }
 
-/// Adds machines that simulate all frames of a rendering, cut into runs of so many frames. The machine of a run begins as a clone of one machine
-/// that is warmed functionally with all frames in order. So surfaces, and which blocks are compressed or cleared, are what they
+/// Adds machines that simulate all frames of a rendering, cut into runs of `frames_per_run` frames. The machine of a run begins as a clone of
+/// one machine that is warmed functionally with all frames in order. So surfaces, and which blocks are compressed or cleared, are what they
 /// would be behind one machine that simulates all; what caches and DRAM rows hold is that, as far as it does not depend on time.
 pub fn simulate_in_runs<'r>(
     rendering: &mut Rendering<'r>,

@@ -2,8 +2,8 @@
 //!
 //! A consumer reads events on a thread of its own, as an iterator. The renderer hands every event to all consumers and waits for the slowest:
 //! what is in flight is a window of [`EVENTS_IN_FLIGHT`] events, however long the trace and however many the consumers. A consumer that finds no
-//! event is suspended inside of `next`, and goes on where it was: nothing that it computes can depend on how far the rendering is. Of those
-//! that have events only so many run at a time as there are turns.
+//! event is suspended inside of `next`, and goes on where it was: nothing that it computes can depend on how far the rendering is. The number
+//! of consumers that run at a time is at most the number of turns.
 
 use std::sync::Arc;
 use std::time::{Duration, Instant};

@@ -141,7 +141,7 @@ impl Options {
         Ok(self.more_than(frames, trace).then_some(frames))
     }
 
-    /// Whether there are more frames than so many.
+    /// Whether more than `frames` frames are replayed.
     pub fn more_than(&self, frames: u32, trace: &Trace) -> bool {
         let range = &self.frames;
         range.end - range.start > frames && trace.presents(u64::from(range.start) + u64::from(frames) + 1)

@@ -95,7 +95,7 @@ impl Timeline {
         })
     }
 
-    /// Joins samples until there are at most so many.
+    /// Joins samples until there are at most `most`.
     pub fn reduce(&mut self, most: usize) {
         while self.samples.len() > most.max(1) {
             self.halve();

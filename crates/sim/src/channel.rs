@@ -184,7 +184,7 @@ impl Channel {
         slots[self.step(self.tail, (items - 1).wrapping_sub(self.capacity)) as usize].free
     }
 
-    /// Puts an item of so many bytes at the tail, which `pushable` allows.
+    /// Puts an item of `bytes` bytes at the tail, after `pushable` has allowed it.
     #[inline(always)]
     pub fn push(&mut self, now: Cycle, bytes: u32, data: [u64; 2], slots: &mut [Slot]) {
         self.pushed += 1;

@@ -15,7 +15,7 @@ pub trait Bank<C>: Sized {
     /// The bank of these.
     ///
     /// # Panics
-    /// If it does not take so many: the machine is wrong.
+    /// If a bank of this kind cannot hold this number of units: the machine is wrong.
     fn of(name: &str, units: Vec<Self::Unit>) -> Self;
 
     /// The units.

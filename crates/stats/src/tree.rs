@@ -176,12 +176,12 @@ impl Tree {
         Tree::default()
     }
 
-    /// An empty tree with room for so many entries.
+    /// An empty tree with room for `entries` entries.
     pub fn with_capacity(entries: usize) -> Tree {
         Tree { entries: Vec::with_capacity(entries) }
     }
 
-    /// Makes room for so many more entries.
+    /// Makes room for `entries` more entries.
     pub fn reserve(&mut self, entries: usize) {
         self.entries.reserve_exact(entries);
     }

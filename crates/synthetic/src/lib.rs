@@ -67,7 +67,7 @@ pub struct Scene {
 }
 
 impl Scene {
-    /// One draw of these triangles without depth and textures, so many of them a segment.
+    /// One draw of these triangles without depth and textures, in segments of `of_segment` triangles.
     pub fn plain(width: u32, height: u32, shapes: Vec<[[f32; 2]; 3]>, of_segment: u32) -> Scene {
         let triangles = shapes.len() as u32;
         Scene {

@@ -30,7 +30,7 @@ struct Look {
 }
 
 impl Painter<'_> {
-    /// So many triangles, from one on.
+    /// The segment of the `count` triangles from number `first` on.
     pub(super) fn segment<const S: usize>(&mut self, count: u32, first: u32) -> Segment {
         let (tiles_x, tiles_y) = (self.scene.width.div_ceil(TILE), self.scene.height.div_ceil(TILE));
         let mut tiles: Vec<TileWork> = Vec::new();

@@ -17,7 +17,7 @@ use num::Limits;
 /// An open archive; clones share its directory.
 pub(super) type Archive = ZipArchive<Cursor<Bytes>>;
 
-/// A deflated byte becomes at most so many.
+/// The largest number of bytes that one deflated byte can become.
 const DEFLATE_MAX: u64 = 1032;
 
 /// A trace's archive and the folder in it that holds the trace ("" or "NAME/").
@@ -166,7 +166,7 @@ pub(super) fn inflate(archive: &Archive, index: usize, size: u64) -> Result<Vec<
     let file = archive.by_index(index).map_err(|error| format!("cannot be inflated: {error}"))?;
     let mut bytes = Vec::new();
     let room = usize::try_from(size).ok().and_then(|size| bytes.try_reserve_exact(size.saturating_add(1)).ok());
-    room.ok_or_else(|| format!("becomes {size} bytes: there is not so much memory"))?;
+    room.ok_or_else(|| format!("becomes {size} bytes: there is not enough memory"))?;
     // One byte beyond the stated size tells a longer stream from a complete one.
     file.take(size.saturating_add(1)).read_to_end(&mut bytes).map_err(|error| format!("cannot be inflated: {error}"))?;
     if bytes.len() as u64 != size {

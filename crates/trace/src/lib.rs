@@ -163,8 +163,8 @@ impl Trace {
         matches!(self.commands, Commands::Stream(..))
     }
 
-    /// Of a stream, the share that had been read when so many of its frames had ended, about; the first of its readers tells it. None for other
-    /// traces, and where it is not known how long the stream is.
+    /// The share of a stream that had been read when `frames` of its frames had ended, about, as its foremost reader noted it. None for other
+    /// traces, and for streams of unknown length.
     pub fn share_of(&self, frames: u64) -> Option<f64> {
         self.landmarks()?.share(frames)
     }
@@ -390,7 +390,7 @@ impl Trace {
         self.try_for_each_command(|index, command| visit(index, command).map(ControlFlow::Continue))
     }
 
-    /// Whether so many frames are presented at least. No more of the commands is read than tells it; one that cannot be read ends them.
+    /// Whether the trace has at least `frames` frames. Reading stops at the frame with this number, or at a command that cannot be read.
     pub fn presents(&self, frames: u64) -> bool {
         let mut left = frames;
         let counted = self.try_for_each_command(|_, command| -> Result<_, TraceError> {

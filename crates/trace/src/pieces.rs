@@ -16,7 +16,7 @@ use super::store::Bytes;
 use super::text::{self, Header, Next, Piece, Visit};
 use host::Links;
 
-/// Text of at most so many bytes is held in memory.
+/// The largest text, in bytes, that is held in memory.
 const WHOLE: u64 = 256 << 10;
 
 /// Bytes that are read at a time.

@@ -58,7 +58,7 @@ impl Landmarks {
         Landmarks { length, ..Landmarks::default() }
     }
 
-    /// So many frames have been read, and so much of the stream. Several readers may say the same.
+    /// Notes that `frames` frames and `read` bytes of the stream have been read. Several readers may note the same.
     pub fn pass(&mut self, frames: u64, read: u64) {
         if frames < self.last.0 || read < self.last.1 {
             return;
@@ -70,7 +70,7 @@ impl Landmarks {
         self.last = (frames, read);
     }
 
-    /// The share of the stream that had been read when so many frames had, in proportion between two landmarks.
+    /// The share of the stream that had been read when `frames` frames had ended, in proportion between two landmarks.
     pub fn share(&self, frames: u64) -> Option<f64> {
         let after = self.marks.partition_point(|mark| mark.0 < frames);
         let before = after.checked_sub(1).map_or((0, 0), |at| self.marks[at]);

@@ -198,7 +198,7 @@ pub struct Bin {
 const WRITES: usize = 64;
 
 impl Bin {
-    /// An empty one, for a machine that keeps so many segments.
+    /// An empty bin unit, for a machine that keeps `segments` segments.
     pub fn new(config: BinConfig, keep: Keep, segments: u32, ports: BinPorts) -> Bin {
         Bin {
             config,

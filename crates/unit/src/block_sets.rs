@@ -23,7 +23,7 @@ impl Squares {
         Squares { edge: sets.ilog2() / 2 }
     }
 
-    /// The number of a block of a surface that is so many blocks across.
+    /// The number of a block of a surface that is `across` blocks wide.
     #[inline(always)]
     pub fn number(self, block: u32, across: u32) -> u32 {
         let Squares { edge } = self;

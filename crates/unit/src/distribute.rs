@@ -169,8 +169,8 @@ impl Distribute {
     }
 }
 
-/// Of so many pipelines those that own what a triangle touches; none if it covers no sample, which is seen by the time that they are
-/// sought.
+/// The pipelines, of `pipelines` in all, that own what a triangle touches, as a mask. None if the triangle covers no sample and this is known
+/// by the time that owners are sought.
 #[inline(always)]
 pub fn owners(card: &Card, work: &Work, triangle: &Triangle, overlap: Overlap, pipelines: usize) -> u64 {
     let late = triangle.end != End::Nowhere;

@@ -338,7 +338,7 @@ impl FrameBuffers {
         }
     }
 
-    /// Something other than a ROP writes so many bytes of memory: the signatures of surfaces there hold no longer.
+    /// Something other than a ROP writes `bytes` bytes of memory from `address` on. The signatures of surfaces there are no longer valid.
     pub fn forget_range(&mut self, address: u64, bytes: u64) {
         for store in &mut self.stores {
             let (first, end) = store.range();

@@ -19,7 +19,7 @@ pub struct Gather {
 }
 
 impl Gather {
-    /// One at the beginning of the order, which takes so many primitives a cycle. The state of the probe is what it waits for.
+    /// A gather unit at the beginning of the order, which takes `rate` primitives per cycle. The state of `probe` is what it waits for.
     pub fn new(rate: u32, keep: Keep, probe: StallProbe, input: Receiver<TriangleToken>, output: Out<Run>) -> Gather {
         Gather { rate, merge: Merge::new(keep, probe, &input), input, output, items: 0 }
     }

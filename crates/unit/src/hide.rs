@@ -56,7 +56,7 @@ pub struct Hide {
 }
 
 impl Hide {
-    /// An empty one, for one pipeline and tiles of `side` blocks, which takes and gives so many quads a cycle.
+    /// An empty unit for one pipeline and tiles of `side` blocks. It takes and gives `rate` quads per cycle.
     pub fn new(pipeline: u8, side: u32, rate: u32, input: In<GroupToken>, output: Out<GroupToken>) -> Hide {
         Hide {
             pipeline,

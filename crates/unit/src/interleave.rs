@@ -73,7 +73,7 @@ impl Interleave {
         BLOCK << self.shift
     }
 
-    /// A pass of so many pixels begins.
+    /// A pass of `width` by `height` pixels begins.
     pub fn begin_pass(&mut self, width: u32, height: u32) {
         (self.across, self.down) = (width.div_ceil(self.tile()).max(1), height.div_ceil(self.tile()).max(1));
         if self.pattern != Pattern::Balanced {
@@ -100,7 +100,7 @@ impl Interleave {
         self.pattern == Pattern::Balanced
     }
 
-    /// So many quads were found in a row of blocks.
+    /// Notes that `quads` quads were found in a row of blocks.
     pub fn note(&mut self, block_y: u32, quads: u32) {
         if let Some(row) = self.load.last_mut().and_then(|load| load.get_mut((block_y >> self.shift) as usize)) {
             *row += u64::from(quads);

@@ -27,7 +27,7 @@ pub struct Order {
 }
 
 impl Order {
-    /// One at the beginning of the order, which hands on so many quads a cycle. The state of the probe is what it waits for.
+    /// An order unit at the beginning of the order, which hands on `rate` quads per cycle. The state of `probe` is what it waits for.
     pub fn new(
         pipeline: u8,
         rate: u32,

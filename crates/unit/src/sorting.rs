@@ -111,7 +111,7 @@ pub struct PassWaits {
 }
 
 impl PassWaits {
-    /// The waits of so many pipelines.
+    /// The waits of `pipelines` pipelines.
     pub fn new(pipelines: usize) -> PassWaits {
         PassWaits { ended: vec![0; pipelines], waited: vec![0; pipelines] }
     }

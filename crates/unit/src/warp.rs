@@ -217,7 +217,7 @@ impl Warp {
         true
     }
 
-    /// So many instructions of a class come next, where order counts.
+    /// Appends `count` instructions of a class, if the order of instructions counts.
     fn run(&mut self, class: Class, count: u32) {
         if self.execution != Execution::InOrder {
             return;

@@ -114,7 +114,7 @@ pub type CostId = u16;
 pub struct Span {
     /// Where in the program it begins. Of two places that invocations of a warp have got to, they meet again at the later one.
     pub at: u32,
-    /// Its instructions in order: so many of a class one after another.
+    /// Its instructions in order, as runs of one class: the class, and the number of its instructions one after another.
     pub runs: Vec<(Class, u32)>,
     /// The instructions of the longest chain among them ([`Step::chain`]).
     pub chain: [u32; Class::COUNT],

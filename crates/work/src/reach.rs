@@ -10,7 +10,7 @@ pub struct Extent {
 }
 
 impl Extent {
-    /// So many bytes from an address on.
+    /// `bytes` bytes from an address on.
     pub fn new(address: u64, bytes: u64) -> Extent {
         Extent { begin: address, end: address.saturating_add(bytes) }
     }

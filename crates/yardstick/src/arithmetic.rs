@@ -20,13 +20,13 @@ pub const ARITHMETIC: Target = Target {
 /// How far off a result may be.
 #[derive(Clone, Copy)]
 enum Bound {
-    /// Not at all: the result of real arithmetic, rounded once.
+    /// No error beyond rounding: the result of real arithmetic, rounded once.
     Rounded,
-    /// So many units in the last place.
+    /// At most this number of units in the last place.
     Ulp(f64),
-    /// So many more for each unit of the operand.
+    /// At most this number of units in the last place, and twice the operand more.
     UlpAndTwice(f64),
-    /// So much.
+    /// At most this difference.
     Absolute(f64),
 }
 

@@ -6,7 +6,7 @@ use gfx::setup::{self, Bounds, DepthBias, Screen, ScreenVertex, SetupState, Tria
 use gfx::state::{CullMode, FrontFace, Viewport};
 use gfx::traverse;
 
-/// A viewport of so many pixels each way.
+/// A square viewport of `size` by `size` pixels.
 pub fn viewport(size: i32) -> Viewport {
     Viewport { x: 0.0, y: 0.0, width: size as f32, height: size as f32, min_depth: 0.0, max_depth: 1.0 }
 }

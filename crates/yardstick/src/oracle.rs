@@ -36,7 +36,7 @@ struct Kind {
     make: fn(&mut Random) -> Case,
 }
 
-/// A position within so many pixels about the middle of a 64x64 image.
+/// A random position in a square of `pixels` by `pixels` pixels about the middle of a 64x64 image.
 fn near_middle(random: &mut Random, pixels: i32) -> Point {
     [0, 1].map(|_| 32 * 256 + random.between(-pixels * 128, pixels * 128))
 }

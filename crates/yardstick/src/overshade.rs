@@ -29,7 +29,7 @@ fn count(t: &setup::Triangle, least: u32) -> [f64; 2] {
     counts
 }
 
-/// A right isosceles triangle with legs of so many 1/256 pixels, at any place in a quad, its right angle in any corner: rules for
+/// A right isosceles triangle with legs of `legs` 1/256 pixels, at any place in a quad, its right angle in any corner: rules for
 /// samples on edges then add or take nothing on average.
 fn triangle(random: &mut Random, legs: i32, least: u32) -> [f64; 2] {
     let [x, y] = [0, 1].map(|_| 8 * 256 + random.between(0, 512));

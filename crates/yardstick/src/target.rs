@@ -74,7 +74,7 @@ impl Setting {
         }
     }
 
-    /// Runs so many independent pieces of work on all threads, each with random numbers of its own; what they give, in order.
+    /// Runs `n` independent pieces of work on all threads, each with random numbers of its own. Returns their results in order.
     pub fn pieces<T: Send>(&self, n: u64, run: impl Fn(u64, &mut Random) -> T + Sync) -> Vec<T> {
         let done: Vec<Mutex<Option<T>>> = (0..n).map(|_| Mutex::new(None)).collect();
         in_parallel(n, &|piece| {
@@ -101,7 +101,7 @@ pub struct Row {
 }
 
 impl Row {
-    /// A number that may be off by so much.
+    /// A number whose error may be `allowed`.
     pub fn within(case: impl Into<String>, expected: f64, measured: f64, allowed: f64) -> Row {
         Row { case: case.into(), expected, measured, error: (measured - expected).abs(), allowed }
     }

@@ -65,7 +65,7 @@ pub struct Arguments {
     /// Which combinations: grid, one-at-a-time, random:MACHINES[:SEED] or latin-hypercube:MACHINES[:SEED] [default: grid]
     #[arg(long, value_name = "DESIGN")]
     design: Option<DesignName>,
-    /// Estimate all machines by `bound`, and simulate so many of the fastest
+    /// Estimate all machines by `bound`, and simulate this number of the fastest
     #[arg(long, value_name = "MACHINES", value_parser = clap::value_parser!(u32).range(1..))]
     screen: Option<u32>,
     /// Keep the statistics at this path and below; may be repeated [default: all]
@@ -92,7 +92,7 @@ pub struct Arguments {
     /// Run the I-th of N parts of the machines only; `fillrate sweep merge` puts the parts together
     #[arg(long, value_name = "I/N")]
     shard: Option<Shard>,
-    /// Run as a job array of Slurm with so many tasks, and merge when all have ended; --out is a folder that all nodes share
+    /// Run as a job array of Slurm with this number of tasks, and merge when all have ended; --out is a folder that all nodes share
     #[arg(long, value_name = "TASKS", conflicts_with = "shard", value_parser = clap::value_parser!(u32).range(1..=100_000))]
     slurm: Option<u32>,
     /// Run more than a million machines

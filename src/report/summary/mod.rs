@@ -233,8 +233,8 @@ pub fn sorting(total: &Tree, class: SortClass, pipelines: u32) -> String {
     out
 }
 
-/// Writes shares that sum a drawing up: overdraw of pictures with so many pixels, the share of invocations that shaded a fragment, and the
-/// hit rates of caches.
+/// Writes shares that sum a drawing up: the overdraw of the pictures, the share of invocations that shaded a fragment, and the hit rates of
+/// caches.
 pub fn shares(total: &Tree, funnel: &Funnel, picture: Option<&Pictures>) -> String {
     let mut text = String::new();
     let mut row = |name: &str, value: String| text.push_str(&format!("  {name:<22}{value}\n"));

@@ -133,7 +133,7 @@ pub fn draw(frame: u32, phase: &Phase, draw: &DrawReport) -> String {
     format!("  {name:<34} {:>12}   {moved:>10} of DRAM   {shaded} fragments shaded   frame {frame}\n", grouped(draw.cycles))
 }
 
-/// The beginning of a text, of at most so many characters.
+/// The beginning of a text, at most `most` characters.
 fn clip(text: &str, most: usize) -> String {
     if text.chars().count() <= most { text.to_owned() } else { text.chars().take(most - 1).chain(['…']).collect() }
 }

@@ -378,7 +378,7 @@ fn machines(sweep: &Outcome<'_>) -> Option<Markup> {
                     @for value in &axis.values { option value=(shown(value)) { (shown(value)) } }
                 } }
             }
-            label { "at most " input type="number" min="0" data-column=(cycles_at) placeholder="cycles" aria-label="At most so many cycles"; " cycles" }
+            label { "at most " input type="number" min="0" data-column=(cycles_at) placeholder="cycles" aria-label="Maximum number of cycles"; " cycles" }
             span { "shown: " output {} }
         }
         div.scroll.tall { table.sortable id="machines" {

@@ -131,7 +131,7 @@ pub fn many_functions(n: usize, depth: usize) -> String {
     shader(&format!("fn f0(x: u32) -> u32 {{ return x; }}\n{all}"), &calls)
 }
 
-/// So many variables at the top, and as many functions.
+/// `n` module variables, and the same number of functions.
 pub fn many_declarations(n: usize) -> String {
     let all = lines(n, |k| format!("var<private> v{k}: u32; fn f{k}() {{ v{k} = 1u; }}"));
     shader(&all, &lines(n, |k| format!("f{k}();")))
@@ -149,7 +149,7 @@ pub fn cases(n: usize) -> String {
     shader("", &format!("switch x {{ {all} default {{}} }}"))
 }
 
-/// So many statements one after the other.
+/// `n` statements one after the other.
 pub fn statements(n: usize) -> String {
     shader("", &lines(n, |k| format!("x = x * {k}u + b[x];")))
 }
@@ -160,7 +160,7 @@ pub fn branches(n: usize, variables: usize) -> String {
     shader("", &format!("{declared}\n{}", lines(n, |k| format!("if b[{k}] == x {{ v{} = {k}u; }}", k % variables))))
 }
 
-/// So many small loops.
+/// `n` small loops.
 pub fn small_loops(n: usize) -> String {
     shader("", &lines(n, |_| "for (var i = 0u; i < x; i++) { x += b[i]; }".to_owned()))
 }

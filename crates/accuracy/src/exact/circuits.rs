@@ -47,7 +47,7 @@ sim::circuit! {
     }
 }
 
-/// Servers that take so many cycles, with a link before each and one behind the last.
+/// A row of servers that take `service` cycles each, with a link before each server and one behind the last.
 pub(super) fn tandem(n: u64, service: &[Cycle], links: &[Link]) -> Tandem {
     let mut wiring = Wiring::new();
     let source = wiring.unit("source", 0);

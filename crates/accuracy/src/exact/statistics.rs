@@ -56,7 +56,7 @@ fn rectangle([x0, y0, x1, y1]: [f32; 4], z: f32) -> Vec<[f32; 8]> {
     [[x0, y0], [x1, y0], [x0, y1], [x0, y1], [x1, y0], [x1, y1]].map(|[x, y]| at(x, y, z)).to_vec()
 }
 
-/// A strip of so many vertices in zigzag over the target, off the pixels' centres.
+/// A strip of `vertices` vertices in zigzag over the target, off the pixels' centres.
 fn zigzag(vertices: u32, random: &mut Random) -> Vec<[f32; 8]> {
     let step = (EDGE - 8.0) / vertices as f32;
     (0..vertices).map(|k| at(4.1 + k as f32 * step, if k % 2 == 0 { 4.3 } else { 40.0 + 8.0 * random.unit() }, 0.5)).collect()

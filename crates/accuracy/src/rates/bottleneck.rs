@@ -41,7 +41,7 @@ fn scattered(seed: u64, count: u32) -> Scene {
     triangles(32, shapes.collect())
 }
 
-/// What is drawn, of the length of so many layers of a small image; and the unit that holds the others up.
+/// Each scene with its name and the unit that limits it. `length` is the number of layers of a small image, and scales the other scenes.
 fn scenes(seed: u64, length: u32) -> Vec<(&'static str, &'static str, Scene)> {
     let small = layers(32, length);
     let scattered = scattered(seed, 24 * length);

@@ -73,7 +73,7 @@ fn machine(changes: &[String]) -> Result<Config> {
     config("sort-middle", &changes)
 }
 
-/// So many layers of two triangles from border to border of a square image, without depth.
+/// A square image with `count` layers of two triangles from border to border, without depth.
 fn layers(edge: u32, count: u32) -> Scene {
     let e = edge as f32;
     let halves = [[[0.0, 0.0], [e, 0.0], [0.0, e]], [[e, 0.0], [e, e], [0.0, e]]];

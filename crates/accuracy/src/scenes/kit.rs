@@ -62,9 +62,9 @@ pub struct Draw {
     pub entries: [&'static str; 2],
     /// Whether it has no fragment stage.
     pub depth_only: bool,
-    /// Attributes of the vertices: so many `vec4f` each, from location 0 on.
+    /// Attributes of the vertices: each vertex has `vectors` values of type `vec4f`, from location 0 on.
     pub attributes: Vec<f32>,
-    /// How many there are of each vertex.
+    /// The number of `vec4f` attributes of each vertex.
     pub vectors: u32,
     /// Vertices.
     pub count: u32,
@@ -115,7 +115,7 @@ impl Draw {
         }
     }
 
-    /// With so many vertices.
+    /// With `count` vertices.
     pub fn count(self, count: u32) -> Draw {
         Draw { count, ..self }
     }
@@ -184,7 +184,7 @@ impl Kit {
         record::whole(self.floats(label, numbers))
     }
 
-    /// A zeroed buffer of so many words, bound whole.
+    /// A zeroed buffer of `words` words, bound whole.
     pub fn words(&mut self, label: &str, words: u64) -> (BufferId, BoundResource) {
         let buffer = self.card.create_buffer(label, 4 * words);
         (buffer, record::whole(buffer))

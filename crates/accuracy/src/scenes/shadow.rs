@@ -343,7 +343,7 @@ fn hidden(stage: &mut Stage, camera: Camera) -> Result<()> {
     Ok(())
 }
 
-/// The solid so many times, each a little beside the one before.
+/// `count` copies of the solid, each a little beside the one before.
 fn crowd(count: usize) -> Vec<[DVec3; 4]> {
     (0..count).map(|k| SOLID.map(|p| p + 0.01 * k as f64 * dvec3(1.0, 0.0, -1.0))).collect()
 }

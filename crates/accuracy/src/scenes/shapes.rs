@@ -25,7 +25,7 @@ pub fn covers([a, b, c]: [Corner; 3], p: Corner) -> bool {
         })
 }
 
-/// Positions in clip space of corners on a target of so many pixels, a power of two: exact in f32.
+/// Positions in clip space of corners on a target of `width` x `height` pixels. Both are powers of two, so that positions are exact in f32.
 pub fn clip([x, y]: Corner, [width, height]: [u32; 2], z: f32) -> [f32; 4] {
     [x as f32 / (128 * width) as f32 - 1.0, 1.0 - y as f32 / (128 * height) as f32, z, 1.0]
 }

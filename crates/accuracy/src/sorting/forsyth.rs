@@ -46,7 +46,7 @@ const ICOSAHEDRON: [[u32; 3]; 20] = [
     [11, 6, 10],
 ];
 
-/// The triangles of an icosahedron with each edge split so many times, face by face, row by row. Vertices of an edge belong to both
+/// The triangles of an icosahedron with each edge split into `splits` parts, face by face, row by row. Vertices of an edge belong to both
 /// faces: each is named by the corners that it lies between, and how near to them.
 fn sphere(splits: u32) -> Vec<[u32; 3]> {
     let mut names = BTreeMap::new();

@@ -47,7 +47,7 @@ fn binned(tile: u32, exact: bool, scene: &Scene) -> Result<f64> {
     Ok(entries as f64)
 }
 
-/// Tiles, and triangles with legs of so many pixels and a half: at every whole offset the sum of the tiles is known to the last.
+/// Edges of tiles, and legs of triangles without the half pixel that is added. With it, the sum of tiles over all whole offsets is known exactly.
 const EVERY: [(u32, u32); 2] = [(16, 21), (32, 9)];
 
 /// Tiles, and legs of triangles at random offsets.

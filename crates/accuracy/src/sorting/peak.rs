@@ -19,7 +19,7 @@ pub(super) const CHEN_PEAK: Target = Target {
     check,
 };
 
-/// Cycles of right triangles with legs of so many pixels at random places, and quads of each.
+/// The cycles of right triangles with legs of `legs` pixels at random positions, and the quads of each triangle.
 fn cycles(setting: &Setting, class: SortClass, interval: u32, legs: f32) -> Result<(f64, f64)> {
     let triangles = setting.pick(150, 400, 3000);
     let mut random = Random::new(setting.seed);

@@ -84,7 +84,7 @@ fn of_buffer(edge: u32, way: Way) -> Trace {
     sheet.finish()
 }
 
-/// Misses of a machine whose texture cache holds so many lines of so many bytes.
+/// The misses of a machine whose texture cache holds `lines` lines of `bytes` bytes.
 fn missed(work: &[Event], lines: u32, bytes: u32) -> Result<f64> {
     let lines = format!("texture.cache_lines={lines}");
     let [bytes, sector] = ["line", "sector"].map(|of| format!("texture.{of}_bytes={bytes}"));

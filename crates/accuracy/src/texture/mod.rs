@@ -34,7 +34,7 @@ fn bilinear() -> SamplerDesc {
     SamplerDesc { mag: FilterMode::Linear, min: FilterMode::Linear, ..SamplerDesc::default() }
 }
 
-/// A draw of so many vertices with a texture `t` and a sampler `s`: `vertex` is its vertex stage, `color` what each fragment at `p` is.
+/// A draw of `vertices` vertices with a texture `t` and a sampler `s`. `vertex` is its vertex stage, `color` the colour of a fragment at `p`.
 fn textured(size: [u32; 2], texture: TextureDesc, sampler: SamplerDesc, vertices: u32, vertex: &str, color: &str) -> Trace {
     let mut sheet = Sheet::new(size, 1);
     let texture = sheet.card.create_texture("texture", texture);

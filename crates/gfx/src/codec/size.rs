@@ -84,7 +84,7 @@ fn byte_bits(values: &[u8]) -> u64 {
     }
     let mut near = 0;
     let mut group = |left_over: &[u8; PIXELS]| near += group_bits(left_over);
-    let (pixels, further) = values.split_first_chunk::<PIXELS>().expect("a block has so many pixels");
+    let (pixels, further) = values.split_first_chunk::<PIXELS>().expect("a block has `PIXELS` pixels");
     // What is left, above, and both of number `i` is 1, 8 and 9 places before it. Beyond the block's edges stand zeros, of which the median
     // makes what the edges need: left alone, above alone, or nothing.
     let mut padded = [0_u8; 9 + PIXELS];

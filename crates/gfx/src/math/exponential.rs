@@ -42,7 +42,7 @@ pub fn exp(x: f32) -> f32 {
     let x = if x < -104.5 { -104.5 } else { x };
     let t = x * core::f32::consts::LOG2_E;
     let n = (t + ROUND) - ROUND;
-    // ln 2 in two parts, the first with so few bits that its product with n is exact.
+    // ln 2 in two parts. The first has few bits, so its product with n is exact.
     let r = x - n * 0.693_359_4;
     let r = r - n * -2.121_944_4e-4;
     let mut p = 1.987_569_1e-4_f32;

@@ -11,7 +11,7 @@ pub(super) const REDUCIBLE: f32 = 8192.0;
 fn reduce(x: f32) -> (f32, i32) {
     let t = x * core::f32::consts::FRAC_2_PI;
     let n = round_small(t);
-    // The first two parts have so few bits that their products with n (below 2^13) are exact.
+    // The first two parts have few bits, so their products with n (below 2^13) are exact.
     let r = ((x - n * 1.570_312_5) - n * 4.837_513e-4) - n * 7.549_79e-8;
     (r, round_small_i32(t))
 }

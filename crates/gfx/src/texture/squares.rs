@@ -251,7 +251,7 @@ impl<const N: usize> Rows<N> {
     }
 }
 
-/// The lines of each lane's four texels. `same`: all lanes read one slice of one level; `layers`: so many beside each other read one layer.
+/// The lines of each lane's four texels. With `same`, all lanes read one slice of one level. Each `layers` adjacent lanes read one layer.
 #[inline(always)]
 fn find(view: &View, sampler: &Sampler, args: &Sample<'_>, same: bool, layers: usize, level: &[u32; LANES], out: &mut Corners) {
     if same {

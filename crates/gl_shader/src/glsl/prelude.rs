@@ -10,7 +10,7 @@ pub fn renamed(name: &str) -> Option<String> {
     NAMES.contains(&name).then(|| format!("glx_{name}"))
 }
 
-/// A matrix with so many columns and rows.
+/// The type of a matrix with `columns` columns and `rows` rows.
 fn matrix(columns: usize, rows: usize) -> String {
     if columns == rows { format!("mat{rows}") } else { format!("mat{columns}x{rows}") }
 }

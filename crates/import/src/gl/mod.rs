@@ -169,7 +169,7 @@ const IN_MEMORY: u64 = 16 << 20;
 /// The bytes that may stay in memory, divided by the size of a part of a stream.
 const PARTS: u64 = 16;
 
-/// Bytes of a part of a stream, of which so many may stay in memory.
+/// The bytes of one part of a stream, where at most `most` bytes of the stream may stay in memory.
 fn part_of(most: u64) -> u64 {
     (most / PARTS).max(1 << 10)
 }

@@ -141,7 +141,7 @@ pub fn values(store: &PixelStore, size: [u32; 3], kind: u32, bytes: &[u8], norma
 }
 
 impl Gl {
-    /// Runs a function that reads pixels of so many dimensions. It is an error to read beyond the end of a buffer object.
+    /// Runs a function that reads an image of `dimensions` dimensions. It is an error to read beyond the end of a buffer object.
     pub fn unpacking(&mut self, dimensions: usize, run: impl FnOnce(&mut Gl) -> Outcome) -> Outcome {
         let all = self.unpack;
         if dimensions < 3 {

@@ -210,7 +210,7 @@ struct Rows {
 }
 
 impl Rows {
-    /// The rows of pixels of so many bytes, which consist of parts of so many.
+    /// The rows of an image. A pixel has `pixel` bytes and consists of components of `part` bytes.
     fn new(store: &PixelStore, size: [u32; 3], pixel: usize, part: usize) -> Rows {
         let size = size.map(|edge| edge as usize);
         let pixels = if store.row_length > 0 { store.row_length as usize } else { size[0] };

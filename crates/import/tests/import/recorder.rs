@@ -147,7 +147,7 @@ impl Writer {
         self.calls += 1;
     }
 
-    /// The file: Snappy chunks of so many bytes.
+    /// The file, compressed by Snappy in chunks of `chunk` bytes.
     pub fn file(&self, chunk: usize) -> Vec<u8> {
         let mut file = b"at".to_vec();
         for piece in self.bytes.chunks(chunk) {

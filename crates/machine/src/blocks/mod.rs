@@ -76,7 +76,7 @@ pub(super) struct Builder<'a> {
     open: Open,
 }
 
-/// A link for groups of quads: as wide as so many quads.
+/// A link for groups of quads that carries `quads` quads per cycle.
 fn quads(queue: u32, quads: u32, latency: u32) -> Link {
     Link::bytes(queue, quads * bytes::QUAD, latency)
 }

@@ -209,7 +209,7 @@ config! {
 }
 
 impl Config {
-    /// Seconds of so many cycles at the card's clock.
+    /// The time of `cycles` cycles at the card's clock, in seconds.
     pub fn seconds(&self, cycles: f64) -> f64 {
         cycles / (f64::from(self.card.clock_mhz) * 1e6)
     }

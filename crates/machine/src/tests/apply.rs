@@ -250,7 +250,7 @@ fn a_run_begins_with_the_hierarchical_z_of_one_machine() {
     let few = ["depth.cache_blocks=4", "depth.cache_ways=2"];
     let accepts = ["traverse.hierarchical_accept=true"];
     for changes in [&[][..], &few, &accepts, &["sort=sort-first"]] {
-        // Where each write is told, all is the same.
+        // If hierarchical Z learns of each write, both machines know the same.
         let mut told = Vec::new();
         let every_write = config("four-pipelines", &[changes, &["traverse.hierarchical_update=write"]].concat());
         before_each_frame(&every_write, |number, simulated, warmed| {
@@ -263,7 +263,7 @@ fn a_run_begins_with_the_hierarchical_z_of_one_machine() {
             told.push(begin);
         });
         assert_eq!(told.len(), 4);
-        // Where it is told of blocks that leave the cache, it is a matter of time which have left. What is known holds, in both.
+        // If it learns of blocks that leave the cache, timing decides which blocks have left. What each machine knows is true.
         before_each_frame(&config("four-pipelines", changes), |number, simulated, warmed| {
             let at = format!("{changes:?}: before frame {number}");
             assert!(held(warmed) == held(simulated), "{at}: blocks");

@@ -14,14 +14,14 @@ use super::pass::{Memory, Scratch, draw, resolve};
 use super::settings::{Attachments, Settings};
 use super::{DrawCall, DrawError, Drawn, RenderPass};
 
-/// Draws whose geometry may be there before their fragments are drawn: so many that one draw of much geometry makes nobody wait, and so few that
-/// they stay in caches.
+/// The largest number of draws whose geometry is computed before their fragments are drawn. It is large enough that one draw of much geometry
+/// makes no thread wait, and small enough that the geometry stays in caches.
 const AHEAD: usize = u32::BITS as usize;
 
 /// Vertices, or indices, times instances of a draw whose geometry is computed ahead, at most: a larger one has all threads for itself.
 const LARGE: u64 = 4096;
 
-/// Looks for what the other thread does before this one lets others have its processor.
+/// The number of times that a thread checks for the other thread's progress before it yields to the scheduler.
 const SPINS: u32 = 100;
 
 /// Lends a draw by its number.
@@ -148,7 +148,7 @@ impl Row<'_> {
         self.ready[number % AHEAD].store(number * AHEAD + at, Release);
     }
 
-    /// Computes geometry until there is none left, or so much of it that other work may be more urgent.
+    /// Computes geometry until no draw is left, or until enough of it waits that other work may be more urgent.
     fn geometry(&self) {
         let _leaving = Leaving(self);
         let mut last = None;

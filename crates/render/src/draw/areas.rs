@@ -17,7 +17,7 @@ pub fn surveys([x, y]: [u32; 2]) -> bool {
     x % 4 == [0, 2, 1, 3][y as usize % 4]
 }
 
-/// A shape of so many fragments, in columns and rows of pixels.
+/// A shape of `fragments` fragments, in columns and rows of pixels.
 fn of(fragments: f64, bounds: Bounds) -> Areas {
     let around = f64::from(bounds.x1 - bounds.x0) + f64::from(bounds.y1 - bounds.y0);
     let cells = |side: f64| {

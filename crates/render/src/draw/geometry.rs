@@ -129,7 +129,7 @@ pub struct Segments {
 }
 
 impl Segments {
-    /// Those of a draw that has been [planned](plan), on so many columns and rows of tiles.
+    /// The segments of a draw that has been [planned](plan), on a screen of `tiles` columns and rows of tiles.
     pub fn new(call: &DrawCall<'_>, frame: &PreparedDraw<'_>, tiles: [u32; 2]) -> Segments {
         let most = (SEGMENT_REFERENCES / (tiles[0] * tiles[1]).max(1)).clamp(2, SEGMENT_PRIMITIVES);
         Segments { tiles, limit: most, most, divisible: call.record && !frame.vertex_in_order }

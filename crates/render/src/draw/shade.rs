@@ -339,7 +339,7 @@ impl TileRun<'_, '_, '_> {
         let (quads, costs) = (&mut record.work.quads[..], &self.recorder.quads);
         let (n, places) = (pending.n.min(QUADS), &pending.record);
         let (begin, end) = (places[0] as usize, places[n.max(1) - 1] as usize + 1);
-        // Their places rise: where there are so many between the first and the last, they follow each other.
+        // The records' positions rise: if `QUADS` of them span `QUADS` positions, they are adjacent.
         if end - begin == QUADS
             && n == QUADS
             && let Some(quads) = quads[begin..].first_chunk_mut::<QUADS>()
@@ -447,12 +447,12 @@ fn append_whole(payload: &mut Vec<u32>, values: [&Lanes; 4]) {
             room[4 * q + i] = values[i][q].map(MaybeUninit::new);
         }
     }
-    // SAFETY: so many words behind the last one are in the capacity, and all of them have been written. (To clear them first takes a hundredth of
-    // the renderer's instructions on `traces/sprites`.)
+    // SAFETY: the `WORDS` words behind the last one are within the capacity, and all of them have been written. (To clear them first takes a
+    // hundredth of the renderer's instructions on `traces/sprites`.)
     unsafe { payload.set_len(payload.len() + WORDS) };
 }
 
-/// Puts `N` values of each pixel into the quads' payloads, which have so many words a pixel, from this word on.
+/// Puts `N` values of each pixel into the quads' payloads, which have `size` words per pixel, from word `word` on.
 #[inline(never)]
 fn put<const N: usize>(out: &mut [[u32; 4]], size: usize, word: usize, values: [&Lanes; N]) {
     let values = values.map(|values| values.0.as_chunks::<4>().0);

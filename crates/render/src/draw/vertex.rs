@@ -231,7 +231,7 @@ fn put_varying<const SPREAD: usize, const N: usize>(bound: &Bound<'_>, varying: 
     }
 }
 
-/// Gives the first `n` values to so many lanes each; maybe more of them.
+/// Copies each of the first `n` values to `SPREAD` lanes. It may copy more values than `n`.
 #[inline(always)]
 fn spread<const SPREAD: usize>(values: &[u32; LANES], n: usize, lanes: &mut [u32; LANES]) {
     if SPREAD == 1 {

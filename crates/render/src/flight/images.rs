@@ -86,7 +86,7 @@ impl Away {
     pub fn take(self) -> TileSurface {
         self.flight().finish();
         let tiles = lock(&self.flight().painter).tiles[self.slot].take();
-        // Without tiles the pass has failed, which is told before anything sees this.
+        // Without tiles the pass has failed, and that is reported before anything sees this surface.
         tiles.unwrap_or_else(|| TileSurface::new(self.shape()))
     }
 

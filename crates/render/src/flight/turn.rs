@@ -8,8 +8,8 @@ use super::super::draw::{DrawCall, DrawError, Drawn};
 use super::super::queued::QueuedDraw;
 use super::{CHAIN, Close, Flight, KEPT, Landed, Painter, Start, lock};
 
-/// Lists of so many draws that it does where a thread would have nothing to do: that computes the geometry of some beside the fragments of
-/// others.
+/// The largest number of lists of draws that one turn takes while a thread is idle. The idle thread computes the geometry of some draws
+/// while this one draws the fragments of others.
 const LONG_TURN: usize = 8;
 
 impl Flight {

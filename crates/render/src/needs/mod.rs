@@ -108,7 +108,7 @@ pub struct Needs {
     pictures: Answers<1>,
 }
 
-/// Small numbers of so many bits, the last first.
+/// A list of numbers of `BITS` bits each, the last first.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 struct Answers<const BITS: u32> {
     words: Vec<u64>,

@@ -63,7 +63,7 @@ struct Seen {
     error: Option<String>,
 }
 
-/// What comes out on so many threads.
+/// The events and pictures of a trace that is rendered on `threads` threads.
 fn seen(trace: &Trace, threads: usize, pictures: bool) -> Seen {
     let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().expect("threads");
     pool.install(|| {
@@ -238,7 +238,8 @@ fn charges_that_pass_a_limit_behind_a_pass_in_flight_begin_anew_without_one() {
     assert_eq!(events(8, true), alone);
 }
 
-/// One pass of small blended draws, so many that it lands and takes off again; a loop in the draws of number `endless` has no end.
+/// One pass of small blended draws, with `draws` large enough that the pass lands and takes off again. A loop in the draws of number `endless`
+/// has no end.
 fn long(draws: u32, endless: Option<u32>) -> Trace {
     let mut card = Recorder::new("long");
     let mut next = unit_noise(11);

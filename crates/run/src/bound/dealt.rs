@@ -23,7 +23,7 @@ const TRAVERSE: usize = 1;
 const DEPTH: usize = 2;
 const COLOR: usize = UNITS.len() - 1;
 
-/// The part of a draw's quads that is shaded and of its blocks that is not hidden whole, where so many pipelines draw apart.
+/// The part of a draw's quads that is shaded, and the part of its blocks that is not hidden whole, where `pipelines` pipelines draw apart.
 pub(super) fn visible(apart: &ApartProfile, pipelines: f64) -> [f64; 2] {
     let part = |left: &[u64; APART.len()], all: u64| {
         if all == 0 {

@@ -74,7 +74,7 @@ impl Pipeline {
         self.windows.last().copied().unwrap_or_default()
     }
 
-    /// When there is place for another window's triangles, if so many wait before setup.
+    /// The time at which there is room for another window's triangles, if at most `waiting` triangles wait before setup.
     pub fn place(&mut self, waiting: f64) -> f64 {
         let all = self.last().triangles;
         while self.windows.get(self.setup).is_some_and(|window| all - window.triangles > waiting) {
@@ -90,7 +90,7 @@ impl Pipeline {
         }
     }
 
-    /// When the rasteriser was so near to the end of the window that lies so many back, that only as many triangles were `ahead` of it.
+    /// The time at which the rasteriser had at most `ahead` triangles left before the end of the window that is `back` from the end.
     pub fn read(&self, back: usize, ahead: f64) -> f64 {
         let Some(window) = self.windows.len().checked_sub(back) else { return 0.0 };
         let reached = self.windows[window].triangles - ahead;
@@ -98,8 +98,8 @@ impl Pipeline {
         self.windows[at].rasterized
     }
 
-    /// Takes a window's part, which geometry gives between two moments; so many quads are between rasteriser and ROPs at most,
-    /// and each for as long as `latency` at least.
+    /// Takes a window's part: `given` triangles and quads, which geometry delivers between the two times of `from`. At most `waiting` quads
+    /// are between rasteriser and ROPs, and each stays there for at least `latency` cycles.
     pub fn take(&mut self, given: [f64; 2], from: [f64; 2], work: &Work, waiting: f64, latency: f64) {
         let last = self.last();
         let slowest = |units: &[f64]| units.iter().copied().fold(0.0, later);

@@ -28,7 +28,7 @@ impl std::ops::AddAssign for Traffic {
 }
 
 impl Traffic {
-    /// So many times as much.
+    /// This traffic, multiplied by `n`.
     pub(super) fn times(&self, n: f64) -> Traffic {
         Traffic { lookups: n * self.lookups, misses: n * self.misses, read: n * self.read, written: n * self.written }
     }
@@ -162,7 +162,7 @@ impl Shared {
         set + used.iter().position(|used| *used == least).unwrap_or(0)
     }
 
-    /// So many bytes from a line of [`LINE`] on are read, or written whole.
+    /// Reads `bytes` bytes from the beginning of a line of [`LINE`] bytes on, or writes them whole.
     pub fn access(&mut self, line: impl Into<u64>, bytes: u64, write: bool) -> Traffic {
         let scale = (1_u64 << self.shift.min(63)) as f64;
         let begin = line.into() * LINE;

@@ -1,6 +1,6 @@
 //! The `bound` fidelity: cycles from counts, without a simulation.
 //!
-//! A frame is phases that follow each other (passes, dispatches, transfers, scan-out). In each, every unit has so much work and a
+//! A frame is phases that follow each other (passes, dispatches, transfers, scan-out). In each, every unit has an amount of work and a
 //! rate (the roofline of Williams et al. 2009 with a roof for each unit). In a pass, runs of primitives flow through geometry and the
 //! pipelines that own the screen ([`flow`]), so that imbalance and what queues hold are in it; then the slowest of that, of DRAM and
 //! of the ports takes the time. What nothing overlaps comes on top: the way of the first item through the machine and of the last
@@ -278,7 +278,7 @@ impl<'c> Bound<'c> {
         sum
     }
 
-    /// Cycles of the copy engine for a transfer that reads and writes so much, from the first request on.
+    /// Cycles of the copy engine for a transfer that reads `read` and writes `written` bytes, from the first request on.
     fn copied(&self, read: f64, written: f64, latency: f64) -> f64 {
         // What goes and what comes have wires of their own.
         let port = read.max(written) / f64::from(self.config.memory.port_width);
@@ -396,7 +396,7 @@ impl<'c> Bound<'c> {
         self.hit_latency + memory.miss_rate() * (self.memory_latency - self.hit_latency)
     }
 
-    /// Cycles of a stream of reads, of which so many are in flight at most (Little).
+    /// Cycles of a stream of reads, of which at most `misses` are in flight (Little's law).
     fn in_flight(&self, bytes: f64, misses: u32, latency: f64) -> f64 {
         bytes / REQUEST_BYTES as f64 * latency / f64::from(misses)
     }

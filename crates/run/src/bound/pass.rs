@@ -210,8 +210,8 @@ impl Bound<'_> {
         ((blocks - drawn) * written + drawn * read + self.latency(traffic)).max(self.dram(traffic))
     }
 
-    /// How much longer the last of so many reads is under way because DRAM is writing what some traffic of so many cycles writes: half of a
-    /// batch, if one of them meets any.
+    /// The cycles by which DRAM's writes delay the last of `reads` reads. `traffic` writes for `cycles` cycles. If any of the reads comes while
+    /// a batch is written, the delay is half of the batch.
     fn behind_writes(&self, traffic: &Traffic, reads: f64, cycles: f64) -> f64 {
         if self.config.memory.kind == MemoryKind::Ideal {
             return 0.0;
@@ -337,8 +337,8 @@ impl Bound<'_> {
         let invocations = batches * f64::from(c.core.warp_width);
         // Lanes that are empty ask nothing.
         let asking = invocations.min(vertices + (0.5 * draw.segments as f64) * f64::from(c.core.warp_width));
-        // So many lines of indices are held or on their way, of one segment after the other. Each comes after a trip to the second level, once
-        // one before it is read.
+        // At most `fetch.index_lines` lines of indices are held or under way, of one segment after the other. Each comes after a trip to the
+        // second level, which begins once a line before it is read.
         let (bytes, lines) = (draw.index_bytes.max(1) as f64, f64::from(c.fetch.index_lines));
         let all = (draw.indices * draw.index_bytes) as f64 / LINE as f64;
         let trip = index + LINE as f64 / bytes / f64::from(c.fetch.indices_per_cycle);
@@ -481,7 +481,7 @@ fn interpolated<const N: usize>(sizes: &[usize; N], counts: &[u64; N], size: usi
     counts[below] as f64 + part * (counts[above] as f64 - counts[below] as f64)
 }
 
-/// Cycles for each triangle in a unit that takes so many in a cycle or, with an interval of more than one cycle, one in each interval.
+/// Cycles per triangle of a unit that takes `per_cycle` triangles per cycle. With an interval of more than one cycle, it takes one per interval.
 fn apart(per_cycle: u32, interval: u32) -> f64 {
     if interval > 1 { f64::from(interval) } else { 1.0 / f64::from(per_cycle) }
 }

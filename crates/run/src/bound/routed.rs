@@ -12,7 +12,7 @@ const PRIMITIVE: f64 = 16.0;
 #[derive(Clone, Debug, Default)]
 struct Front {
     windows: Vec<[f64; 2]>,
-    /// The last window that has left when only so many wait as receivers have places for.
+    /// The number of windows, from the first, that have to be through before receivers have room for another.
     left: usize,
 }
 
@@ -21,7 +21,7 @@ impl Front {
         self.windows.last().copied().unwrap_or_default()
     }
 
-    /// When there was place for more, if so many wait.
+    /// The time at which there was room for more primitives, if at most `waiting` primitives wait.
     fn place(&mut self, waiting: f64) -> f64 {
         let [all, _] = self.last();
         while self.windows.get(self.left).is_some_and(|window| all - window[0] > waiting) {

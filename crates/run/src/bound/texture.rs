@@ -99,7 +99,7 @@ pub(super) fn missed(lines: &LineProfile, sharing: &Sharing) -> Missed {
         let own = if run { gap } else { gap / pipelines };
         Some(bucket((own * requests - reach * resident).max(neighbours) * dense))
     };
-    // One time in so many tiles are one pipeline's.
+    // Two tiles belong to the same pipeline with this probability.
     let shared = 1.0 / pipelines;
     let of_class = |class: u16| {
         let (tile, any) = gaps_of(class);

@@ -74,7 +74,7 @@ fn others(range: &Range<usize>) -> Range<usize> {
 }
 
 impl Centers {
-    /// So many at most: the frame farthest from the mean, then each that is farthest from those chosen.
+    /// At most `count` centers: the frame farthest from the mean, then each frame that is farthest from those chosen.
     pub fn far_apart(rows: &Table<f64>, width: usize, count: usize) -> Result<Centers> {
         let mut centers = Centers { width, all: Vec::new(), alike: false };
         if rows.rows() < 2 {

@@ -227,7 +227,8 @@ struct Trial {
 }
 
 impl Trial {
-    /// How many there is so much time for; where what they share takes it all, as many as add a tenth of that.
+    /// The number of samples that fit into `left` seconds. If less than a tenth of the shared time would be left for them: the number that
+    /// adds a tenth to the shared time.
     fn samples_in(&self, left: f64) -> u32 {
         ((left - self.shared).max(self.shared / 10.0) / self.each.max(1e-6)) as u32
     }

@@ -186,7 +186,7 @@ pub struct Survey {
 /// Recorded frames of a survey; all of a sequence of not more than twice as many.
 const RECORDED: u32 = 16;
 
-/// The frames that are recorded of so many, the first being `first`.
+/// The frames that are recorded of `frames` frames, the first of which is `first`.
 fn recorded(first: u32, frames: u32) -> FrameSet {
     if frames <= 2 * RECORDED {
         return (first..first + frames).into();
@@ -514,7 +514,7 @@ impl Survey {
         Ok(self.rows.each(|frame, row| each(frame, row[at]))?)
     }
 
-    /// Clusters of frames that are alike: the first, and so many others.
+    /// Clusters of frames that are alike: that of the first frame, and at most `count` others.
     ///
     /// # Errors
     /// If what is kept of the frames cannot be read or written.

@@ -20,7 +20,7 @@ pub struct Table<T> {
 }
 
 impl<T: Pod> Table<T> {
-    /// No row yet of so many numbers.
+    /// A table without rows. Each row will have `width` numbers.
     pub fn new(width: usize) -> Table<T> {
         Table { width, rows: 0, spool: Spool::default(), of: PhantomData }
     }
@@ -91,7 +91,7 @@ impl<T: Pod> Table<T> {
     }
 }
 
-/// So many rows, as passes over them take them: some at a time.
+/// The ranges of rows, of `rows` in all, that a pass over the table takes at a time.
 pub fn parts(rows: usize) -> impl Iterator<Item = Range<usize>> {
     (0..rows).step_by(ROWS).map(move |from| from..(from + ROWS).min(rows))
 }

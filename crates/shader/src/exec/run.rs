@@ -60,7 +60,7 @@ pub(super) fn chunks_of(mask: Mask) -> usize {
     lanes.div_ceil(kernels::CHUNK)
 }
 
-/// How many chunks are computed where so many have lanes: draws of few vertices, and of few pixels, leave most of a register empty.
+/// The number of chunks that are computed if `chunks` of them have lanes. Draws of few vertices or few pixels leave most of a register empty.
 pub(super) fn computed<const RECORD: bool>(chunks: usize) -> usize {
     #[cfg(target_arch = "x86_64")]
     if !RECORD && gfx::simd::has_avx2() {

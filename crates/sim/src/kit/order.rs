@@ -2,7 +2,7 @@
 
 use crate::Circuit;
 
-/// All orders of so many units.
+/// All orders of `n` units.
 pub fn permutations(n: usize) -> Vec<Vec<usize>> {
     if n == 0 {
         return vec![Vec::new()];

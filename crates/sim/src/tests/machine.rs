@@ -115,7 +115,7 @@ crate::circuit! {
     }
 }
 
-/// So many givers in a ring, each with that many items of its own, over channels of three places.
+/// A ring of `givers` givers, each with `own` items of its own, over channels of three slots.
 fn ring(givers: usize, own: u64) -> Ring {
     let mut wiring = Wiring::new();
     let ids = wiring.bank("giver", givers);

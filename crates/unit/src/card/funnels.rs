@@ -14,7 +14,7 @@ pub struct Funnels {
 }
 
 impl Funnels {
-    /// Nothing counted, for so many slots.
+    /// Funnels of `slots` slots, with nothing counted.
     pub fn new(slots: usize) -> Funnels {
         Funnels { slots: vec![Funnel::default(); slots], retired: Funnel::default() }
     }

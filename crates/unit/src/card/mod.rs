@@ -92,7 +92,8 @@ pub struct Card {
 }
 
 impl Card {
-    /// A card with nothing in flight: for so many pipelines, segments and runs of workgroups, with cores that execute warps so.
+    /// A card with nothing in flight, for `pipelines` pipelines, `segments` segments and `runs` runs of workgroups. `execution` says how cores
+    /// execute warps.
     pub fn new(
         pipelines: usize,
         segments: usize,

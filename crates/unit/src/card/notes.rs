@@ -53,7 +53,7 @@ pub(crate) fn note(notes: &mut Notes, pass: Option<&PassState>, block: u32, what
     }
 }
 
-/// The block that a request of a screen tile is made for, in a pass of so many blocks across.
+/// The block that a request of a screen tile is made for, in a pass that is `across` blocks wide.
 pub(crate) fn block_of(tile: &TileWork, request: u32, across: u32) -> Option<u32> {
     // Requests of a quad lie together.
     let own = tile.quads.iter().enumerate().filter(|(_, quad)| quad.flags & QUAD_SHADED != 0 && quad.first_request <= request);

@@ -258,7 +258,8 @@ impl Command {
         self.depth_known
     }
 
-    /// One at the beginning of the stream, of a machine with so many pipelines, which holds so many segments. `clearing` is whether clears are by flag, and how many blocks a cycle all pipelines clear.
+    /// A command processor at the beginning of the stream, of a machine that has `pipelines` pipelines and holds `segments` segments.
+    /// `clearing` is whether clears are by flag, and the number of blocks that all pipelines together clear per cycle.
     pub fn new(
         config: CommandConfig,
         (pipelines, segments): (u32, u32),

@@ -306,7 +306,8 @@ impl Core {
         }
     }
 
-    /// Whether so few requests of a warp are unanswered that its current step can begin. In the end, and where a group meets, none is.
+    /// Whether few enough requests of a warp are unanswered for its current step to begin. Before a step that ends the program or leads to a
+    /// barrier, and without a scoreboard, none may be unanswered.
     #[inline(always)]
     fn may_go_on(&self, card: &Card, place: u32) -> bool {
         let unanswered = self.unanswered[place as usize];
@@ -418,7 +419,7 @@ impl Core {
                 }
                 let all = u64::from(registers) * u64::from(siblings) + u64::from(self.config.left_over(registers));
                 if siblings as usize > self.resident.len() || all > u64::from(self.config.registers) {
-                    // Where the core has not so many, the group has it for itself.
+                    // If the core has too few places or registers for the whole group, the group has the core for itself.
                     if self.held != 0 || self.turns.is_some() {
                         return did;
                     }

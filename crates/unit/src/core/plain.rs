@@ -208,7 +208,7 @@ fn arrivals() -> impl Strategy<Value = Vec<Arrival>> {
     proptest::collection::vec((wait, 0..PLACES, any::<bool>(), step, proptest::option::of(any::<u64>())), 1..70)
 }
 
-/// So many instructions of each class in some order, as classes of single ones.
+/// The classes of single instructions, `counts` of each class, in a random order.
 fn in_some_order(counts: [u32; Class::COUNT], order: u64) -> Vec<usize> {
     let (mut left, mut random, mut classes) = (counts, Random::new(order), Vec::new());
     while left != [0; Class::COUNT] {

@@ -92,13 +92,13 @@ impl Core {
         did
     }
 
-    /// Registers of a warp whose invocations have so many.
+    /// The registers of a warp whose invocations have `registers` registers each.
     pub(super) fn asked(&self, registers: u32) -> u32 {
         self.config.registers_of(registers)
     }
 
-    /// The registers that a warp gets that asks for so many, if there is a place for it. One that asks for more than the whole core
-    /// has runs alone, as if it spilled without cost.
+    /// The registers granted to a warp that asks for `registers`. None if the core has no free place or too few registers. A warp that asks
+    /// for more than the whole core has runs alone, as if it spilled without cost.
     #[inline(always)]
     pub(super) fn place_for(&self, registers: u32) -> Option<u32> {
         let alone = registers > self.config.registers && self.held == 0;

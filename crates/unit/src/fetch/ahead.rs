@@ -7,7 +7,7 @@ use super::input::NO_VERTEX;
 use sim::{Tick, Wires};
 
 impl Fetch {
-    /// Assembly has taken so many indices since the start: vertices that no later one names are forgotten.
+    /// Assembly has taken `passed` indices since the start. Vertices that no later index names are forgotten.
     pub(super) fn pass(&mut self, passed: u32) {
         let first = self.shaded.wrapping_sub(self.recent.len() as u32);
         // What a draw before this one has left is forgotten already.

@@ -78,7 +78,7 @@ impl Fetch {
         self.close_at(slot, self.stream_end());
     }
 
-    /// Closes the open batch. So many entries of the stream can be assembled once it is shaded.
+    /// Closes the open batch. Once it is shaded, the stream can be assembled up to entry `stream_end`.
     pub(super) fn close_at(&mut self, slot: u16, stream_end: u32) {
         let Fetch { number, open: count, open_needs: needs, .. } = *self;
         let batch = Gathered { slot, number, stream_end, count, needs, kind: Kind::DATA };

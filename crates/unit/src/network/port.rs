@@ -151,7 +151,7 @@ impl<T: Token> Sender<T> {
         self.waits = Some((wires.now(), network || self.waits.is_some_and(|(_, network)| network)));
     }
 
-    /// Sends a token to a receiver, as [`Sender::can_send`] has allowed in this cycle; on links it weighs so many bytes.
+    /// Sends a token to a receiver, as [`Sender::can_send`] has allowed in this cycle. On links the token takes `bytes` bytes.
     ///
     /// # Panics
     /// If it cannot be sent: the unit is wrong.
@@ -223,7 +223,7 @@ struct Arrived<T> {
     credits: Out<Credit>,
     number: u8,
     senders: u8,
-    /// Credits are given back so many at a time.
+    /// The number of credits that are given back at a time.
     bundle: u16,
     entries: Vec<Entry<T>>,
     free: u32,

@@ -28,7 +28,7 @@ struct Queue {
 /// A router of any number of inputs and outputs up to 64. Its items are parcels sent on, copies counted.
 ///
 /// A parcel that finds its way free passes in the cycle in which it comes; what a hop takes is the link's. Each input has a store for
-/// so many parcels, with a queue for each output, so that a parcel is not held up by one before it that goes elsewhere. An output
+/// parcels, with a queue for each output, so that a parcel is not held up by one before it that goes elsewhere. An output
 /// takes from one input after another what its link can carry, by the network's arbitration. Inputs do not compete inside.
 ///
 /// On a ring, what comes from the node itself enters a link only if that leaves a slot free (a bubble), while what is on the ring

@@ -49,7 +49,7 @@ impl NetworkMap {
         NetworkMap { link_bytes, links }
     }
 
-    /// The traffic over so many cycles, by what the channels have counted in the statistics.
+    /// The traffic over `cycles` cycles, from the channels' counters in the statistics.
     pub fn traffic(&self, statistics: &Tree, cycles: u64) -> Traffic {
         let mut traffic = Traffic { links: self.links.len() as u64, ..Traffic::default() };
         let mut most = 0;

@@ -190,7 +190,7 @@ impl Screen {
         self.lines * self.line_bytes
     }
 
-    /// The first cycle before which so many bytes, counted over all refreshes, have left the FIFO.
+    /// The first cycle before which `bytes` bytes, counted over all refreshes, have left the FIFO.
     fn left_by(&self, bytes: u64) -> Cycle {
         let Some(last) = bytes.checked_sub(1) else { return 0 };
         let cycles = self.line_cycles;

@@ -108,7 +108,7 @@ pub struct Scanout {
 }
 
 impl Scanout {
-    /// An idle one, whose port to memory brings so many bytes a cycle.
+    /// An idle scan-out unit, whose port to memory brings `port_width` bytes per cycle.
     pub fn new(config: ScanoutConfig, port_width: u32, input: In<Piece>, output: Out<Ack>, memory: MemoryPort) -> Scanout {
         let (stream, compressed) = (Stream::new(config.misses), config.compressed);
         let display = config.runs_free().then(|| Display::new(config, port_width));

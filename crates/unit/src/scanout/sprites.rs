@@ -33,7 +33,7 @@ impl Collision {
     }
 }
 
-/// The columns of a line of so many pixels that a sprite covers, and the texels there, 4 bytes each.
+/// The columns of a line of `width` pixels that a sprite covers, and the texels there, 4 bytes each.
 fn row(sprite: &Sprite, width: u32, line: u32) -> Option<(Range<i64>, &[u8])> {
     let [x, y] = sprite.at.map(i64::from);
     let [columns, rows] = sprite.size.map(i64::from);

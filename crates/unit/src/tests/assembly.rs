@@ -29,7 +29,7 @@ fn config() -> AssemblyConfig {
 /// When each geometry unit gets which runs (kind, sequence number, first, count), and when batches are given back.
 type Assembled = (Vec<Vec<(Cycle, (Kind, u32, u32, u32))>>, Vec<(Cycle, u32)>);
 
-/// Assembles triangles of a list, whose batches of so many vertices are shaded at those cycles.
+/// Assembles triangles of a list. Each batch is given as its number of vertices and the cycle at which it is shaded.
 fn assembled(config: &AssemblyConfig, geometry: usize, batches: &[(u32, Cycle)]) -> Assembled {
     let (assembled, passed) = told(config, geometry, batches, false);
     assert_eq!(passed, []);

@@ -22,7 +22,7 @@ sim::circuit! {
 /// When runs of survivors leave, with their first and number.
 type Runs = Vec<(Cycle, (u32, u32))>;
 
-/// What leaves a clipper of two primitives a cycle in so many runs, and what it has counted.
+/// What leaves a clipper of two primitives per cycle, up to `runs` runs, and what it has counted.
 fn clipped(primitives: &[Primitive], runs: usize) -> (Runs, Funnel) {
     clipped_by(1, primitives, runs)
 }

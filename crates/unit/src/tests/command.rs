@@ -15,8 +15,8 @@ use num::{Cycle, OUR_FAULT};
 use sim::{Circuit, Clock, In, One, Out, StallProbe, Tick, Unit, Wires, Wiring, run};
 use work::*;
 
-/// Stands for everything between the command processor and the ROPs: reports fences so many cycles after they came, that of a pass
-/// from the colour and the depth units.
+/// Stands for everything between the command processor and the ROPs. It reports a fence `after` cycles after it came. The colour and the
+/// depth units both report the fence of a pass.
 struct Pipeline {
     got: Vec<(Cycle, Kind)>,
     after: Cycle,
@@ -243,7 +243,7 @@ fn end() -> Event {
     Event::EndFrame(EndFrame { number: 0, shown, reference: Vec::new().into(), drawn: false, sprites: [].into() })
 }
 
-/// A pass with so many segments of one draw, and the end of the frame.
+/// A pass with one draw of `segments` segments, and the end of the frame.
 fn frame(load: Load, resolve: bool, segments: usize) -> Vec<Event> {
     [vec![begin(load, resolve)], draws(segments), vec![Event::EndPass(None), end()]].concat()
 }
@@ -282,8 +282,8 @@ fn a_segment_needs_a_slot() {
 
 #[test]
 fn draws_are_rasterised_in_turn() {
-    // Draws of two segments and of one, 8 cycles apart. The first one's turn is told in the cycle after the one in which its segment is read, 10,
-    // and is a cycle on the way. Its second segment comes to the pipeline in 20, and is reported in 50: then it is the turn of the second.
+    // Draws of two segments and of one, 8 cycles apart. The turn of the first draw is sent in cycle 11, the one after its segment is read, and
+    // is a cycle on the way. Its second segment comes to the pipeline in 20, and is reported in 50: then it is the turn of the second draw.
     let drain = CommandConfig { drain: true, ..config() };
     let events = [vec![begin(Load::Load, false)], draws(2), draws(1), vec![Event::EndPass(None), end()]].concat();
     let got = commanded(&drain, PLAIN, &events);

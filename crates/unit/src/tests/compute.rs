@@ -31,8 +31,8 @@ fn finish(token: WarpToken, card: &mut Card) -> WarpToken {
 /// When warps came to each core, and when runs of workgroups were reported done.
 type Computed = (Vec<Vec<Cycle>>, Vec<(Cycle, u16)>);
 
-/// Runs so many workgroups in each of several runs, of so many invocations each, on cores that hold four warps of 32 invocations and
-/// take that long for each.
+/// Runs several runs of workgroups of `invocations` invocations on cores that hold four warps of 32 invocations. `runs` has the number of
+/// workgroups of each run, `cores` the cycles that each core takes for a warp.
 fn computed(rate: u32, cores: &[Cycle], runs: &[u32], invocations: u32) -> Computed {
     settle(
         || {

@@ -75,7 +75,7 @@ impl Work {
         Work { program: Program::Fragment, steps: steps.to_vec(), registers: 16, group: (0, 1, 0), words, atomic }
     }
 
-    /// A warp of a workgroup of so many.
+    /// A warp of a workgroup of `siblings` warps.
     fn of_group(steps: &[Step], number: u32, siblings: u32, shared: u32) -> Work {
         Work { program: Program::Compute, group: (number, siblings, shared), ..Work::fragments(steps) }
     }
@@ -367,7 +367,7 @@ fn loads_from_uniform_buffers_are_answered_apart() {
     assert_eq!(ends(false, 1, 0), 3 + texture + rest);
     assert_eq!(ends(false, 0, 1), 2 + texture + rest);
     assert_eq!(ends(false, 0, 0), 3 + texture + rest);
-    // One request at a time: each is waited for, whoever answers it.
+    // One request at a time: each is waited for, no matter which unit answers it.
     let one = CoreConfig { in_flight: 1, ..config() };
     let each = |has: bool| run_with(&one, &[Work::fragments(&steps(1, 1))], has)[2][0].0;
     assert_eq!([each(false), each(true)], [2 + 2 * texture + rest, 2 + texture + cached + rest]);

@@ -166,7 +166,7 @@ fn shaded_warps_leave_in_order() {
     // and has to wait for warp 0: 3 + 40, and a cycle back. Both leave then, two groups each; warp 2 is not shaded before 7 + 40 + 1.
     let got = dispatched(&config(), &[40, 10], &[(0, 0, 4); 6]);
     assert_eq!(got.cores, [vec![3, 7], vec![5]]);
-    // Vertex fetch is told of a warp's core in the cycle in which the warp comes there, and of quads that wait.
+    // Vertex fetch learns of a warp's core in the cycle in which the warp comes there, and of quads that wait.
     let (first, started, waiting) = (Packing::STARTED | Packing::FIRST, Packing::STARTED, Packing::WAITING);
     let told = [(2, (0, waiting)), (3, (0, first)), (4, (1, waiting)), (5, (1, started)), (6, (0, waiting)), (7, (0, started))];
     assert_eq!(got.begun, told);

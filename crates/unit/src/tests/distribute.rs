@@ -34,12 +34,12 @@ fn config(overlap: Overlap, tile: u32) -> DistributeConfig {
     }
 }
 
-/// When each of so many rasterisers receives triangles, and what is counted, for a run of all triangles of a segment.
+/// When each of `pipelines` rasterisers receives triangles, and what is counted, for a run of all triangles of a segment.
 fn distributed(pipelines: usize, config: &DistributeConfig, segment: &Segment) -> (Vec<Vec<Cycle>>, SortCounts) {
     linked(pipelines, config, 1, segment)
 }
 
-/// The same over links that take so many triangles a cycle.
+/// As [`distributed`], over links that take `link_width` triangles per cycle.
 fn linked(pipelines: usize, config: &DistributeConfig, link_width: u32, segment: &Segment) -> (Vec<Vec<Cycle>>, SortCounts) {
     let run = Run { slot: 0, kind: Kind::DATA, sequence: 0, first: 0, count: segment.triangles.len() as u32 };
     let end = Run { kind: Kind::END, count: 0, ..run };

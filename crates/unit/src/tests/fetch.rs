@@ -74,7 +74,7 @@ struct Fetched {
     requests: u64,
 }
 
-/// Fetches the vertices of segments with so many cores to send them to, and retires batches at those cycles.
+/// Fetches the vertices of segments, sends them to `cores` cores, and retires batches at the given cycles.
 fn fetched(
     config: &FetchConfig,
     cores: usize,
@@ -208,7 +208,7 @@ fn reading(stream: Vec<u32>, base: u32) -> Segment {
     Segment { stream, vertices, costs, ..Segment::default() }
 }
 
-/// A segment of so many vertices, none of them twice.
+/// A segment of `count` vertices, none of them twice.
 fn fresh(count: u32) -> Segment {
     reading((0..count).collect(), 0)
 }
@@ -244,7 +244,7 @@ fn a_vertex_is_shaded_once_while_it_is_among_the_last_few() {
     assert_eq!(got.shaded, 4 + 2);
 }
 
-/// Vertices shaded with a FIFO of so many, by the definition.
+/// The number of vertices shaded with a FIFO of `places` vertices, by the definition.
 fn fifo(stream: &[u32], places: usize) -> u64 {
     let (mut held, mut shaded) = (VecDeque::new(), 0);
     for vertex in stream {
@@ -359,7 +359,7 @@ fn a_vertex_is_shaded_once_while_an_index_of_it_is_on_its_way_to_assembly() {
     let got = shaded(&[]);
     assert_eq!((got.shaded, got.warps), (6, vec![vec![4, 6]]));
     assert_eq!(got.batches, [(4, (0, 4, 4)), (6, (1, 8, 2))]);
-    // What is told in cycle 2 comes in 3, in time for the second index of vertices 0 and 1, which have to be shaded again; in 4 it is late.
+    // What is sent in cycle 2 comes in 3, in time for the second index of vertices 0 and 1, which have to be shaded again; in 4 it is late.
     assert_eq!(shaded(&[(2, 2)]).shaded, 8);
     assert_eq!(shaded(&[(3, 2)]).shaded, 6);
     // Vertex 0 has an index on its way after the first has gone.
@@ -375,7 +375,7 @@ fn a_vertex_is_shaded_once_while_an_index_of_it_is_on_its_way_to_assembly() {
 
 #[test]
 fn indices_on_their_way_are_bounded() {
-    // Four at a time: the fifth is read when the first four have been taken, of which is told in cycle 100.
+    // Four at a time: the fifth is read when the first four have been taken, which is known in cycle 100.
     let four = FetchConfig { reuse_until: Reuse::Assembled, reuse: 4, ..config() };
     let got = fetched_as_passed(&four, 1, &[], &[fresh(8)], &[98], &[(99, 4)]);
     assert_eq!(got.warps, [[4, 100 + 1 + 2]]);
@@ -401,7 +401,7 @@ fn batches_of_vertices_follow_warps_of_fragments() {
     let started = Packing::STARTED;
     // Without fragments they take turns.
     assert_eq!(cores(&[&[]]), [vec![4, 12], vec![6], vec![8], vec![10]]);
-    // A warp that went to core 3 in cycle 4 is told of in 5: the batch of that cycle follows it, the next ones take turns from there.
+    // A warp went to core 3 in cycle 4, which is known in 5: the batch of that cycle follows it, the next ones take turns from there.
     assert_eq!(cores(&[&[(4, 3, started)]]), [vec![4, 8], vec![10], vec![12], vec![6]]);
     // A cycle later it is the next batch.
     assert_eq!(cores(&[&[(5, 3, started)]]), [vec![4, 10], vec![6, 12], vec![], vec![8]]);
@@ -502,7 +502,7 @@ fn triangles(indices: &[u32]) -> Segment {
     Segment { primitives: primitives.collect(), ..reading(indices.to_vec(), 0) }
 }
 
-/// A strip of so many triangles.
+/// A strip of `count` triangles.
 fn strip(count: u32) -> Segment {
     let primitives =
         (0..count).map(|n| Primitive { vertices: [n, n + 1, n + 2], ..primitive(n + 3, 0, 1, false, Outcome::Drawn) });
@@ -536,7 +536,8 @@ fn in_batches(triangles: &[[u32; 3]], width: usize, indices: usize, places: usiz
     shaded
 }
 
-/// Vertices shaded by batches of so many vertices and indices, of which the last `reuse` vertices are remembered.
+/// The number of vertices shaded by batches of at most `width` vertices and `batch_indices` indices, if the last `reuse` vertices are
+/// remembered.
 fn shaded_in_batches(segment: &Segment, (width, batch_indices, reuse): (u32, u32, u32), rate: u32) -> u64 {
     let config =
         FetchConfig { reuse_until: Reuse::Batch, reuse, batch_indices, indices_per_cycle: rate, batches: 1024, ..config() };

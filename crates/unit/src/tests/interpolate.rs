@@ -1,4 +1,4 @@
-//! Interpolation: a turn for every so many words.
+//! Interpolation: a quad with more words takes more intervals.
 
 use std::sync::Arc;
 
@@ -19,7 +19,7 @@ sim::circuit! {
     }
 }
 
-/// When groups of so many quads leave, at 2 quads of 4 words in an interval.
+/// When groups of `quads` quads leave, at 2 quads of 4 words in an interval.
 fn interpolated(quads: u8, words: u32, interval: u32) -> Vec<Cycle> {
     settle(
         || {

@@ -88,7 +88,7 @@ impl<T: Token> Unit<Card> for Sink<T> {
     }
 }
 
-/// Answers each item so many cycles after it came, and notes when it came.
+/// Answers each item `after` cycles after it came, and notes when it came.
 pub struct Echo<T, U = T> {
     pub got: Vec<(Cycle, T)>,
     after: Cycle,
@@ -168,7 +168,7 @@ pub const fn round_trip(bytes: u32) -> Cycle {
     (2 * PORT_LATENCY + MEMORY_LATENCY + bytes.div_ceil(PORT) - 1) as Cycle
 }
 
-/// The cycle in which write `number` of a row of writes of so many bytes can be sent, counted from the first: each takes its
+/// The cycle in which write `number` of a row of writes of `bytes` bytes can be sent, counted from the first: each takes its
 /// bytes and 8 of a header, and the port begins the next as soon as it has bytes left in a cycle.
 pub const fn write_time(number: u32, bytes: u32) -> Cycle {
     (number * (bytes + 8) / PORT) as Cycle

@@ -51,7 +51,7 @@ fn leaves(marks: [Option<(Cycle, Kind)>; 2]) -> Cycle {
 
 #[test]
 fn a_number_that_all_pipelines_draw_ends_with_its_last_part() {
-    // Whoever sends the one end of a number; seen a cycle later, and a cycle on the way.
+    // Any pipeline may send the single end of a number. It is seen a cycle later, and is a cycle on the way.
     assert_eq!(leaves([Some((20, Kind::END)), None]), 22);
     assert_eq!(leaves([None, Some((5, Kind::END))]), 7);
     // Of two parts both.

@@ -30,7 +30,7 @@ fn resolved(config: &ResolveConfig, blocks: &[BlockState]) -> (Cycle, ClientCoun
     resolved_by(config, (1, 0), false, blocks)
 }
 
-/// The same by one of so many pipelines, with blocks of pixels that are compressed or not.
+/// The same by pipeline `pipeline` of `pipelines`. `enabled` is whether blocks may be compressed.
 fn resolved_by(
     config: &ResolveConfig,
     (pipelines, pipeline): (usize, u8),

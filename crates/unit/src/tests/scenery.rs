@@ -17,7 +17,7 @@ pub fn card(pipelines: usize) -> Card {
     card_of_tiles(pipelines, 64)
 }
 
-/// A card whose pipelines own tiles of so many pixels.
+/// A card whose pipelines own tiles of `tile` by `tile` pixels.
 pub fn card_of_tiles(pipelines: usize, tile: u32) -> Card {
     Card::new(
         pipelines,
@@ -143,7 +143,7 @@ pub fn warp(card: &mut Card, program: Program, parts: u32, registers: u32, costs
     index
 }
 
-/// A surface of so many blocks in a row; its address leaves room for any before it.
+/// A surface of `blocks` blocks in a row. Its address leaves room for any surface before it.
 pub fn surface(texture: u32, format: Format, blocks: u32, samples: u32) -> Surface {
     let key = SurfaceKey { texture, level: 0, layer: 0 };
     Surface { key, format, width: blocks * BLOCK, height: BLOCK, samples, address: u64::from(texture) << 24, opaque: false }

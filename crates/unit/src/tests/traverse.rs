@@ -111,7 +111,7 @@ pub fn cycles(config: &TraverseConfig, segment: &Segment) -> Cycle {
     log.last().expect("a mark").0 - 1
 }
 
-/// A segment of so many triangles, each of `blocks` blocks of `quads` quads and `empty` blocks more in its bounding box.
+/// A segment of `count` triangles, each of `blocks` blocks of `quads` quads and `empty` blocks more in its bounding box.
 pub fn triangles(count: usize, blocks: u32, quads: u8, empty: u16) -> Segment {
     let mut segment = row_of_tiles(1, blocks, quads, 0);
     // One row of blocks, or two that the bounding box has but the triangle does not.

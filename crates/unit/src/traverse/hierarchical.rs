@@ -117,7 +117,7 @@ pub(super) struct Lines {
 }
 
 impl Lines {
-    /// An empty cache of so many lines; with none, the buffer is asked itself.
+    /// An empty cache of `capacity` lines. With a capacity of 0, lookups go to the buffer itself.
     pub fn new(capacity: u32) -> Lines {
         Lines { lines: Vec::with_capacity(capacity as usize), capacity: capacity as usize, counts: LineCounts::default() }
     }
@@ -127,7 +127,7 @@ impl Lines {
         self.lines.clear();
     }
 
-    /// The bounds that are known of a block of a surface `across` blocks wide. A line that is missing is held for so many cycles. (The
+    /// The bounds that are known of a block of a surface `across` blocks wide. A line that is missing is held for `latency` cycles. (The
     /// queue of quads before the test hides that time.)
     #[inline(always)]
     pub fn look_up(&mut self, buffer: &[Bounds], number: u32, across: u32, now: Cycle, latency: Cycle) -> Bounds {

@@ -53,11 +53,11 @@ knob::knobs! {
         /// Blocks of bounding boxes tested a cycle, those without coverage included; a triangle takes at least one test. Blocks
         /// of a 64x64 tile that the triangle does not touch are thrown away with the tile.
         tests_per_cycle: u32 ["blocks/cycle", Allowed::Range(1, 64), "assumed; ATTILA bGPU.ini ScanWidth x ScanHeight = 16 x 16 pixels of scan tile"],
-        /// Triangles that are traversed together, if so many wait: block by block, and in each block triangle by triangle. More keep blocks
-        /// longer in the ROP caches. Walk by blocks only.
+        /// The largest number of waiting triangles that are traversed together: block by block, and in each block triangle by triangle. More
+        /// keep blocks longer in the ROP caches. Walk by blocks only.
         triangles: u32 ["triangles", Allowed::Range(1, 64), "assumed; ATTILA bGPU.ini RasterizationBatchSize = 4 where RecursiveMode = TRUE"],
-        /// Whether a batch of so many triangles of a draw, in its order, is traversed together, and not before those of it that come here are
-        /// there. Where distribution sorts triangles only.
+        /// Traverse batches of `traverse.triangles` consecutive triangles of a draw together. Each batch waits until all of its triangles that
+        /// come to this rasteriser are there. Only where distribution sorts triangles.
         gather: bool ["", Allowed::Switch, "triangles are traversed as they come; ATTILA waits until it has RasterizationBatchSize (TriangleTraversal)"],
         /// What of a triangle is tested for coverage. Walks other than by blocks test single pixels.
         walk: Walk ["", Allowed::Choice(Walk::NAMES), "assumed; ATTILA scans tiles"],
@@ -209,7 +209,7 @@ impl Traverse {
         }
     }
 
-    /// Waits for all triangles of a batch that come here, of those that distribution sends to so many rasterisers.
+    /// Makes the unit wait for all triangles of a batch that come here. Distribution sends the batch to `rasterisers` rasterisers.
     #[must_use]
     pub fn gathering(self, overlap: Overlap, rasterisers: usize) -> Traverse {
         let gather = Gather::new(self.config.triangles, overlap, rasterisers, self.pipeline);
@@ -363,7 +363,7 @@ impl Traverse {
         if hierarchical.hides(bounds, state, work, triangle, (x, y)) { u64::MAX >> (64 - quads.len()) } else { 0 }
     }
 
-    /// So many quads of the current block are done; of its last ones, the block.
+    /// Notes that `count` quads of the current block are done. With its last quads, the block is done.
     #[inline(always)]
     fn pass_quads(&mut self, count: u32, block: &Block) {
         self.place.quad += count;

@@ -13,7 +13,7 @@ pub enum Territory {
     Screen,
     /// On the whole screen, all of which is its pipeline's own.
     Copy,
-    /// In one tile after the other of so many blocks across; each triangle comes with the number of the tile.
+    /// In one tile after the other. The number is the edge of a tile in blocks. Each triangle comes with the number of its tile.
     Bins(u32),
 }
 

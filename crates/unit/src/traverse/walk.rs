@@ -39,7 +39,7 @@ pub(super) struct Pace {
 }
 
 impl Pace {
-    /// So many tests a cycle.
+    /// A pace of `rate` tests per cycle.
     pub(super) fn new(rate: u32) -> Pace {
         Pace { rate: rate.into(), ..Pace::default() }
     }
@@ -55,7 +55,7 @@ impl Pace {
         self.counted = now;
     }
 
-    /// A triangle of so many tests is taken in hand.
+    /// A triangle of `total` tests begins.
     fn begin(&mut self, total: u64) {
         (self.total, self.made, self.needed, self.asked) = (total, 0, 0, false);
         self.take();
@@ -68,7 +68,7 @@ impl Pace {
         self.left -= taken;
     }
 
-    /// Whether the tests of the current block, so many, are made.
+    /// Whether the `tests` tests of the current block are made.
     pub(super) fn reached(&mut self, tests: u64) -> bool {
         if !self.asked {
             self.asked = true;

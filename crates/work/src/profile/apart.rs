@@ -1,9 +1,9 @@
 //! What pipelines that draw apart from each other do not know of each other: how many quads each would hide by what it has drawn itself,
 //! and how many copies of a block would be drawn into.
 //!
-//! Batches of primitives are dealt in turn to so many pipelines as [`APART`] says, each of which keeps depths of its own. One block of 8x8
-//! pixels of [`FOLLOWED`] is followed, chosen by a hash; a quad has the depth at its middle, and hides when it is
-//! covered whole.
+//! Batches of primitives are dealt in turn to the pipelines, for each number of pipelines in [`APART`]. Each pipeline keeps depths of its own.
+//! One block of 8x8 pixels in [`FOLLOWED`] is followed, chosen by a hash. A quad has the depth at its middle, and hides others if it is covered
+//! whole.
 
 use super::super::{BLOCK, Block, Pass, Quad, Triangle};
 use gfx::state::{Compare, DepthStencil};
@@ -14,7 +14,7 @@ pub const APART: [usize; 3] = [1, 4, 16];
 /// Primitives of a batch.
 pub const DEALT: u32 = 32;
 
-/// One block of so many is followed.
+/// One block in this number of blocks is followed.
 const FOLLOWED: u32 = 8;
 
 /// Copies of all numbers of pipelines together.
@@ -26,13 +26,13 @@ const QUADS: usize = 16;
 /// What of a draw is hidden where pipelines draw apart, in the blocks that are followed.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct ApartProfile {
-    /// Quads covered, and of these those that are shaded with so many pipelines as [`APART`] says.
+    /// Quads covered.
     pub quads: u64,
-    /// See `quads`.
+    /// The covered quads that are shaded, for each number of pipelines in [`APART`].
     pub shaded: [u64; APART.len()],
-    /// Blocks covered, and of these those with a quad that is shaded.
+    /// Blocks covered.
     pub blocks: u64,
-    /// See `blocks`.
+    /// The covered blocks with a quad that is shaded, for each number of pipelines in [`APART`].
     pub seen: [u64; APART.len()],
 }
 
@@ -96,7 +96,7 @@ impl Apart {
         }
     }
 
-    /// All of a segment is dealt: so many primitives, and a fence.
+    /// All of a segment is dealt: `primitives` primitives, and a fence.
     pub fn end_segment(&mut self, primitives: u32) {
         self.turn = self.turn.wrapping_add(primitives.div_ceil(DEALT) + 1);
     }

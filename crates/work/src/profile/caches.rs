@@ -100,7 +100,7 @@ pub(super) fn shaded_vertices(segment: &Segment) -> [u64; REUSE.len()] {
     std::array::from_fn(|at| shaded[at] as u64)
 }
 
-/// Vertices that are shaded if each batch of so many primitives begins anew, and has none twice.
+/// The number of vertices that are shaded if each batch of `batch` primitives begins anew, and shades no vertex twice.
 pub(super) fn dealt_vertices(segment: &Segment, batch: u32) -> u64 {
     let mut last = vec![u32::MAX; segment.vertices.len()];
     let mut shaded = 0;

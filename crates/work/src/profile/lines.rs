@@ -1,12 +1,12 @@
 //! How often and how soon a pass's fragments look the same line up again: what any first-level cache makes of it is computed from that.
 //!
 //! Lookups of a line by bundles of quads that follow each other are an *episode*. In it the line is asked for by one or several
-//! requests of the shader; between episodes go by so many bundles.
+//! requests of the shader. The bundles that come between two episodes of a line are their *gap*.
 
 use std::collections::HashMap;
 use std::hash::{BuildHasherDefault, Hasher};
 
-/// One of so many lines is followed.
+/// One line in this number of lines is followed.
 pub const FOLLOWED: u32 = 4;
 
 /// Bundles that an episode may miss out.

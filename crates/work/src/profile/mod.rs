@@ -95,7 +95,7 @@ pub struct DrawProfile {
 /// Edges of tiles in pixels for which a profile knows how many each triangle touches.
 pub const BINS: [u32; 4] = [8, 16, 32, 64];
 
-/// A window of a draw ends after so many drawn triangles, primitives, or groups of quads.
+/// A window of a draw ends after this number of drawn triangles, of primitives, or of groups of quads.
 const WINDOW: [u32; 3] = [32, 128, 256];
 
 /// Consecutive primitives of a draw.

@@ -1,6 +1,6 @@
 //! What a frame touches in memory, some of it standing for all.
 //!
-//! Of memory in groups of 256 bytes one of so many is followed, chosen by a hash of its address; caches that are as much smaller behave
+//! Some groups of 256 bytes of memory are followed, chosen by a hash of the address. Caches that are smaller by the same factor behave
 //! on what is followed as the whole ones do on all (Waldspurger et al., Efficient MRC Construction with SHARDS, 2015, and Cache
 //! Modeling and Optimization using Miniature Simulations, 2017). A frame begins with all groups, and halves their number
 //! whenever more has come together than is to be kept; what follows later in the trace never has more than what came before.

@@ -70,7 +70,7 @@ impl Interval {
         Interval { lo, hi }
     }
 
-    /// Off by so many units in the last place of each end.
+    /// The interval, wider at each end by a number of units in the last place of that end.
     fn off_by(self, ulps: [f64; 2]) -> Interval {
         if self.is_any() {
             return ANY;

@@ -5,7 +5,7 @@ use std::panic::{AssertUnwindSafe, catch_unwind};
 use super::ways::variety;
 use super::*;
 
-/// The scene in draws of so many vertices.
+/// The scene in draws of `vertices` vertices.
 fn cut(scene: &Scene, vertices: u32) -> Scene {
     let n = scene.indices.as_ref().map_or(scene.vertices.len(), Vec::len) as u32;
     let draws = (0..n).step_by(vertices as usize).map(|first| first..n.min(first + vertices)).collect();

@@ -79,7 +79,7 @@ impl Generator<'_, '_> {
         (0..n).flat_map(|_| self.r.datum().to_le_bytes()).collect()
     }
 
-    /// Bytes of so many structures of kind `k`; no part of them is NaN.
+    /// The bytes of `n` structures of type 0. No part of them is NaN.
     pub fn cells(&mut self, n: u32) -> Vec<u8> {
         let (align, size) = self.layout(&Ty::Struct(0));
         let words = up(size, align).div_ceil(4) * n;

@@ -37,7 +37,7 @@ impl<'a> Random<'a> {
         self.word() % n
     }
 
-    /// True so many times in a hundred.
+    /// True with a probability of `share` per cent.
     pub fn percent(&mut self, share: u32) -> bool {
         self.below(100) < share
     }

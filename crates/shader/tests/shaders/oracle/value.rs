@@ -167,7 +167,7 @@ impl Value {
         self.numbers()?.iter().map(float).collect()
     }
 
-    /// Part `index`, or the last one if there are not so many.
+    /// Part `index`, or the last part if `index` is beyond it.
     pub fn part(&self, index: u32) -> Result<Value, Fault> {
         let index = index as usize;
         match self {

@@ -6,7 +6,7 @@ use num::{Cycle, Random};
 use sim::kit::{permutations, step};
 use sim::{Circuit, Clock};
 
-/// So many tokens for random receivers from every sender.
+/// The orders of every sender: `count` tokens for random receivers.
 fn random_orders(senders: usize, receivers: usize, count: usize, seed: u64) -> Vec<Vec<Order>> {
     let mut random = Random::new(seed);
     let order =

@@ -13,7 +13,7 @@ fn roomy(topology: Topology) -> NetworkConfig {
     NetworkConfig { queue: 64, receive_queue: 256, ..config(topology) }
 }
 
-/// Everyone sends to everyone, the receivers in turn, so many times.
+/// Every node sends to all nodes in turn, `rounds` times.
 fn all_to_all(nodes: usize, rounds: usize) -> Vec<Vec<Order>> {
     (0..nodes).map(|from| (0..rounds * nodes).map(|n| Order::new(0, (from + n) % nodes, BYTES)).collect()).collect()
 }
@@ -61,7 +61,7 @@ fn rings_and_meshes_carry_what_their_bisection_does() {
         let case = Case::new(roomy(topology), all_to_all(nodes, rounds), nodes);
         let outcome = case.run(Clock::SkipIdle);
         let bound = rounds as u64 * ways;
-        // With so many senders in step the ties of a ring need not fall evenly.
+        // While all senders are in step, the ties of a ring need not fall evenly.
         assert_eq!(busiest(&outcome, "sort_link"), bound, "{topology:?} of {nodes}");
         let share = bound as f64 / outcome.last() as f64;
         // What is lost is the first parcels' way in and the last ones' way out, and turns that come out unevenly.
