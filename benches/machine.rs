@@ -1,4 +1,4 @@
-//! What the simulated card costs: cycles and shaded fragments a second of host time, on work made by hand.
+//! What the simulated card costs: cycles and shaded fragments per second of host time, on work made by hand.
 //!
 //! `cargo bench --bench machine [-- CONFIG]`
 

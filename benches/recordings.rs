@@ -1,4 +1,4 @@
-//! Bytes of calls a second: a recorded OpenGL program is read, and its calls are run by OpenGL's state machine, as `fillrate inspect` does.
+//! Bytes of calls per second: a recorded OpenGL program is read, and its calls are run by OpenGL's state machine, as `fillrate inspect` does.
 
 use std::hint::black_box;
 

@@ -1,4 +1,4 @@
-//! The functional draw path on the four speed workloads: milliseconds a frame, clears included, reading and loading left out.
+//! The functional draw path on the four speed workloads: milliseconds per frame, clears included, reading and loading left out.
 //!
 //! `cargo bench --bench render -- [w1|w2|w3|w4]... [frames N] [no-skips] [record]`; instead of all skips one of them goes by
 //! `no-overwritten` or `no-full-blocks`. A path in place of a workload is a trace, whose first frame is rendered, loading included.

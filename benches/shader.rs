@@ -1,4 +1,4 @@
-//! Nanoseconds an invocation of typical programs, over full batches.
+//! Nanoseconds per invocation of typical programs, over full batches.
 
 use std::hint::black_box;
 use std::time::Duration;

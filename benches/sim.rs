@@ -9,7 +9,7 @@ use fillrate::mem::{Cache, CacheShape, Dram, DramAnswer, DramConfig, DramRequest
 use fillrate::num::Random;
 use fillrate::sim::{Circuit, Clock, In, Link, One, Out, Tick, Unit, Wires, Wiring, run};
 
-/// Moves an item a cycle from each of its two inputs to the output beside it; makes `seeds` items of its own at first.
+/// Moves an item per cycle from each of its two inputs to the output beside it; makes `seeds` items of its own at first.
 struct Stage {
     items: u64,
     seeds: [u32; 2],

@@ -1,4 +1,4 @@
-//! Nanoseconds a lane of texture sampling.
+//! Nanoseconds per lane of texture sampling.
 
 use criterion::{BenchmarkId, Criterion, Throughput, criterion_group, criterion_main};
 use fillrate::gfx::format::Format;
@@ -22,7 +22,7 @@ fn view(format: Format, dimension: ViewDimension, edge: u32, levels: u32) -> Vie
     View::new(&words, &image, &range, 0).expect("a valid view")
 }
 
-/// Coordinates of batches that walk over the texture, `scale` texels a pixel.
+/// Coordinates of batches that walk over the texture, `scale` texels per pixel.
 fn batches(edge: u32, scale: f32) -> Vec<[Lanes; 2]> {
     (0..256)
         .map(|batch| {

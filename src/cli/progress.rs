@@ -34,7 +34,7 @@ pub fn bar(template: &str) -> ProgressBar {
     bar
 }
 
-/// What the spinner says: the last frame, how many are done of how many, or what share of a recording that is read as a stream, how many a second,
+/// What the spinner says: the last frame, how many are done of how many, or what share of a recording that is read as a stream, how many per second,
 /// how long the rest takes; and once a limit comes near, the command that runs and how much of the limit is used.
 pub struct ProgressLine {
     bar: ProgressBar,

@@ -117,7 +117,7 @@ fn knobs(changed: &[KnobDifference], config: &str) -> String {
     format!("\nKnobs that differ from {config}\n{lines}")
 }
 
-/// Cycles, frames a second, and the host's time.
+/// Cycles, frames per second, and the host's time.
 fn times(done: &Outcome, cycles: f64, seen: &Seen, options: &Options) -> String {
     let mhz = options.config.card.clock_mhz;
     let time = options.config.seconds(cycles);

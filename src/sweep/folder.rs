@@ -50,7 +50,7 @@ impl Shard {
     }
 }
 
-/// The results of a shard while it runs: `shard-I-of-N.jsonl.part`, a line a machine and trace, in the order in which they end.
+/// The results of a shard while it runs: `shard-I-of-N.jsonl.part`, a line per machine and trace, in the order in which they end.
 pub struct Journal {
     file: File,
     part: PathBuf,

@@ -61,7 +61,7 @@ pub struct Table<'t> {
 }
 
 impl Table<'_> {
-    /// Adds a row, a cell a column.
+    /// Adds a row, a cell per column.
     ///
     /// # Errors
     /// If it cannot be written.

@@ -1,4 +1,4 @@
-//! The tables of a sweep: a row a machine and frame, and a long form with a row a statistic.
+//! The tables of a sweep: one with a row per machine and frame, and a long form with a row per statistic.
 
 use std::collections::{HashMap, HashSet};
 use std::path::Path;

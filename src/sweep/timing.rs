@@ -67,7 +67,7 @@ pub struct Screened {
 /// What a sweep took.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Took {
-    /// Machines simulated in this run, once a trace.
+    /// Machines simulated in this run, once per trace.
     pub machines: u64,
     /// Renderings.
     pub renderings: u64,

@@ -18,7 +18,7 @@ use crate::work::{FUNNEL, Funnel};
 /// What evidence must know of a machine.
 #[derive(Clone, Debug, Default)]
 pub struct Machine {
-    /// Bytes a cycle of a port to memory.
+    /// Bytes per cycle of a port to memory.
     port_width: u32,
     /// Banks of units, and how many each has.
     banks: Vec<(String, usize)>,
@@ -263,7 +263,7 @@ impl Seen {
         let busy = self.share("dram", |cycles| cycles.busy);
         let Moved { read_bytes, write_bytes } = DRAM.sum(&self.tree);
         let moved = read_bytes + write_bytes;
-        let rate = format!("memory moves {:.1} bytes a cycle", moved as f64 / self.cycles.max(1) as f64);
+        let rate = format!("memory moves {:.1} bytes per cycle", moved as f64 / self.cycles.max(1) as f64);
         match (busy >= 1.0, moved > 0) {
             (true, _) => with(format!("dram is busy in {busy:.0} % of its cycles"), &rate),
             (false, true) => rate,

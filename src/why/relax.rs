@@ -27,7 +27,7 @@ const SEVERAL: &[&str] = &["core.per_pipeline", "pipelines", "geometry_units"];
 /// What there is more of.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Resource {
-    /// Items a cycle.
+    /// Items per cycle.
     Rate,
     /// Room for items in flight: queues and misses.
     Room,
@@ -37,7 +37,7 @@ pub enum Resource {
     Units,
     /// Speed of answers of memory.
     MemoryLatency,
-    /// Bytes a cycle of memory.
+    /// Bytes per cycle of memory.
     MemoryBandwidth,
     /// Shorter pipelines of units.
     Latency,

@@ -115,7 +115,7 @@ fn with_vsync_frames_of_t_cycles_are_shown_for_ceil_of_t_over_p_with_two_buffers
         let refreshes = two.iter().sum::<u64>();
         assert_eq!(report.total.number("display.refreshes"), Some(refreshes as f64));
         assert_eq!(report.total.number("memory.clients.scanout.read_bytes"), Some((refreshes * LINES * ROW) as f64));
-        // With three the frames come one in max(T, P): in T each if the display is faster, else one a refresh, once the buffers are full.
+        // With three the frames come one in max(T, P): in T each if the display is faster, else one per refresh, once the buffers are full.
         let (three, report) = of(3);
         let (middle, from) = (&report.frames[20..24], report.frames[20..24].iter().map(|frame| frame.cycles).sum::<u64>());
         if t < p {

@@ -241,7 +241,7 @@ fn a_bound_moves_with_the_unit_that_bounds_and_with_no_other() {
     let with = |change: &str| cycles(&run("corridor", Fidelity::Bound, &[change]));
     let limit = |replay: &Replay| replay.frames[0].phases.iter().map(|p| p.phase.limit).collect::<Vec<_>>();
     assert!(limit(&run("corridor", Fidelity::Bound, &[])).contains(&"core"));
-    // Half the rate of issue takes twice the pass; twice the triangles a cycle takes nothing off.
+    // Half the rate of issue takes twice the pass; twice the triangles per cycle takes nothing off.
     assert!(with("core.issue=2") > 1.6 * base);
     assert!((with("setup.triangles_per_cycle=2") / base - 1.0).abs() < 0.01);
     assert!(with("pipelines=8") < 0.75 * base);

@@ -106,7 +106,7 @@ fn long_indexed_draws_reach_the_rate_that_each_configuration_declares() {
 
 #[test]
 fn small_draws_follow_each_other_as_fast_as_their_commands_in_every_class() {
-    // One triangle a draw, each with three indices of its own in memory.
+    // One triangle per draw, each with three indices of its own in memory.
     let draws = 600;
     let triangle = |n: u32| {
         let mut segment = grid(1, 4);
@@ -124,7 +124,7 @@ fn small_draws_follow_each_other_as_fast_as_their_commands_in_every_class() {
         let each = (cycles(&config, &events) - cycles(&config, &few)) / f64::from(draws / 2);
         // A draw is read in one cycle, and its segment takes `command_cycles`.
         let command = f64::from(config.command.command_cycles) + 1.0;
-        // Fences of binned draws go to the pipelines when all is binned, one a cycle.
+        // Fences of binned draws go to the pipelines when all is binned, one per cycle.
         assert!((0.98 * command..1.02 * (1.0 + command)).contains(&each), "{class}: {each:.2} cycles a draw");
     }
 }

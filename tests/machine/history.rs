@@ -101,7 +101,7 @@ fn loads(groups: u32) -> Vec<Event> {
     vec![Event::Dispatch(Arc::new(dispatch)), Event::Groups(Arc::new(work))]
 }
 
-/// Bytes a second that a stream of loads reads.
+/// Bytes per second that a stream of loads reads.
 fn bytes(config: &Config) -> f64 {
     let of = |groups| {
         let report = run(config, &loads(groups), Clock::SkipIdle);
@@ -111,7 +111,7 @@ fn bytes(config: &Config) -> f64 {
     per_second(config, of(1000), of(6000))
 }
 
-/// Multiplications and additions a second of workgroups of 256 invocations, each of which has eight chains of multiply-adds.
+/// Multiplications and additions per second of workgroups of 256 invocations, each of which has eight chains of multiply-adds.
 fn operations(config: &Config) -> f64 {
     let (groups, chain) = (2_000, 64);
     let of = |chain: u32| {
@@ -152,7 +152,7 @@ fn triangles(card: &str, tiles: u32, count: u32) -> f64 {
 fn geforce_2_ultra() {
     let card = "geforce2-ultra";
     // 4 pixels x 250 MHz, 2 textures each, a triangle every 8 cycles, 32 bytes x 230 MHz. The screen is as large as the colour cache: the
-    // model reads a block before it writes it, and 8 bytes a pixel would be more than the memory moves.
+    // model reads a block before it writes it, and 8 bytes per pixel would be more than the memory moves.
     fill(card, 64, 2, [1.0e9, 2.0e9]);
     near(card, "triangles", triangles(card, 4, 1000), 31.0e6, 0.05);
     near(card, "bytes", bytes(&Config::built_in(card).unwrap()), 7.36e9, 0.05);

@@ -225,7 +225,7 @@ fn what_is_hidden_in_a_tile_is_not_shaded() {
         let (all, _, none) = shaded(&scene, "bin.hide=false");
         let (seen, written, hidden) = shaded(&scene, "bin.hide=true");
         assert_eq!(none, 0.0);
-        // Of one sample a pixel, each is shaded once.
+        // Of one sample per pixel, each is shaded once.
         assert!(seen < 0.95 * all && seen == written && seen + hidden == all, "{seen} + {hidden} of {all}: {scene:?}");
         assert!(scene.samples > 1 || seen <= f64::from(scene.width * scene.height), "{seen} shaded");
     }
@@ -372,7 +372,7 @@ fn early_tests_save_shading_and_traffic() {
             assert_eq!(number("funnel.quads_rasterized") - culled, number("funnel.quads_shaded"), "{early}");
             assert_eq!(number("sort.sorted_items"), number("funnel.quads_shaded"), "{early}");
             assert_eq!(number("sort.redistributed_bytes"), 40 * number("funnel.quads_shaded"), "{early}");
-            // Depths of four bytes a sample; a question for each group of up to four quads.
+            // Depths of four bytes per sample; a question for each group of up to four quads.
             let (questions, answers) = (each("question_bytes"), each("answer_bytes"));
             if early.ends_with("remote") {
                 assert_eq!(answers, asked * 16 * u64::from(samples));

@@ -25,7 +25,7 @@ const PARTS: [&str; 10] = [
 ];
 
 /// What makes a machine ideal but for its shader cores: a memory without time, links as wide as anything that is sent, with a latency of
-/// a cycle and places for all of it, fronts that are never behind, and no scan-out. A core issues an instruction a cycle.
+/// a cycle and places for all of it, fronts that are never behind, and no scan-out. A core issues an instruction per cycle.
 const IDEAL: &[&str] = &[
     "memory.kind=ideal",
     "memory.ideal_latency=1",

@@ -127,7 +127,7 @@ fn every_class_shows_them_over_the_picture_and_tells_which_meet() {
                 assert_eq!(found, meetings(frame.number), "{class}: frame {}", frame.number);
                 met += found.len();
                 sprites += if (4..6).contains(&frame.number) { 2 } else { 3 };
-                // Their images are read once a frame, by the command processor.
+                // Their images are read once per frame, by the command processor.
                 let read = |frame: &Frame| frame.tree.number("memory.clients.command.read_bytes").expect("bytes");
                 let images = f64::from(if (4..6).contains(&frame.number) { 2 } else { 3 } * 4 * SPRITE[0] * SPRITE[1]);
                 assert_eq!(read(frame) - read(same), images, "{class}: frame {}", frame.number);

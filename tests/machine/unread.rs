@@ -52,7 +52,7 @@ fn record(extra: Extra) -> Recorder {
     let mut card = Recorder::new("unread");
     let attributes = matches!(extra, Extra::Unread | Extra::Read);
     let bytes = |values: Vec<f32>| values.into_iter().flat_map(f32::to_le_bytes).collect::<Vec<u8>>();
-    // A grid of triangles, and 32 bytes a vertex beside their positions.
+    // A grid of triangles, and 32 bytes per vertex beside their positions.
     let at = |i: u32| [i % 17, i / 17].map(|i| i as f32 / 8.0 - 1.0);
     let indices: Vec<u16> = (0..16 * 16).flat_map(|i| [0, 1, 17].map(|k| (i / 16 * 17 + i % 16 + k) as u16)).collect();
     let vertices = card.create_buffer_init("positions", bytes((0..17 * 17).flat_map(at).collect()));
@@ -158,7 +158,7 @@ fn a_card_that_does_not_know_what_is_read_pays_for_all() {
                 continue;
             }
             match extra {
-                // The buffer that nobody reads, 32 bytes a vertex (no triangle has the last); and six words interpolated in two turns
+                // The buffer that nobody reads, 32 bytes per vertex (no triangle has the last); and six words interpolated in two turns
                 // instead of two in one.
                 Extra::Unread if switch[0].starts_with("fetch") => {
                     assert!(cost(&other, fetched) >= cost(&on, fetched) + f64::from((17 * 17 - 1) * 32), "{context}");

@@ -177,7 +177,7 @@ fn buffer_objects_that_change_in_each_frame_do_not_pile_up() {
         let Copies { most, made, freed, .. } = copies(&trace);
         assert!(most <= 4 * 132, "{most} bytes of copies in frames {frames:?}");
         assert!(made.len() - freed <= 2);
-        // The whole contents anew, several times a frame.
+        // The whole contents anew, several times per frame.
         let anew = |k: u32| {
             format!("glBufferDataARB({TARGET},32,*{},35040)\n{DRAW}{}", k % 2 + 1, if k.is_multiple_of(4) { SWAP } else { "" })
         };

@@ -10,7 +10,7 @@ use fillrate::run::replay::{Fidelity, Options, replay};
 use fillrate::trace::command::Command;
 use fillrate::trace::{Reading, Trace, TraceError, check};
 
-/// Imports calls, one a line, in a window of 16 x 16. `*1` is the first of `buffers`.
+/// Imports calls, one per line, in a window of 16 x 16. `*1` is the first of `buffers`.
 pub(super) fn imported(calls: &str, buffers: &[&[u8]], frames: std::ops::Range<u64>) -> (Trace, Report) {
     imported_with(calls, buffers, frames, &Reading::default())
 }
@@ -185,7 +185,7 @@ fn interleaved_arrays_have_their_parts_where_the_standard_says() {
 
 #[test]
 fn anisotropy_counts_without_mipmaps_too() {
-    // Four texels a pixel along x: black, white, white, black. The two in the middle are all that a bilinear filter reads.
+    // Four texels per pixel along x: black, white, white, black. The two in the middle are all that a bilinear filter reads.
     let texels: Vec<u8> = [0, 255, 255, 0].repeat(16);
     let draw = |more: &str| {
         let calls = format!(

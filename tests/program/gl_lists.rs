@@ -7,7 +7,7 @@ use super::gl_features::{BLACK, BLUE, GREEN, QUAD, RED, Shown, imported, last_of
 
 const ORTHO: &str = "glMatrixMode(GL_PROJECTION)\nglOrtho(0,16,0,16,-1,1)\nglMatrixMode(GL_MODELVIEW)\n";
 
-/// 64 quadrilaterals of a pixel each, 8 a row, in one primitive; `first` comes before its first vertex.
+/// 64 quadrilaterals of a pixel each, 8 per row, in one primitive; `first` comes before its first vertex.
 fn field(first: &str) -> String {
     let mut calls = format!("glBegin(GL_QUADS)\n{first}");
     for k in 0..64 {

@@ -2,7 +2,7 @@
 
 use super::gl_features::{BLACK, shown};
 
-/// The middle quarter of the window, with a unit a pixel.
+/// The middle quarter of the window, with a unit per pixel.
 const PART: &str = "glViewport(4,4,8,8)\nglMatrixMode(GL_PROJECTION)\nglOrtho(0,8,0,8,-1,1)\nglMatrixMode(GL_MODELVIEW)\n";
 
 fn drawn(state: &str, mode: &str, vertices: &[[f32; 2]]) -> Vec<(usize, usize)> {

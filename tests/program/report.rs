@@ -251,7 +251,7 @@ fn values(surface: &Surface, kind: Kind) -> u64 {
 
 #[test]
 fn maps_add_up_to_the_funnel() {
-    // One pass to what is shown; of several layers; with textures; of several samples a pixel.
+    // One pass to what is shown; of several layers; with textures; of several samples per pixel.
     let mut empty = 0;
     for (name, passes) in [("torus-knot.zip", 1), ("layers", 1), ("cube", 1), ("particles", 1), ("spokes-msaa", 1)] {
         let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("traces").join(name);

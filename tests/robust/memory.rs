@@ -34,7 +34,7 @@ fn textures_of_all_sizes_are_refused_before_they_are_made() {
         }
         Hostile::new(card)
     };
-    // 4 GiB, one texel's worth too many for one texture where it is 16 bytes a texel.
+    // 4 GiB, one texel's worth too many for one texture where it is 16 bytes per texel.
     let output = texture(16_384, Format::Rgba32Float, 1).replay(&["--limit", "memory.bytes=1_000_000_000"]);
     refused(&output, &texts("CreateTexture: ", "asks for 4294967296", " bytes for a texture where "));
     below_mib(&output, 200);

@@ -67,7 +67,7 @@ const PLANE_CODEC: Target = Target {
 /// Edge of a block.
 const BLOCK: u32 = 8;
 
-/// Layers over every block: of each layer two triangles a block, whose depth is that of the layer's place in the block's order.
+/// Layers over every block: of each layer two triangles per block, whose depth is that of the layer's place in the block's order.
 fn layers(edge: u32, depths: impl Fn(u32) -> Vec<f32>) -> Scene {
     let across = edge / BLOCK;
     let orders: Vec<Vec<f32>> = (0..across * across).map(depths).collect();
@@ -117,7 +117,7 @@ fn machine(hierarchical: bool, update: &str) -> Result<Config> {
     config("four-pipelines", &changes)
 }
 
-/// Depth writes a pixel that a machine counts under a scene, which loses its first triangle where a fault is injected.
+/// Depth writes per pixel that a machine counts under a scene, which loses its first triangle where a fault is injected.
 fn writes(setting: &Setting, mut scene: Scene) -> Result<f64> {
     if setting.inject_fault {
         scene.shapes[0] = [[0.0; 2]; 3];

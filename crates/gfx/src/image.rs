@@ -16,7 +16,7 @@ pub struct ImageDesc {
     pub size: [u32; 3],
     /// Mip levels, at least 1.
     pub levels: u32,
-    /// Samples a texel.
+    /// Samples per texel.
     pub samples: u32,
     /// Format.
     pub format: Format,

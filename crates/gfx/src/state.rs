@@ -373,7 +373,7 @@ pub struct Primitive {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct Multisample {
-    /// Samples a pixel: 1 or 4.
+    /// Samples per pixel: 1 or 4.
     pub count: u32,
     /// Samples that may be written.
     pub mask: u32,

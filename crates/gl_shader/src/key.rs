@@ -106,7 +106,7 @@ pub enum Base {
     Rg,
     /// Floating-point numbers, not clamped.
     Float(Channels, Width),
-    /// Fewer than eight bits a channel.
+    /// Fewer than eight bits per channel.
     Narrow(Narrow),
     /// Depth; the texture's depth mode selects what the environment reads.
     Depth,
@@ -162,7 +162,7 @@ impl Base {
         }
     }
 
-    /// Its format, if it has fewer than eight bits a channel.
+    /// Its format, if it has fewer than eight bits per channel.
     #[inline]
     pub fn narrow(self) -> Option<Narrow> {
         if let Base::Narrow(narrow) = self { Some(narrow) } else { None }
@@ -392,7 +392,7 @@ pub struct Colors {
     pub float: bool,
     /// Whether the first one's red, green and blue are multiplied by a constant before they are blended.
     pub scaled: bool,
-    /// Set if the only one has fewer than eight bits a channel.
+    /// Set if the only one has fewer than eight bits per channel.
     pub narrow: Option<Narrow>,
     /// Whether the only one is blended with a second source.
     pub second: bool,

@@ -1,11 +1,11 @@
-//! Colours of fewer than eight bits a channel. They are stored in eight bits, as codes that these bits can have: the bits are repeated.
+//! Colours of fewer than eight bits per channel. They are stored in eight bits, as codes that these bits can have: the bits are repeated.
 //!
 //! As in Mesa's llvmpipe, texels that a program gives are rounded to the nearest code. What is drawn or copied loses its lowest bits where
 //! five or six are left.
 
 use crate::key::Base;
 
-/// A format of fewer than eight bits a channel.
+/// A format of fewer than eight bits per channel.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Narrow {
     /// Three bits of red and green, two of blue.
@@ -51,7 +51,7 @@ macro_rules! channel {
     };
 }
 
-/// WGSL of a colour `c` with these bits a channel.
+/// WGSL of a colour `c` with these bits per channel.
 macro_rules! color {
     ($r:tt, $g:tt, $b:tt) => {
         concat!("vec4f(", channel!("c.r", $r), ", ", channel!("c.g", $g), ", ", channel!("c.b", $b), ", 1.0)")

@@ -173,7 +173,7 @@ macro_rules! choices {
 /// knob::knobs! {
 ///     /// A unit that counts.
 ///     pub struct CounterConfig {
-///         /// Items counted a cycle.
+///         /// Items counted per cycle.
 ///         rate: u32 ["items/cycle", knob::Allowed::Range(1, 8), "made up"],
 ///     }
 /// }

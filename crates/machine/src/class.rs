@@ -98,7 +98,7 @@ classes! {
     MiddleBinned "sort-middle-binned" sort_middle_binned,
     /// Shaded quads, between the cores and the ROPs.
     LastFragment "sort-last-fragment" sort_last_fragment,
-    /// Whole frame buffers, one a pipeline, when the pass is drawn.
+    /// Whole frame buffers, one per pipeline, when the pass is drawn.
     LastImage "sort-last-image" sort_last_image,
 }
 

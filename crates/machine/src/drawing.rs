@@ -7,7 +7,7 @@ use crate::parts::Parts;
 /// Drawing is stuck when no unit that draws has moved for this number of refreshes. A frame that waits for the display goes on once per refresh.
 pub(super) const REFRESHES: u64 = 8;
 
-/// Looks once a refresh at the units that draw. The display and memory, which serves it, move for ever, so that the watchdog of all units
+/// Looks once per refresh at the units that draw. The display and memory, which serves it, move for ever, so that the watchdog of all units
 /// sees nothing.
 #[derive(Debug, Default)]
 pub(super) struct Drawing {

@@ -12,7 +12,7 @@ use sim::{In, Out, Tick, Unit, Wires};
 pub struct IdealConfig {
     /// Cycles from a request's last byte to its answer.
     pub latency: u32,
-    /// Bytes read or written a cycle, over all clients.
+    /// Bytes read or written per cycle, over all clients.
     pub bytes_per_cycle: u32,
 }
 
@@ -21,14 +21,14 @@ pub struct IdealConfig {
 pub struct Ideal {
     config: IdealConfig,
     turn: usize,
-    /// When the memory is free, in cycles times bytes a cycle.
+    /// When the memory is free, in cycles times bytes per cycle.
     free_at: u64,
     /// By client, what is under way: when it is there, its tag and its bytes.
     flight: Vec<VecDeque<(Cycle, u32, u16)>>,
     items: u64,
     resident: u64,
     counts: Vec<ClientCounts>,
-    /// Cycles times bytes a cycle in which bytes moved.
+    /// Cycles times bytes per cycle in which bytes moved.
     busy: u64,
     inputs: Vec<In<Request>>,
     outputs: Vec<Out<Answer>>,

@@ -28,7 +28,7 @@ knob::knobs! {
         line_bytes: u32 ["bytes", Allowed::PowerOfTwo(32, 256), "128 in cards since 2010"],
         /// Bytes of a sector, fetched and written by itself.
         sector_bytes: u32 ["bytes", Allowed::PowerOfTwo(16, 256), "32 in cards since 2010"],
-        /// Lines looked up a cycle.
+        /// Lines looked up per cycle.
         lookups_per_cycle: u32 ["lines/cycle", Allowed::Range(1, 16), "assumed: one port"],
         /// Lines with sectors on their way.
         misses: u32 ["lines", Allowed::Range(1, 4096), "assumed: covers the latency of DRAM at full bandwidth"],
@@ -36,7 +36,7 @@ knob::knobs! {
         waiting: u32 ["requests", Allowed::Range(1, 4096), "assumed: two a missing line"],
         /// Requests between lookup and answer.
         entries: u32 ["requests", Allowed::Range(1, 4096), "assumed: two a missing line"],
-        /// Bytes a cycle into a slice, and out of it.
+        /// Bytes per cycle into a slice, and out of it.
         width: u32 ["bytes/cycle", Allowed::Range(8, 4096), "32 a slice: 512 in all, of which 379 are measured (Jia et al. 2019, table 3.4)"],
         /// Cycles from the crossbar to a slice, and back.
         latency: u32 ["cycles", Allowed::Range(1, 1024), "assumed: the rest of a hit's 207 cycles (Jia et al. 2019, table 3.1, GM204)"],

@@ -9,7 +9,7 @@ use image::{
 };
 use num::{LimitExceeded, Limits};
 
-/// A PNG file of a picture of 8 bits a channel, with alpha where its pixels have it.
+/// A PNG file of a picture of 8 bits per channel, with alpha where its pixels have it.
 ///
 /// # Errors
 /// If the picture has no pixels.

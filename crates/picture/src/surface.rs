@@ -8,7 +8,7 @@ use work::Surface;
 
 /// Turns the bytes of a surface (laid out as in `work::Contents`) into a picture.
 ///
-/// Formats of 8 bits a channel keep their stored values: sRGB ones stay encoded, BGRA is put in order, missing channels are 0 and
+/// Formats of 8 bits per channel keep their stored values: sRGB ones stay encoded, BGRA is put in order, missing channels are 0 and
 /// missing alpha 255. Other formats are decoded and scaled to 255: unorm and float clamped to [0, 1], snorm from [-1, 1] by its
 /// positive half, integers cut at 255, depth as grey. Alpha is 255 where the display ignores it.
 ///
@@ -18,7 +18,7 @@ pub fn picture(surface: &Surface, bytes: &[u8]) -> Result<RgbaImage, String> {
     let format = surface.format;
     if surface.samples != 1 {
         return Err(format!(
-            "texture {} has {} samples a pixel; only a resolved one can be shown",
+            "texture {} has {} samples per pixel; only a resolved one can be shown",
             surface.key.texture, surface.samples
         ));
     }

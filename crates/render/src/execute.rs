@@ -517,7 +517,7 @@ impl<'t, 's> Renderer<'t, 's> {
     /// Claims the images that the receiver keeps of an attachment; it keeps them to the end.
     pub(super) fn claim_images(&mut self, surface: &Surface) -> Result<(), Fault> {
         let (texels, copies) = (u64::from(surface.width) * u64::from(surface.height), self.options.consumer_memory.images);
-        // Words of 4 bytes a sample, at least.
+        // Words of 4 bytes per sample, at least.
         let words = u64::from(surface.samples) * u64::from(surface.format.block_bytes().div_ceil(4));
         let bytes = texels.saturating_mul(4 * words).saturating_mul(copies);
         let SurfaceKey { texture, level, layer } = surface.key;

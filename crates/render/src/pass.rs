@@ -539,7 +539,7 @@ impl ActivePass {
         stopped?;
         renderer.overwritten += outcome.overwritten;
         if !renderer.options.record && !renderer.options.areas {
-            // Sums are all that there is to hand on, and once a pass is enough: to wake a reader for each draw took longer than to draw
+            // Sums are all that there is to hand on, and once per pass is enough: to wake a reader for each draw took longer than to draw
             // few pixels.
             *self.counted.get_or_insert_default() += outcome.funnel;
         } else if !renderer.recording() {

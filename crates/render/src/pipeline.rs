@@ -104,7 +104,7 @@ pub(super) struct VaryingClass {
     pub inputs: Vec<(InputRegister, usize)>,
 }
 
-/// Groups the varyings by their weights; with one sample a pixel all places are the centre.
+/// Groups the varyings by their weights; with one sample per pixel all places are the centre.
 fn classes(varyings: &[Varying], program: &Program, samples: u32) -> Vec<VaryingClass> {
     let mut classes: Vec<VaryingClass> = Vec::new();
     for varying in varyings {
@@ -213,7 +213,7 @@ impl RenderPipeline {
         let written = vertex.outputs.iter().filter(|slot| slot.location().is_some()).map(|slot| slot.components as usize).sum();
         let interpolated = if needless.varyings { written } else { varying_words };
         if !matches!(desc.multisample.count, 1 | 4) {
-            return Err(format!("{} samples a pixel; 1 and 4 are possible", desc.multisample.count));
+            return Err(format!("{} samples per pixel; 1 and 4 are possible", desc.multisample.count));
         }
         let targets = targets(desc, fragment)?;
         if let Some(state) = &desc.depth_stencil

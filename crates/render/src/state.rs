@@ -3,7 +3,7 @@
 use gfx::state::{IndexFormat, Rect, Viewport};
 use num::{BindGroupId, BufferId};
 
-/// Bind groups a pipeline can use, at most (wgpu's native limit).
+/// The largest number of bind groups that a pipeline can use (wgpu's native limit).
 pub const MAX_BIND_GROUPS: usize = 8;
 
 /// Vertex buffer slots, at most.

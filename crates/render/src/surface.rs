@@ -34,7 +34,7 @@ pub struct Shape {
     pub width: u32,
     /// Height in pixels.
     pub height: u32,
-    /// Samples a pixel: 1 or 4.
+    /// Samples per pixel: 1 or 4.
     pub samples: u32,
 }
 
@@ -235,7 +235,7 @@ impl TileSurface {
         std::array::from_fn(|w| if w < words { codes[at + 4 * w] } else { 0 })
     }
 
-    /// One sample a pixel: the mean of the samples of each, of values in `format` (which may differ in sRGB-ness from the
+    /// One sample per pixel: the mean of the samples of each, of values in `format` (which may differ in sRGB-ness from the
     /// surface's own).
     pub fn resolve(&self, format: Format) -> TileSurface {
         let mut out = TileSurface::new(Shape { samples: 1, ..self.shape });

@@ -102,7 +102,7 @@ impl Region {
             + u64::from(self.origin[0]) * self.element.stride
     }
 
-    /// Resolves a linear layout for this box: (bytes a row, bytes an image), checked against `available` bytes.
+    /// Resolves a linear layout for this box: (bytes per row, bytes per image), checked against `available` bytes.
     fn linear(&self, layout: &LinearLayout, available: u64) -> Result<(u64, u64), String> {
         let row = u64::from(self.size[0]) * self.element.bytes;
         let pitch = layout.bytes_per_row.map_or(row, u64::from);

@@ -14,7 +14,7 @@ use work::Funnel;
 /// The table of phases: a row a phase of a frame.
 pub const PASSES: &str = "passes.csv";
 
-/// The table of draws: a row a draw, and one for the end of its pass.
+/// The table of draws: a row per draw, and one for the end of its pass.
 pub const DRAWS: &str = "draws.csv";
 
 /// A phase as it stands in `stats.json`.

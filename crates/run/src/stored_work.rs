@@ -155,7 +155,7 @@ pub struct Took {
 }
 
 /// Times machines of one render key, several at one time. The work is rendered once and kept, where it takes at most a quarter of the memory
-/// that the trace may have alive; else it is rendered again for every eight machines a thread. `done` gets the place of each machine in
+/// that the trace may have alive; else it is rendered again for every eight machines per thread. `done` gets the place of each machine in
 /// `machines` with its frames, or what it stopped on, as soon as they are there.
 ///
 /// # Errors

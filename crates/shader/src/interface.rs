@@ -6,11 +6,11 @@ use gfx::state::ViewDimension;
 /// A programmable stage.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum Stage {
-    /// Once a vertex.
+    /// Once per vertex.
     Vertex,
-    /// Once a fragment (or sample).
+    /// Once per fragment (or sample).
     Fragment,
-    /// Once an invocation of a dispatch.
+    /// Once per invocation of a dispatch.
     Compute,
 }
 
@@ -65,7 +65,7 @@ pub enum Sampling {
     Center,
     /// At a covered place of the pixel.
     Centroid,
-    /// At each sample; the stage then runs once a sample.
+    /// At each sample; the stage then runs once per sample.
     Sample,
 }
 
@@ -92,7 +92,7 @@ pub enum BuiltIn {
     FrontFacing,
     /// Fragment stage, in.
     PrimitiveIndex,
-    /// Fragment stage, in: number of the sample; the stage then runs once a sample.
+    /// Fragment stage, in: number of the sample; the stage then runs once per sample.
     SampleIndex,
     /// Fragment stage, in and out: bits of covered samples.
     SampleMask,
@@ -203,7 +203,7 @@ pub enum BindingKind {
     Texture {
         /// Dimension of the view.
         dimension: ViewDimension,
-        /// Whether it has several samples a texel.
+        /// Whether it has several samples per texel.
         multisampled: bool,
         /// What texels give.
         sample: SampleKind,
@@ -276,7 +276,7 @@ pub struct Interface {
     pub workgroup_bytes: u32,
     /// Bytes of immediates read at most.
     pub immediate_bytes: u32,
-    /// 32-bit registers an invocation occupies, values shared by all invocations not counted.
+    /// The 32-bit registers that an invocation occupies, without values that all invocations share.
     pub registers: u32,
     /// Uses derivatives, explicitly or through implicit texture levels: helper lanes matter.
     pub uses_derivatives: bool,
@@ -288,7 +288,7 @@ pub struct Interface {
     pub force_early_depth: bool,
     /// Writes the sample mask.
     pub writes_sample_mask: bool,
-    /// Runs once a sample: reads the sample index, or has a varying interpolated a sample.
+    /// Runs once per sample: reads the sample index, or has a varying interpolated per sample.
     pub per_sample: bool,
     /// Writes memory: stores or atomics in storage buffers or textures.
     pub side_effects: bool,

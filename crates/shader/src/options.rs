@@ -21,7 +21,7 @@ pub struct Optimisations {
     pub fold: bool,
     /// Loops whose exits the compiler can decide are written out turn by turn.
     pub unroll: bool,
-    /// Values that are the same for all invocations are computed once a draw, in the prologue.
+    /// Values that are the same for all invocations are computed once per draw, in the prologue.
     pub hoist: bool,
     /// Equal computations are done once.
     pub share: bool,

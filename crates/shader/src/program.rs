@@ -256,7 +256,7 @@ pub struct Program {
     pub(super) shared_loads: Vec<(u16, u64)>,
     /// Instructions of the prologue without its loads: a warp executes each of them.
     pub(super) shared_counted: Counted,
-    /// Computes the other uniforms, on one lane, once a draw.
+    /// Computes the other uniforms, on one lane, once per draw.
     pub(super) prologue: Body,
     /// These, each with its register in the prologue.
     pub(super) computed_uniforms: Vec<(Reg, Reg)>,
@@ -287,7 +287,7 @@ impl Program {
         self.body.all_steps()
     }
 
-    /// Steps of the prologue and of the loads before it, which run once a draw or dispatch for all invocations.
+    /// Steps of the prologue and of the loads before it, which run once per draw or dispatch for all invocations.
     pub fn uniform_steps(&self) -> u64 {
         self.prologue.all_steps()
     }

@@ -1,4 +1,4 @@
-//! "N a cycle" is a budget that is spent.
+//! "N per cycle" is a budget that is spent.
 
 /// What a unit may still do in this cycle.
 #[derive(Clone, Copy, Debug)]

@@ -18,12 +18,12 @@ pub struct Link {
 }
 
 impl Link {
-    /// A channel of `capacity` items that takes `width` items a cycle and hands them over after `latency` cycles.
+    /// A channel of `capacity` items that takes `width` items per cycle and hands them over after `latency` cycles.
     pub const fn items(capacity: u32, width: u32, latency: u32) -> Link {
         Link { capacity, latency, width, by_bytes: false }
     }
 
-    /// A channel of `capacity` items that takes `width` bytes a cycle and hands an item over `latency` cycles after its last byte.
+    /// A channel of `capacity` items that takes `width` bytes per cycle and hands an item over `latency` cycles after its last byte.
     pub const fn bytes(capacity: u32, width: u32, latency: u32) -> Link {
         Link { capacity, latency, width, by_bytes: true }
     }

@@ -36,16 +36,16 @@
 //! # Alternatives measured
 //!
 //! Channels as typed fields of the machine and every unit polled in every cycle, against channels behind indices and units that
-//! sleep, as here: 80 units in a ring with two channels from each to the next, nanoseconds a cycle on one quiet core.
+//! sleep, as here: 80 units in a ring with two channels from each to the next, nanoseconds per cycle on one quiet core.
 //!
 //! | moving | polled, typed | here |
 //! |---|---|---|
 //! | all 160 channels | 620 | 1280 |
 //! | a quarter of them | 250 | 520 |
 //! | one in twenty | 120 | 130 |
-//! | none for a while | 120 a cycle | skipped |
+//! | none for a while | 120 per cycle | skipped |
 //!
-//! Polling is cheaper a transfer, because it keeps no wake times, but each poll of a real unit is a tick that looks at all of
+//! Polling is cheaper per transfer, because it keeps no wake times, but each poll of a real unit is a tick that looks at all of
 //! its queues, and it cannot skip. Channels in arrays of fixed size instead of `Vec`s, so that indices are masked and not checked,
 //! gained nothing; units in groups of 64 did. A unit trait object per tick was not pursued: it forbids inlining, and a machine's units are known when it is
 //! compiled.

@@ -493,7 +493,7 @@ impl Wires {
 }
 
 /// Where units count.
-pub const UNITS: Heading = Heading::new("units.NAME[i]", "One entry a unit. The five kinds of cycles add up to `cycles`.");
+pub const UNITS: Heading = Heading::new("units.NAME[i]", "One entry per unit. The five kinds of cycles add up to `cycles`.");
 
 /// Where channels count.
 pub const CHANNELS: Heading = Heading::new("channels.NAME[i]", "The bounded FIFOs between units, by what they carry.");

@@ -24,9 +24,9 @@ pub struct Scene {
     pub width: u32,
     /// Height of the target in pixels.
     pub height: u32,
-    /// Samples a pixel, 1 or 4.
+    /// Samples per pixel, 1 or 4.
     pub samples: u32,
-    /// Draws a frame.
+    /// Draws per frame.
     pub draws: u32,
     /// Triangles of each draw.
     pub triangles: u32,

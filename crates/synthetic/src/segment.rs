@@ -49,7 +49,7 @@ impl Painter<'_> {
             ..Segment::default()
         };
         for t in 0..count {
-            // Two new vertices a triangle: the third is shared with the one before.
+            // Two new vertices per triangle: the third is shared with the one before.
             let base = if t == 0 { 0 } else { segment.vertices.len() as u32 - 1 };
             while (segment.vertices.len() as u32) < base + 3 {
                 let index = first * 2 + segment.vertices.len() as u32;

@@ -46,7 +46,7 @@ pub struct TextureDesc {
     /// Mip levels.
     #[serde(default = "one", skip_serializing_if = "is_one")]
     pub levels: u32,
-    /// Samples a texel: 1 or 4.
+    /// Samples per texel: 1 or 4.
     #[serde(default = "one", skip_serializing_if = "is_one")]
     pub samples: u32,
     /// Format.

@@ -39,7 +39,7 @@ impl Deal {
 knob::knobs! {
     /// Primitive assembly.
     pub struct AssemblyConfig {
-        /// Primitives assembled a cycle.
+        /// Primitives assembled per cycle.
         primitives_per_cycle: u32 ["primitives/cycle", Allowed::Range(1, 16),
             "assumed: as many as indices are read for; ATTILA bGPU.ini PRIMITIVEASSEMBLY TrianglesCycle = 2"],
         /// Primitives that get one sequence number and go to one geometry unit before the next one's turn.

@@ -31,10 +31,10 @@ knob::knobs! {
     pub struct BinConfig {
         /// Edge of a tile, whose colours and depths are kept on the chip.
         tile: u32 ["pixels", Allowed::PowerOfTwo(8, 64), "16 (Arm Mali) to 32 (Imagination PowerVR)"],
-        /// Triangles binned a cycle.
+        /// Triangles binned per cycle.
         triangles_per_cycle: u32 ["triangles/cycle", Allowed::Range(1, 16), "assumed: one, as the clipper delivers them"],
-        /// Entries of lists written a cycle.
-        entries_per_cycle: u32 ["entries/cycle", Allowed::Range(1, 64), "assumed: one tile a cycle"],
+        /// Entries of lists written per cycle.
+        entries_per_cycle: u32 ["entries/cycle", Allowed::Range(1, 64), "assumed: one tile per cycle"],
         /// How precisely the tiles of a triangle are found.
         overlap: Overlap ["", Allowed::Choice(Overlap::NAMES), "exact (\"perfect tiling\") since 2010; bounding boxes before (Antochi et al. 2004)"],
         /// Bytes that are kept of a triangle besides its vertices, for all tiles that it is in the list of.

@@ -483,7 +483,7 @@ impl BlockCache {
                     self.write_back(frame, surface, block, absent);
                 }
                 self.forget_block(place);
-                // One block a cycle goes through the compressor.
+                // One block per cycle goes through the compressor.
                 return Tick::Moved;
             }
             self.flushing += 1;

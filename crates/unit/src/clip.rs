@@ -9,7 +9,7 @@ use sim::{Budget, In, Out, Tick, Unit, Wires};
 knob::knobs! {
     /// Clipping and culling, one unit a geometry unit.
     pub struct ClipConfig {
-        /// Primitives tested a cycle, those that end here and those that go on untouched.
+        /// Primitives tested per cycle, those that end here and those that go on untouched.
         primitives_per_cycle: u32 ["primitives/cycle", Allowed::Range(1, 16), "one (NVIDIA 2010, GF100 white paper); ATTILA bGPU.ini CLIPPER TrianglesCycle = 2, two units"],
         /// Cycles that testing `primitives_per_cycle` primitives takes, for rates below one primitive per cycle.
         interval: u32 ["cycles", Allowed::Range(1, 64), "pipelined; 2 in each of the 16 geometry units of the GeForce GTX 980"],

@@ -1,4 +1,4 @@
-//! The colour ROP, one unit a pipeline: blends shaded quads into its own part of the colour buffers, through a cache of blocks.
+//! The colour ROP, one unit per pipeline: blends shaded quads into its own part of the colour buffers, through a cache of blocks.
 
 use std::collections::VecDeque;
 
@@ -27,9 +27,9 @@ use work::{Quad, Surface};
 knob::knobs! {
     /// Blending and colour writes.
     pub struct ColorConfig {
-        /// Quads written a cycle, once for each target.
-        quads_per_cycle: u32 ["quads/cycle", Allowed::Range(1, 16), "8 pixels a cycle and partition in cards of 2010 to 2016"],
-        /// Quads blended a cycle where the stored colour is read.
+        /// Quads written per cycle, once for each target.
+        quads_per_cycle: u32 ["quads/cycle", Allowed::Range(1, 16), "8 pixels per cycle and partition in cards of 2010 to 2016"],
+        /// Quads blended per cycle where the stored colour is read.
         blends_per_cycle: u32 ["quads/cycle", Allowed::Range(1, 16), "RGBA8 blends at full rate since 2010 (Mavridis and Papaioannou 2012: 8.28 Gpixel/s with and without)"],
         /// Cycles that writing `quads_per_cycle` quads or blending `blends_per_cycle` quads takes, for rates below one quad per cycle.
         interval: u32 ["cycles", Allowed::Range(1, 64), "pipelined; 2 where a core writes two pixels per cycle (Mali-G57, Arm GPU Datasheet v7)"],
@@ -48,7 +48,7 @@ knob::knobs! {
         /// The same of a pixel of 128 bits.
         blend_full: u32 ["times", Allowed::Range(1, 32), "RGBA32F: 8 (Mavridis and Papaioannou 2012: 1.10 of 8.28 Gpixel/s)"],
         /// Samples of a pixel that take as long as one; more take as many times as long.
-        samples: u32 ["samples/pixel", Allowed::Range(1, 16), "4: no loss where samples compress (AMD GCN white paper 2012: up to 8 colour samples a pixel)"],
+        samples: u32 ["samples/pixel", Allowed::Range(1, 16), "4: no loss where samples compress (AMD GCN white paper 2012: up to 8 colour samples per pixel)"],
         /// Blocks of 8x8 pixels of 32 bits, 256 bytes, that the colour cache holds. A block with more bytes takes the places of several.
         cache_blocks: u32 ["blocks", Allowed::PowerOfTwo(4, 65536), "assumed: 64 KB cover the latency of the second level; ATTILA bGPU.ini ColorCacheWays = 4, ColorCacheLines = 16 lines of 16 stamps"],
         /// Ways of the colour cache; where they are as many as its blocks or more, any block goes anywhere.
@@ -73,7 +73,7 @@ knob::knobs! {
         masked_writes: bool ["", Allowed::Switch, "DRAMs have data masks; ATTILA reads a block to write it only where it is stored compressed, as its counters show"],
         /// Whether a pass that clears an attachment sets flags instead of writing memory.
         fast_clear: bool ["", Allowed::Switch, "in cards since the Radeon of 2000"],
-        /// Blocks whose flags are set a cycle, in each pipeline.
+        /// Blocks whose flags are set per cycle, in each pipeline.
         clears_per_cycle: u32 ["blocks/cycle", Allowed::Range(1, 4096), "assumed; ATTILA bGPU.ini BlocksClearedPerCycle = 1024 for the card"],
     }
 }

@@ -9,8 +9,8 @@ use sim::{In, Out, Tick, Unit, Wires};
 knob::knobs! {
     /// Compute dispatch.
     pub struct ComputeConfig {
-        /// Warps made a cycle.
-        warps_per_cycle: u32 ["warps/cycle", Allowed::Range(1, 16), "assumed: a workgroup of 64 a cycle and a warp width of 32 take two"],
+        /// Warps made per cycle.
+        warps_per_cycle: u32 ["warps/cycle", Allowed::Range(1, 16), "assumed: a workgroup of 64 per cycle and a warp width of 32 take two"],
         /// Warps queued before each core.
         queue: u32 ["warps", Allowed::Range(2, 256), "assumed: two: one arriving, one waiting"],
         /// Cycles from here to a core.

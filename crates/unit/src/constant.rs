@@ -1,4 +1,4 @@
-//! A constant cache, one a core: loads from uniform buffers, through two levels of tags in front of the second-level cache of the card.
+//! A constant cache, one per core: loads from uniform buffers, through two levels of tags in front of the second-level cache of the card.
 //!
 //! A warp whose invocations read at one address has one access. Invocations that read at different addresses are served one address after
 //! another (NVIDIA, CUDA C Programming Guide, "Constant Memory": a request is split into as many as there are different addresses in it).
@@ -57,7 +57,7 @@ stats::counters! {
     pub struct ConstantCounts {
         /// Accesses of warps.
         accesses: "accesses",
-        /// Addresses looked up, one a cycle: the different ones of each access.
+        /// Addresses looked up, one per cycle: the different ones of each access.
         addresses: "addresses",
     }
 }

@@ -1,4 +1,4 @@
-//! Fragment dispatch, one unit a pipeline: packs quads into warps for the pipeline's cores, and puts what they have shaded back
+//! Fragment dispatch, one unit per pipeline: packs quads into warps for the pipeline's cores, and puts what they have shaded back
 //! into order.
 
 use std::collections::VecDeque;
@@ -17,7 +17,7 @@ use work::QUAD_SHADED;
 knob::knobs! {
     /// Packing of quads into warps, and their order after shading.
     pub struct DispatchConfig {
-        /// Quads packed a cycle.
+        /// Quads packed per cycle.
         quads_per_cycle: u32 ["quads/cycle", Allowed::Range(1, 16), "assumed: four; ATTILA: one (bGPU.ini FRAGMENTSHADER InputsPerCycle = 4 fragments)"],
         /// Cycles that packing `quads_per_cycle` quads takes, for rates below one quad per cycle.
         interval: u32 ["cycles", Allowed::Range(1, 64), "pipelined; 2 where a core shades two fragments per cycle (Mali-G57, Arm GPU Datasheet v7)"],
@@ -29,7 +29,7 @@ knob::knobs! {
         queue: u32 ["warps", Allowed::Range(2, 256), "assumed: two: one arriving, one waiting"],
         /// Cycles from here to a core.
         latency: u32 ["cycles", Allowed::Range(1, 64), "assumed: loading of input registers begins as the warp arrives"],
-        /// Quads sent on to the ROP a cycle.
+        /// Quads sent on to the ROP per cycle.
         output_quads: u32 ["quads/cycle", Allowed::Range(1, 16), "assumed: four; ATTILA: one (bGPU.ini FRAGMENTSHADER OutputsPerCycle = 4 fragments)"],
         /// Cycles from here to the ROP.
         output_latency: u32 ["cycles", Allowed::Range(1, 64), "assumed; ATTILA bGPU.ini FRAGMENTSHADER OutputLatency = 11"],
@@ -82,7 +82,7 @@ enum Entry {
 pub struct Dispatch {
     config: DispatchConfig,
     pipeline: u8,
-    /// Quads a warp holds.
+    /// The number of quads that a warp holds.
     quads: u32,
     ports: DispatchPorts,
     /// The warp being packed.

@@ -31,7 +31,7 @@ knob::knobs! {
             "assumed: evenly; how GM204 deals the screen is not published. A skewed interleave gives neighbours in both directions to different pipelines, and small targets to all"],
         /// How precisely the receivers of a triangle are found.
         overlap: Overlap ["", Allowed::Choice(Overlap::NAMES), "hardware tests bounding boxes (Molnar et al. 1994)"],
-        /// Triangles routed a cycle by each geometry unit.
+        /// Triangles routed per cycle by each geometry unit.
         triangles_per_cycle: u32 ["triangles/cycle", Allowed::Range(1, 16), "assumed: as the clipper delivers them"],
         /// Cycles between two triangles of one unit; 1 is fully pipelined.
         interval: u32 ["cycles", Allowed::Range(1, 64), "assumed: pipelined; ATTILA sets triangles up before it distributes them: bGPU.ini SetupStartLatency = 4 of TrianglesCycle = 2"],

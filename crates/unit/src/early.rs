@@ -1,4 +1,4 @@
-//! Early depth tests in pipelines that do not own the pixels they draw, one unit a pipeline of a machine that sorts fragments: throws
+//! Early depth tests in pipelines that do not own the pixels they draw, one unit per pipeline of a machine that sorts fragments: throws
 //! away, before they are shaded and sent, quads that will certainly fail the test of the ROP that owns their pixels.
 //!
 //! That test is made in any case, against what was drawn before in the ROP's order. Here a depth is asked for that was stored there
@@ -79,7 +79,7 @@ pub enum Known {
 /// What the values of an early test are, in addition to the depths.
 #[derive(Clone, Copy, Debug)]
 pub struct EarlyRate {
-    /// Quads tested a cycle.
+    /// Quads tested per cycle.
     pub quads_per_cycle: u32,
     /// Groups that wait for their depths.
     pub queue: u32,

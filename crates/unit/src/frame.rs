@@ -19,9 +19,9 @@ pub struct Store {
     pub blocks: Vec<BlockState>,
     /// Blocks across.
     pub across: u32,
-    /// Words a texel: 1, 2 or 4.
+    /// Words per texel: 1, 2 or 4.
     pub words: u32,
-    /// Words a block.
+    /// Words per block.
     pub block_words: u32,
     /// The signatures of its tiles, on a machine with rendering elimination.
     pub signatures: TileSignatures,

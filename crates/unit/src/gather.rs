@@ -1,4 +1,4 @@
-//! Gathering, one unit a pipeline of a sort-first machine: takes the primitives that were routed to the pipeline from all that route,
+//! Gathering, one unit per pipeline of a sort-first machine: takes the primitives that were routed to the pipeline from all that route,
 //! in the order of their sequence numbers, and hands them to the pipeline's geometry in runs.
 
 use super::card::Card;
@@ -10,7 +10,7 @@ use sim::{Out, StallProbe, Tick, Unit, Wires};
 /// Gathering. Its items are primitives.
 #[derive(Clone)]
 pub struct Gather {
-    /// Primitives a cycle.
+    /// Primitives per cycle.
     rate: u32,
     input: Receiver<TriangleToken>,
     output: Out<Run>,

@@ -1,4 +1,4 @@
-//! Hidden-surface removal, one unit a pipeline of a binning machine: holds the opaque quads of a tile back until it is known which of
+//! Hidden-surface removal, one unit per pipeline of a binning machine: holds the opaque quads of a tile back until it is known which of
 //! them are seen at the end, so that only these are shaded.
 
 use std::collections::VecDeque;

@@ -1,4 +1,4 @@
-//! Interpolation, one unit a pipeline: reads a triangle's attributes and evaluates them for its quads.
+//! Interpolation, one unit per pipeline: reads a triangle's attributes and evaluates them for its quads.
 
 use super::card::Card;
 use super::token::{GroupToken, Kind, bytes};
@@ -8,11 +8,11 @@ use sim::{In, Out, Tick, Unit, Wires};
 knob::knobs! {
     /// Interpolation of attributes.
     pub struct InterpolateConfig {
-        /// Quads begun a cycle.
+        /// Quads begun per cycle.
         quads_per_cycle: u32 ["quads/cycle", Allowed::Range(1, 16), "assumed; ATTILA bGPU.ini NumInterpolators = 4"],
         /// Cycles between beginnings of `quads_per_cycle` quads, for rates below one quad per cycle.
         interval: u32 ["cycles", Allowed::Range(1, 64), "pipelined; 2 where a core shades two fragments per cycle (Mali-G57, Arm GPU Datasheet v7)"],
-        /// Attribute words that each of these quads gets a cycle; more take more cycles.
+        /// Attribute words that each of these quads gets per cycle; more take more cycles.
         words_per_cycle: u32 ["words/quad/cycle", Allowed::Range(1, 64), "assumed: a vec4 a quad and cycle, as ATTILA's interpolators"],
         /// Whether only those varyings are computed and interpolated that the fragment stage reads; if not, all that the vertex stage writes.
         skip_varyings: bool ["", Allowed::Switch, "drivers link the stages of a pipeline; off shows what that is worth"],

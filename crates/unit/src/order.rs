@@ -1,4 +1,4 @@
-//! The order at the ROP, one unit a pipeline of a machine that sorts fragments: takes quads from all pipelines in the order of their
+//! The order at the ROP, one unit per pipeline of a machine that sorts fragments: takes quads from all pipelines in the order of their
 //! sequence numbers, or as they come where order does not matter, and hands them to the ROP's tests and blending.
 
 use super::card::Card;
@@ -11,7 +11,7 @@ use sim::{Budget, Out, StallProbe, Tick, Unit, Wires};
 #[derive(Clone)]
 pub struct Order {
     pipeline: u8,
-    /// Quads a cycle.
+    /// Quads per cycle.
     rate: u32,
     /// From all pipelines.
     input: Receiver<GroupToken>,

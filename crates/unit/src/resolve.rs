@@ -1,4 +1,4 @@
-//! The resolve unit, one a pipeline: turns the samples of its own blocks of a finished attachment into pixels, block after block.
+//! The resolve unit, one per pipeline: turns the samples of its own blocks of a finished attachment into pixels, block after block.
 
 use std::collections::VecDeque;
 
@@ -17,8 +17,8 @@ use sim::{In, Out, Tick, Unit, Wires};
 knob::knobs! {
     /// Resolving of multisampled attachments.
     pub struct ResolveConfig {
-        /// Cycles a block of 8x8 pixels takes in each pipeline's unit.
-        block_cycles: u32 ["cycles/block", Allowed::Range(1, 256), "assumed: 16 pixels of four samples a cycle"],
+        /// The cycles that a block of 8x8 pixels takes in each pipeline's unit.
+        block_cycles: u32 ["cycles/block", Allowed::Range(1, 256), "assumed: 16 pixels of four samples per cycle"],
         /// Requests to memory in flight.
         misses: u32 ["requests", Allowed::Range(1, 1024), "assumed: covers the latency of memory"],
     }

@@ -1,4 +1,4 @@
-//! Pre-transformation and routing, one unit a pipeline of a sort-first machine: reads the indices and positions of its share of the
+//! Pre-transformation and routing, one unit per pipeline of a sort-first machine: reads the indices and positions of its share of the
 //! primitives, transforms them so far that their bounds on the screen are known, and sends each to the pipelines that own what it
 //! touches. Geometry and shading follow there.
 
@@ -33,9 +33,9 @@ knob::choices! {
 knob::knobs! {
     /// Pre-transformation of primitives and their routing to the pipelines that own the screen.
     pub struct RouteConfig {
-        /// Vertices transformed a cycle: a matrix times a position, and the division.
+        /// Vertices transformed per cycle: a matrix times a position, and the division.
         vertices_per_cycle: u32 ["vertices/cycle", Allowed::Range(1, 16), "four dot products; one fixed-function transform as in cards of 1999"],
-        /// Primitives routed a cycle.
+        /// Primitives routed per cycle.
         primitives_per_cycle: u32 ["primitives/cycle", Allowed::Range(1, 16), "assumed: bounds of three vertices against the regions"],
         /// Transformed vertices that are remembered, first in first out.
         reuse: u32 ["vertices", Allowed::Range(0, 64), "assumed: 16, as post-transform caches of the time"],

@@ -1,4 +1,4 @@
-//! Triangle setup, one unit a rasteriser: takes triangles from all geometry units in the order of their sequence numbers.
+//! Triangle setup, one unit per rasteriser: takes triangles from all geometry units in the order of their sequence numbers.
 
 use super::card::Card;
 use super::network::Receiver;
@@ -13,7 +13,7 @@ use work::End;
 knob::knobs! {
     /// Triangle setup in each rasteriser.
     pub struct SetupConfig {
-        /// Triangles set up a cycle.
+        /// Triangles set up per cycle.
         triangles_per_cycle: u32 ["triangles/cycle", Allowed::Range(1, 8), "assumed; ATTILA bGPU.ini RASTERIZER TrianglesCycle = 2 for the card; one each here"],
         /// Cycles between two triangles of one unit; 1 is fully pipelined.
         interval: u32 ["cycles", Allowed::Range(1, 64), "pipelined since the GeForce 256"],

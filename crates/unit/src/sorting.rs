@@ -28,7 +28,7 @@ stats::counters! {
         foreign_items: "items",
         /// Their bytes.
         foreign_bytes: "bytes",
-        /// Sort-first: bytes if scenes are kept in memory, three numbers of vertices a primitive.
+        /// Sort-first: bytes if scenes are kept in memory, three numbers of vertices per primitive.
         retained_bytes: "bytes",
         /// Sort-first: bytes if they are not, three vertices with all attributes.
         immediate_bytes: "bytes",
@@ -171,8 +171,8 @@ knob::knobs! {
         early_queue: u32 ["groups", Allowed::Range(1, 4096), "assumed: covers a question and its answer"],
         /// Remote early tests: cycles that a question takes to the owner of its pixels, and an answer back.
         early_latency: u32 ["cycles", Allowed::Range(1, 1024), "assumed: as network.link_latency"],
-        /// Remote early tests: bytes a cycle of each way between two pipelines, there and back.
-        early_bytes: u32 ["bytes/cycle", Allowed::Range(1, 65536), "assumed: the depths of four quads, one sample a pixel"],
+        /// Remote early tests: bytes per cycle of each way between two pipelines, there and back.
+        early_bytes: u32 ["bytes/cycle", Allowed::Range(1, 65536), "assumed: the depths of four quads, one sample per pixel"],
     }
 }
 

@@ -50,7 +50,7 @@ impl Stamps {
         self.words.resize(blocks * 64 * self.samples, 0);
     }
 
-    /// Samples a pixel.
+    /// Samples per pixel.
     #[inline(always)]
     pub(super) fn samples(&self) -> usize {
         self.samples

@@ -1,4 +1,4 @@
-//! A texture unit, one a core: addresses, a first-level cache, a FIFO that covers the latency of misses, and
+//! A texture unit, one per core: addresses, a first-level cache, a FIFO that covers the latency of misses, and
 //! filters. Loads, stores and atomics of shaders take the same way.
 
 use std::collections::VecDeque;
@@ -20,16 +20,16 @@ use work::{LINE, Request, RequestKind};
 knob::knobs! {
     /// A texture unit.
     pub struct TextureConfig {
-        /// Quads addressed a cycle.
-        quads_per_cycle: u32 ["quads/cycle", Allowed::Range(1, 16), "4 bilinear texels a cycle and quad pipe; 8 texels a cycle an SM of 2014"],
-        /// Pieces of 64 bytes looked up in the cache a cycle.
+        /// Quads addressed per cycle.
+        quads_per_cycle: u32 ["quads/cycle", Allowed::Range(1, 16), "4 bilinear texels per cycle and quad pipe; 8 texels per cycle and SM of 2014"],
+        /// Pieces of 64 bytes looked up in the cache per cycle.
         lookups_per_cycle: u32 ["pieces/cycle", Allowed::Range(1, 32), "assumed: four banks, one a texel of a bilinear footprint"],
         /// Bytes of an aligned piece of memory of which a load, store or atomic of a warp has one looked up at a time, whatever its invocations need of it.
         access_bytes: u32 ["bytes", Allowed::PowerOfTwo(64, 256), "128: a warp's accesses to a line of 128 bytes are one transaction since 2010 (NVIDIA, CUDA C Programming Guide, \"Global Memory\")"],
-        /// Such pieces a cycle.
-        accesses_per_cycle: u32 ["pieces/cycle", Allowed::Range(1, 64), "one: 128 bytes a cycle are the bound of an SM's first-level cache (Jia et al. 2019, table 3.2)"],
-        /// Bilinear filter operations a cycle: 1 a fragment for bilinear, 2 for trilinear, N for an anisotropy of N; times what the format costs.
-        filters_per_cycle: u32 ["operations/cycle", Allowed::Range(1, 128), "8 bilinear texels a cycle: the texel rate of 2014's SM"],
+        /// Such pieces per cycle.
+        accesses_per_cycle: u32 ["pieces/cycle", Allowed::Range(1, 64), "one: 128 bytes per cycle are the bound of an SM's first-level cache (Jia et al. 2019, table 3.2)"],
+        /// Bilinear filter operations per cycle: 1 per fragment for bilinear, 2 for trilinear, N for an anisotropy of N; times what the format costs.
+        filters_per_cycle: u32 ["operations/cycle", Allowed::Range(1, 128), "8 bilinear texels per cycle: the texel rate of 2014's SM"],
         /// Operations of a bilinear sample of one component of 32 bits, in those of one of 8-bit components, which is 1.
         filter_single: u32 ["operations", Allowed::Range(1, 16), "1 on GeForce and Radeon of 2012 to 2016; 2 on Mali-G57 (Arm GPU Datasheet v7)"],
         /// The same where texels have 64 bits in narrower components.
@@ -51,7 +51,7 @@ knob::knobs! {
         /// Ways of the first-level cache; where they are as many as its lines or more, any line goes anywhere.
         cache_ways: u32 ["ways", Allowed::PowerOfTwo(1, 65536), "assumed; ATTILA bGPU.ini TextureCacheWaysL1 = 16"],
         /// Misses in flight.
-        misses: u32 ["requests", Allowed::Range(1, 1024), "assumed: covers the latency of memory (357 cycles) at two thirds of a miss a cycle"],
+        misses: u32 ["requests", Allowed::Range(1, 1024), "assumed: covers the latency of memory (357 cycles) at two thirds of a miss per cycle"],
         /// Quads between address and filter.
         fifo: u32 ["quads", Allowed::Range(1, 4096), "assumed: covers the latency of memory (357 cycles) at the rate of quads (Igehy et al. 1998); ATTILA bGPU.ini TextureAccessQueue = 256"],
         /// Cycles from address to filter where all lines are in the cache.
@@ -122,7 +122,7 @@ stats::counters! {
         operations: "operations",
         /// Requests of buffer loads, stores and atomics, by fours of invocations.
         accesses: "requests",
-        /// Pieces of memory ([`TextureConfig::access_bytes`]) that these had looked up, each once a warp.
+        /// Pieces of memory ([`TextureConfig::access_bytes`]) that these had looked up, each once per warp.
         pieces: "pieces",
     }
 }

@@ -1,4 +1,4 @@
-//! Reading of tiles, one unit a pipeline of a binning machine: reads the list of a tile and its triangles from memory, and sends the
+//! Reading of tiles, one unit per pipeline of a binning machine: reads the list of a tile and its triangles from memory, and sends the
 //! triangles to setup in the list's order.
 
 use std::collections::VecDeque;

@@ -15,11 +15,11 @@ pub struct Target {
     /// First entry of this target's colours in a quad's payload (depths counted), or none where the fragment stage writes nothing to
     /// it. Word `w` of pixel `p` is entry `4 w + p` from there.
     pub payload: Option<u8>,
-    /// Words a fragment: 4 (bits for `gfx::texel::encode`, before blending), or fewer where `packed`.
+    /// Words per fragment: 4 (bits for `gfx::texel::encode`, before blending), or fewer where `packed`.
     pub words: u8,
     /// The payload holds stored texels (1 word for up to 4 bytes, 2 for 8, 4 for 16), not values: nothing is left to blend.
     pub packed: bool,
-    /// First entry of the second source colour in a quad's payload (dual-source blending; 4 words a fragment).
+    /// First entry of the second source colour in a quad's payload (dual-source blending; 4 words per fragment).
     pub second: Option<u8>,
 }
 
@@ -39,7 +39,7 @@ pub struct AttributeFetch {
 /// What a shader asks of a core, apart from its instructions.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct ShaderShape {
-    /// 32-bit registers an invocation, which bound the warps in flight.
+    /// 32-bit registers per invocation, which bound the warps in flight.
     pub registers: u32,
     /// 32-bit words in: attributes of a vertex, or interpolated varyings of a fragment.
     pub inputs: u32,
@@ -70,7 +70,7 @@ pub struct Draw {
     pub targets: Vec<Option<Target>>,
     /// Blend constant.
     pub blend_constant: [f32; 4],
-    /// Words a quad's payload has for depth: 4 times the samples when the fragment stage writes depth, else 0 and the plane counts.
+    /// The words of a quad's payload for depth: 4 times the samples if the fragment stage writes depth, else 0 and the plane counts.
     /// They come first; sample `s` of pixel `p` is word `4 s + p`.
     pub depth_words: u8,
     /// Words of payload of a shaded quad in all; word `4 w + p` after the depth words is word `w` of pixel `p`.

@@ -22,7 +22,7 @@ pub struct Dispatch {
     pub shape: ShaderShape,
     /// Workgroups in all.
     pub groups: u64,
-    /// Invocations a group.
+    /// Invocations per group.
     pub invocations: u32,
     /// Bytes of workgroup memory a group.
     pub shared_bytes: u32,

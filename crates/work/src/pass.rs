@@ -30,7 +30,7 @@ pub struct Surface {
     pub width: u32,
     /// Height in pixels.
     pub height: u32,
-    /// Samples a pixel.
+    /// Samples per pixel.
     pub samples: u32,
     /// Address of the first byte; blocks lie as in `gfx::tiling`.
     pub address: u64,
@@ -103,7 +103,7 @@ pub struct Pass {
     pub width: u32,
     /// Height in pixels.
     pub height: u32,
-    /// Samples a pixel.
+    /// Samples per pixel.
     pub samples: u32,
     /// Colour attachments by location.
     pub color: Vec<Option<Attachment>>,
@@ -188,7 +188,7 @@ pub struct EndFrame {
     pub sprites: Arc<[Sprite]>,
 }
 
-/// A small picture that the display lays over its lines, outside the frame buffer. Its texels are 4 bytes of 8 bits a channel, in the
+/// A small picture that the display lays over its lines, outside the frame buffer. Its texels are 4 bytes of 8 bits per channel, in the
 /// order of the shown surface; where the last of them, alpha, is not 0, the texel replaces the pixel.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Sprite {

@@ -108,7 +108,7 @@ pub struct Block {
     pub x: u16,
     /// Block row on the screen.
     pub y: u16,
-    /// Quads with at least one sample (with a fragment stage that runs once a sample, one for each such sample).
+    /// Quads with at least one sample (with a fragment stage that runs once per sample, one for each such sample).
     pub quads: u8,
     /// Whether all samples of all 64 pixels are covered.
     pub full: bool,

@@ -176,7 +176,7 @@ fn fill_rules(setting: &Setting) -> Result<Vec<Row>> {
     Ok(rows)
 }
 
-/// A grid over part of the image, vertices moved so little that no cell turns over: vertices row by row, n a row.
+/// A grid over part of the image, vertices moved so little that no cell turns over: vertices row by row, n per row.
 fn sheet(cells: usize, size: i32, random: &mut Random) -> Vec<ScreenVertex> {
     let n = cells + 1;
     let pitch = (size - 6) as f32 / cells as f32;

@@ -1,4 +1,4 @@
-//! Ten opaque layers over every pixel, in an order that is drawn by lot for each of 1,200 cells: of ten fragments a pixel, the
+//! Ten opaque layers over every pixel, in an order that is drawn by lot for each of 1,200 cells: of ten fragments per pixel, the
 //! expected number that pass the depth test is the tenth harmonic number, 2.929.
 //!
 //! A smaller picture of them is recorded in three orders: front first, by lot, back first. Nothing else differs.

@@ -1,4 +1,4 @@
-//! A wheel of thin spokes with four samples a pixel, resolved.
+//! A wheel of thin spokes with four samples per pixel, resolved.
 
 use fillrate::gfx::format::Format;
 use fillrate::gfx::state::Multisample;

@@ -1,4 +1,4 @@
-//! Two passes: depth from the light, then the scene with nine comparisons a pixel.
+//! Two passes: depth from the light, then the scene with nine comparisons per pixel.
 
 use std::f64::consts::TAU;
 

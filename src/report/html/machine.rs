@@ -132,7 +132,7 @@ fn channels(frame: &Value, place: &str) -> Markup {
     }
 }
 
-/// Bytes a cycle that the memory of a configuration moves at most.
+/// Bytes per cycle that the memory of a configuration moves at most.
 pub fn bandwidth(config: &Config) -> f64 {
     let dram = &config.dram;
     if config.memory.kind == MemoryKind::Ideal {

@@ -7,7 +7,7 @@ use serde_json::{Value, json};
 use super::{inline, readable};
 use crate::run::maps::{Kind, Map, Maps, Surface};
 
-/// The picture whose pixels are a map's numbers, 8 bits a channel, the largest first. It has no colour space: a browser hands the numbers on
+/// The picture whose pixels are a map's numbers, 8 bits per channel, the largest first. It has no colour space: a browser hands the numbers on
 /// as they are.
 fn encoded(surface: &Surface, map: &Map) -> Vec<u8> {
     let bytes = map.values.iter().flat_map(|&value| value.min(0xFF_FFFF).to_be_bytes().into_iter().skip(1)).collect();

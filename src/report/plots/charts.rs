@@ -148,11 +148,11 @@ pub fn chart(x: &str, y: &str, x_scale: Scale, y_scale: Scale, series: &[Series<
 /// A roofline: roofs, and what was reached.
 #[derive(Clone, Debug)]
 pub struct Roofline {
-    /// Bytes a cycle.
+    /// Bytes per cycle.
     pub bandwidth: f64,
-    /// Instructions a cycle.
+    /// Instructions per cycle.
     pub peak: f64,
-    /// Name, instructions a byte, instructions a cycle.
+    /// Name, instructions per byte, instructions per cycle.
     pub points: Vec<(String, f64, f64)>,
 }
 

@@ -22,7 +22,7 @@ pub use mechanisms::mechanisms;
 pub use page::{holds, json, markdown, speeds, text};
 pub use rows::{Bound, Row};
 
-/// Fragments a second that ATTILA shades on a host of our time.
+/// Fragments per second that ATTILA shades on a host of our time.
 pub const THEIR_FRAGMENTS_A_SECOND: f64 = 26_000.0;
 
 /// Where the counters of a recording lie in its folder.
@@ -48,7 +48,7 @@ pub struct Outcome {
     pub frame: u32,
     /// Counters of both.
     pub rows: Vec<Row>,
-    /// Shaded fragments a second of host time, from the first command to the last statistic.
+    /// Shaded fragments per second of host time, from the first command to the last statistic.
     pub fragments_a_second: f64,
 }
 

@@ -54,7 +54,7 @@ pub fn text(outcomes: &[Outcome]) -> String {
     text
 }
 
-/// Shaded fragments a second, by ATTILA's.
+/// Shaded fragments per second, by ATTILA's.
 pub fn speeds(outcomes: &[Outcome], markdown: bool) -> String {
     let mut text = String::new();
     if markdown {

@@ -128,7 +128,7 @@ pub(super) const BENCHMARKS: &[Benchmark] = &[
 const CULLED: CullMode = CullMode::Back;
 const DRAWN: CullMode = CullMode::Front;
 
-/// Triangles a cycle of a grid of cells of 2x2 pixels.
+/// Triangles per cycle of a grid of cells of 2x2 pixels.
 fn triangles(bench: &Bench, cull: CullMode, indices: IndexFormat) -> Result<f64> {
     let grid = Grid { cull, indices, ..Grid::plain(128, 256) };
     Ok(f64::from(2 * 128 * 128) / bench.slope(&|draws| grid.trace(draws), [1, 3])?)

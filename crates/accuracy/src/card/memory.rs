@@ -171,7 +171,7 @@ enum Stream {
 /// Bytes of a workgroup's part of a stream.
 const PART: u32 = 256 * 16;
 
-/// Bytes a cycle of a stream that is far larger than the second level: what lies in that at its end, lies there at both lengths.
+/// Bytes per cycle of a stream that is far larger than the second level: what lies in that at its end, lies there at both lengths.
 fn streamed(bench: &Bench, stream: Stream) -> Result<f64> {
     let body = match stream {
         Stream::Read => "let v = a[i]; if (v.x == 12345u) { out[0] = v; }",

@@ -420,7 +420,7 @@ fn overdraw(bench: &Bench) -> Result<Vec<f64>> {
     Ok(vec![(read + written) / written])
 }
 
-/// Pixels a cycle of a resolve, whose samples differ.
+/// Pixels per cycle of a resolve, whose samples differ.
 fn resolve(bench: &Bench) -> Result<Vec<f64>> {
     let fragment = noise_of([1.0, 1.0]).replace("at.xy", "(at.xy + f32(sample) * vec2f(17.0, 31.0))");
     let layers = Layers { samples: 4, ..Layers::plain(BIG, Format::Rgba8Unorm) }.shaded(fragment);
@@ -465,7 +465,7 @@ enum Fill {
     Float,
 }
 
-/// Millions of pixels a second.
+/// Millions of pixels per second.
 fn x700(bench: &Bench, fill: Fill, bits: u32) -> Result<f64> {
     // Two bytes stand for R5G6B5.
     let color = if bits == 16 { Format::Rg8Unorm } else { Format::Rgba8Unorm };
@@ -498,7 +498,7 @@ fn linear() -> SamplerDesc {
     }
 }
 
-/// Millions of pixels a second of layers with a depth test that all pass and write.
+/// Millions of pixels per second of layers with a depth test that all pass and write.
 fn old_fill(bench: &Bench, color: Format, depth: Format, textures: usize) -> Result<f64> {
     let sample = |n: usize| format!("c += textureSample(t{n}, s{n}, at.xy / 32.0);");
     let samples: String = (0..textures).map(sample).collect();

@@ -205,7 +205,7 @@ fn sampler(filter: FilterMode, mipmap: FilterMode, anisotropy: u16) -> SamplerDe
     SamplerDesc { address: [AddressMode::Repeat; 3], mag: filter, min: filter, mipmap, anisotropy, ..SamplerDesc::default() }
 }
 
-/// Layers with eight samples a fragment of a texture of 32x32 texels, a texel a pixel.
+/// Layers with eight samples per fragment of a texture of 32x32 texels, a texel per pixel.
 fn sampled(format: Format, filter: FilterMode) -> Layers {
     let sample = |n: u32| {
         let sample = format!("textureSample(t0, s0, at.xy / 32.0 + vec2f({n}.25 / 32.0, 0.25 / 32.0))");
@@ -219,7 +219,7 @@ fn sampled(format: Format, filter: FilterMode) -> Layers {
     }
 }
 
-/// Samples a cycle.
+/// Samples per cycle.
 fn rate(bench: &Bench, layers: &Layers) -> Result<f64> {
     let layers = Layers { edge: edge(bench), ..layers.clone() };
     Ok(f64::from(SAMPLES * layers.edge * layers.edge) / bench.slope(&|count| layers.trace(count), [1, 3])?)
@@ -244,7 +244,7 @@ fn loads(bench: &Bench, formats: &[Format]) -> Result<Vec<f64>> {
     formats.iter().map(|&format| Ok(plain / rate(format)?)).collect()
 }
 
-/// Samples a cycle at random places of a texture.
+/// Samples per cycle at random places of a texture.
 fn scattered(bench: &Bench, edge: u32) -> Result<f64> {
     let sample =
         |n: u32| format!("c += textureSample(t0, s0, fract(h * {}.37)); h = fract(h.yx * 37.1 + at.xy * 0.17);", 211 + n);

@@ -143,7 +143,7 @@ fn little(setting: &Setting) -> Result<Vec<Row>> {
     ])
 }
 
-/// Items a cycle through a channel, over whole rounds of credits.
+/// Items per cycle through a channel, over whole rounds of credits.
 fn throughput(setting: &Setting, capacity: u32, latency: u32, service: u32) -> Result<f64> {
     let (warm, rounds) = (u64::from(4 * (capacity + latency) * service), setting.pick(20, 50, 200));
     let window = u64::from(capacity * service) * rounds;

@@ -29,7 +29,7 @@ impl Recording {
         Recording::default()
     }
 
-    /// Appends calls, one a line.
+    /// Appends calls, one per line.
     pub fn add(&mut self, calls: &str) -> &mut Recording {
         for call in calls.lines() {
             let _ = writeln!(self.calls, "{}", call.trim());

@@ -20,7 +20,7 @@ use unit::texture::{TEXTURES, TextureCounts};
 pub const TARGETS: &[Target] = &[yardstick::QUEUE, roofline::ROOFLINE, bottleneck::BOTTLENECK];
 
 /// A machine of one pipeline in which nothing but six units takes time worth mentioning: one triangle is set up in 16 cycles, two quads
-/// are found, four instructions of warps issued, four filter operations made and one quad blended a cycle, and memory moves 16 bytes.
+/// are found, four instructions of warps issued, four filter operations made and one quad blended per cycle, and memory moves 16 bytes.
 const MACHINE: &[&str] = &[
     "pipelines=1",
     "geometry_units=1",

@@ -36,12 +36,12 @@ fn check(setting: &Setting) -> Result<Vec<Row>> {
         let told = machine(&[format!("memory.ideal_bytes_per_cycle={bandwidth}"), "traverse.quads_per_cycle=4".into()])?;
         let mut given = told.clone();
         given.core.issue -= u32::from(setting.inject_fault);
-        // Invocations that an instruction is executed for, a cycle.
+        // Invocations that an instruction is executed for, per cycle.
         let peak = f64::from(told.core.issue * told.core.warp_width);
         let knee = peak / f64::from(bandwidth);
         let mut sweep = Vec::new();
         for step in 0..steps {
-            // From an instruction a fragment, of eight bytes, to four times as many as the knee has.
+            // From an instruction per fragment, of eight bytes, to four times as many as the knee has.
             let instructions = 1 + (4.0 * knee * 8.0 * f64::from(step) / f64::from(steps - 1)) as u32;
             let scene = |count| Scene { instructions, ..layers(EDGE, count) };
             let [short, long] = [Run::of(&given, &scene(count))?, Run::of(&given, &scene(2 * count))?];
@@ -51,9 +51,9 @@ fn check(setting: &Setting) -> Result<Vec<Row>> {
         }
         let [first, last] = [sweep.first(), sweep.last()].map(|run| run.context("nothing was swept"));
         let (flat, slope) = (first?, last?);
-        // Cycles a byte where memory takes them, cycles an instruction where the core does.
+        // Cycles per byte where memory takes them, cycles per instruction where the core does.
         let measured = (flat.cycles / flat.bytes) / (slope.cycles / slope.instructions);
-        let case = format!("{bandwidth} bytes, {peak} instructions a cycle: instructions a byte at the knee");
+        let case = format!("{bandwidth} bytes, {peak} instructions per cycle: instructions per byte at the knee");
         rows.push(Row::within(case, knee, measured, 0.02 * knee));
     }
     let triangles = setting.pick(16, 60, 300);

@@ -26,7 +26,7 @@ const PARTICLES: usize = 96;
 const FRAMES: u32 = 3;
 const STEPS: u32 = 6;
 
-/// Place and speed in pixels and pixels a step, y up: all on a grid on which f32 is exact.
+/// Place and speed in pixels and pixels per step, y up: all on a grid on which f32 is exact.
 fn begin() -> Vec<[f32; 4]> {
     let mut random = Random::new(31);
     (0..PARTICLES)

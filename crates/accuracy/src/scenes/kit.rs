@@ -42,7 +42,7 @@ pub struct Target {
     pub view: ViewId,
     /// Its format.
     pub format: Format,
-    /// Samples a texel.
+    /// Samples per texel.
     pub samples: u32,
 }
 

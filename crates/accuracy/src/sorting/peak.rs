@@ -26,7 +26,7 @@ fn cycles(setting: &Setting, class: SortClass, interval: u32, legs: f32) -> Resu
     let mut at = || (192.0 - legs) * random.unit();
     let scene = scene_of(192, 192, (0..triangles).map(|_| right_triangle(at(), at(), legs, legs)).collect());
     let interval = if setting.inject_fault { 4 * interval } else { interval };
-    // Nothing but setup and traversal, at one quad a cycle, is to take time.
+    // Nothing but setup and traversal, at one quad per cycle, is to take time.
     let changes = [
         "pipelines=1",
         "geometry_units=1",

@@ -1,4 +1,4 @@
-//! Vertices shaded a triangle, with the last few remembered.
+//! Vertices shaded per triangle, with the last few remembered.
 
 use std::sync::Arc;
 

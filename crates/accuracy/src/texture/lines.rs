@@ -1,4 +1,4 @@
-//! Misses of a fully associative cache under a texture that is walked in scan-lines, a texel a pixel.
+//! Misses of a fully associative cache under a texture that is walked in scan-lines, a texel per pixel.
 //!
 //! A machine draws blocks of pixels, not scan-lines: so each line of the screen is a triangle of its own here, a pixel high, and the
 //! core holds one warp at a time, so that requests come in order. Places lie between four texels.

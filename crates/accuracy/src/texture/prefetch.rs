@@ -28,7 +28,7 @@ fn drawn(edge: u32, texels: u32) -> Result<Vec<Event>> {
     rendered(&textured([edge; 2], texture, bilinear(), 3, COVER, &color))
 }
 
-/// Cycles of a machine whose texture unit addresses a quad a cycle and holds nothing up but by its FIFO.
+/// Cycles of a machine whose texture unit addresses a quad per cycle and holds nothing up but by its FIFO.
 fn cycles(setting: &Setting, events: &[Event], depth: u32, latency: u32) -> Result<f64> {
     let misses = if setting.inject_fault { depth * 3 / 4 } else { depth };
     let changes = [

@@ -23,7 +23,7 @@ pub(super) const TRILINEAR: Target = Target {
 /// Texels of a line of 64 bytes: 4 x 4 of four bytes.
 const TEXELS: f64 = 16.0;
 
-/// Texels read a fragment where a texture of `texels` edges fills a screen of `pixels`, somewhere on it.
+/// Texels read per fragment where a texture of `texels` edges fills a screen of `pixels`, somewhere on it.
 fn texels_a_fragment(setting: &Setting, texels: u32, pixels: u32, from: [f32; 2]) -> Result<f64> {
     let texture = record::texture_mipped(texels, texels, texels.ilog2() + 1, Format::Rgba8Unorm);
     let mipmap = if setting.inject_fault { FilterMode::Nearest } else { FilterMode::Linear };

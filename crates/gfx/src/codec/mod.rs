@@ -1,6 +1,6 @@
 //! Compression of 8x8-pixel blocks of depth and colour: what a block takes when it leaves a ROP's cache.
 //!
-//! A block's codes are split into *planes* of one number a sample: depth (and stencil beside it), or the bytes of a colour. Each
+//! A block's codes are split into *planes* of one number per sample: depth (and stencil beside it), or the bytes of a colour. Each
 //! plane is stored in the smallest of four forms: one value; a flat plane through three corners and what is left over (depth of
 //! one triangle: Morein 2000, and the plane compression of later cards); each value from its neighbours (the median predictor
 //! of JPEG-LS) with a width for each row; raw. Where all samples of every pixel agree only the first is stored. A block that
@@ -149,7 +149,7 @@ enum Kind {
     FloatDepth,
 }
 
-/// One number a sample: some bits of one word of its code.
+/// One number per sample: some bits of one word of its code.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 struct Plane {
     kind: Kind,

@@ -17,7 +17,7 @@ use crate::state::{BlendComponent, BlendFactor, BlendOp, ColorTarget};
 use crate::texel::{Rgba8, decode_code, encode_code, f32_to_f16, unorm};
 use num::{LANES, Lanes, QUADS};
 
-/// What to do with a source colour; chosen once a draw.
+/// What to do with a source colour; chosen once per draw.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Path {
     /// No channel is written.

@@ -1,4 +1,4 @@
-//! Depth tests with one sample a pixel in AVX2 registers: of 8x8 blocks, eight pixels at a time, and of the quads of small
+//! Depth tests with one sample per pixel in AVX2 registers: of 8x8 blocks, eight pixels at a time, and of the quads of small
 //! triangles.
 //!
 //! The same operations as [`DepthPlane::at`] and [`DepthStencilState::test_quad`] in the same order, hence the same bits. They

@@ -164,7 +164,7 @@ impl DepthStencilState {
         self.write_mask != 0 && self.stencil.is_some_and(|faces| faces.iter().any(acts))
     }
 
-    /// Whether blocks of one sample a pixel can be tested at once (`block`): depth alone, in codes of one word.
+    /// Whether blocks of one sample per pixel can be tested at once (`block`): depth alone, in codes of one word.
     pub fn tests_blocks(&self) -> bool {
         self.storage != Storage::None && self.words == 1 && self.stencil.is_none()
     }

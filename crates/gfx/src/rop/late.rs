@@ -1,4 +1,4 @@
-//! Depth tests after shading with one sample a pixel: the depths of two quads at a time are interpolated and tested in AVX2 registers.
+//! Depth tests after shading with one sample per pixel: the depths of two quads at a time are interpolated and tested in AVX2 registers.
 //!
 //! The same operations as [`crate::interpolate::depth`], [`DepthStencilState::codes`] and [`DepthStencilState::test_batch`] in the same order,
 //! hence the same bits. Loops over lanes, each with its results in memory, took twice the instructions.
@@ -76,7 +76,7 @@ pub struct LateQuads<'a> {
 
 impl DepthStencilState {
     /// Tests the quads of a batch in order against a tile, the codes of many quads one after the other, and updates its codes. Returns the pixels
-    /// that passed, of those in `mask`, which has a bit a lane. The state is one for [`DepthStencilState::test_block_avx2`].
+    /// that passed, of those in `mask`, which has a bit per lane. The state is one for [`DepthStencilState::test_block_avx2`].
     ///
     /// # Panics
     /// If a quad that is present lies outside the tile, or its triangle is not there.

@@ -66,7 +66,7 @@ pub enum Culled {
     Scissor,
 }
 
-/// State of setup, chosen once a draw.
+/// State of setup, chosen once per draw.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct SetupState {
     /// Pixels that may be drawn: target, viewport and scissor.
@@ -79,7 +79,7 @@ pub struct SetupState {
     pub front_face: FrontFace,
     /// Faces thrown away.
     pub cull: CullMode,
-    /// Samples a pixel, 1 or 4.
+    /// Samples per pixel, 1 or 4.
     pub samples: u32,
     /// Whether samples on horizontal edges belong to what is above them, not below.
     pub lower_edges: bool,

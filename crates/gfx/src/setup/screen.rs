@@ -1,4 +1,4 @@
-//! From clip space to the window: perspective division, viewport transform and snapping, once a vertex.
+//! From clip space to the window: perspective division, viewport transform and snapping, once per vertex.
 
 use crate::clip::ClipVertex;
 use crate::state::Viewport;

@@ -310,7 +310,7 @@ mod tests {
     #[test]
     fn a_footprint_takes_as_many_samples_as_it_is_longer_than_wide() {
         let view = view_of(&image([64, 64, 1], 7, Format::Rgba8Unorm), ViewDimension::D2);
-        // In texels: both radii, the sampler's limit, the samples. A footprint that is less than a texel wide takes one a texel of its length.
+        // In texels: both radii, the sampler's limit, the samples. A footprint that is less than a texel wide takes one per texel of its length.
         for (x, y, most, expected) in [
             ([16.0, 0.0], [0.0, 1.0], 16, 16),
             ([0.0, 2.0], [32.0, 0.0], 16, 16),

@@ -2,7 +2,7 @@
 //!
 //! A [`View`] holds the texels of a texture view in a form that filters read directly, built once for each content of the
 //! texture. Sampling works on whole batches of 64 lanes, 16 quads; the level of detail is that of a quad. State is looked at
-//! once a batch: the common case (four 8-bit channels, two dimensions, linear) has a path of its own, other flat textures are
+//! once per batch: the common case (four 8-bit channels, two dimensions, linear) has a path of its own, other flat textures are
 //! sampled in stages over all lanes, and everything else goes through one general filter, a lane at a time.
 //!
 //! The rules are Vulkan's ("Image Operations"), where that leaves freedom: exact scale factors, unrounded level weights, sRGB

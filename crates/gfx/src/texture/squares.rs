@@ -84,7 +84,7 @@ fn record_body<const WIDE: bool>(
     out.room = Some(room);
 }
 
-/// Lines of a batch at most: four texels a lane in each of two levels.
+/// Lines of a batch at most: four texels per lane in each of two levels.
 const MOST: usize = 2 * 4 * LANES;
 
 /// What is found of a batch. It is kept from one to the next and need not be cleared: what counts of it has been written.

@@ -102,7 +102,7 @@ pub(super) enum Texels {
     /// one of rows, or of rows in pairs, and a texture is smaller than in pairs; where texels come from the second-level cache or
     /// beyond, that is what counts.
     Unorm8(Vec<[u32; 4]>),
-    /// Four 8-bit channels, three of them sRGB; and the same texels in linear light, 16 bits a channel, 32640 is 1; red, blue,
+    /// Four 8-bit channels, three of them sRGB; and the same texels in linear light, 16 bits per channel, 32640 is 1; red, blue,
     /// green, alpha from the low end.
     Srgb8 { codes: Vec<u32>, linear: Vec<u64> },
     /// One number: depth, or a red channel of 32 bits.
@@ -268,7 +268,7 @@ impl View {
         }
     }
 
-    /// Samples a texel.
+    /// Samples per texel.
     pub fn samples(&self) -> u32 {
         self.samples
     }

@@ -24,7 +24,7 @@ pub(super) const BLOCK_SHIFT: u32 = SUBPIXEL_BITS + 3;
 /// Where 64 positions lie, by whatever instructions. An edge is inside where `c + a i + b j >= 0`: slopes as they are in a
 /// primitive, which therefore come straight from its memory, and constants from [`reduce`].
 pub(super) trait Kernel {
-    /// Positions inside all edges, in quad order: bit `4 q + p`, quads of 2x2 row by row (four a row), p as everywhere.
+    /// Positions inside all edges, in quad order: bit `4 q + p`, quads of 2x2 row by row (four per row), p as everywhere.
     fn quads<const N: usize>(edges: &[Edge; N], c: &[i32; N]) -> u64;
 
     /// Positions inside all edges, row by row: bit `8 j + i`.
@@ -72,7 +72,7 @@ impl Kernel for Portable {
     }
 }
 
-/// Collects the signs of eight positions a lane; `step(n, t)` leads edge n from position t to the next.
+/// Collects the signs of eight positions per lane; `step(n, t)` leads edge n from position t to the next.
 #[inline(always)]
 fn walk<const N: usize>(mut value: [[i32; 8]; N], step: impl Fn(usize, usize) -> i32) -> u64 {
     let mut outside = [0u32; 8];

@@ -1,9 +1,9 @@
 //! Coverage of lines and points.
 //!
-//! The rule for lines of one sample a pixel is OpenGL's and Vulkan's diamond exit: the diamond of a pixel with centre c is the
+//! The rule for lines of one sample per pixel is OpenGL's and Vulkan's diamond exit: the diamond of a pixel with centre c is the
 //! open set |x - cx| + |y - cy| < 1/2, and a line from p to q draws exactly the pixels whose diamond it leaves: those that the
 //! segment meets and in which q does not lie. To settle every tie, p and q are both moved by (-e, -e^2) for an infinitesimal e
-//! (in window coordinates, y down), or by (-e, e^2) where samples on horizontal edges belong to what is above them. On a line that is no steeper than 45 degrees this is Bresenham's one pixel a column: the
+//! (in window coordinates, y down), or by (-e, e^2) where samples on horizontal edges belong to what is above them. On a line that is no steeper than 45 degrees this is Bresenham's one pixel per column: the
 //! line meets a diamond exactly if it meets the diamond's vertical diagonal, because it is at most as steep as the sides. It is
 //! computed with integers, without drift, so any part of a line can be walked on its own.
 
@@ -19,7 +19,7 @@ const HALF: i64 = (SUBPIXEL / 2) as i64;
 pub(super) fn diamond_exit<const S: usize>(line: &Triangle, bounds: Bounds, found: &mut Blocks<S>) {
     let start = line.start.map(i64::from);
     let d = [i64::from(line.edges[1].a), i64::from(line.edges[1].b)];
-    // Along the major axis there is one pixel a step.
+    // Along the major axis there is one pixel per step.
     let (major, minor) = if d[0].abs() >= d[1].abs() { (0, 1) } else { (1, 0) };
     let (dm, dn) = (d[major], d[minor]);
     let low = [bounds.x0, bounds.y0].map(i64::from);

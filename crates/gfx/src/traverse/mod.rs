@@ -1,10 +1,10 @@
 //! Tiled traversal: which samples of which pixels a primitive covers.
 //!
 //! A primitive is walked inside one screen area (a tile of at most 64x64 pixels) in aligned 8x8 blocks, row by row. A block
-//! holds 16 quads and its coverage is 64 bits a sample, in lane order: a block's mask is a lane mask. Blocks without coverage
+//! holds 16 quads and its coverage is 64 bits per sample, in lane order: a block's mask is a lane mask. Blocks without coverage
 //! are not visited. Edge functions are exact ([`super::setup`], `kernel`), ties go by the top-left rule.
 //!
-//! Lines of width 1 follow the diamond-exit rule (`line`) with one sample a pixel. With four samples a line is a rectangle of
+//! Lines of width 1 follow the diamond-exit rule (`line`) with one sample per pixel. With four samples a line is a rectangle of
 //! width 1 about its segment. A point is a square of side 1 about its position, which, as two triangles would, holds its upper and
 //! left borders: a point on the border of two pixels belongs to the left or upper one.
 

@@ -281,7 +281,7 @@ fn constant_depth_is_exact_and_bounds_hold_for_every_sample() {
 
 #[test]
 fn depth_bias_follows_the_formula() {
-    // z = 0.25 + x / 128: a slope of 1/128 a pixel.
+    // z = 0.25 + x / 128: a slope of 1/128 per pixel.
     let vertex = |x: i32, y: i32| ScreenVertex { x: x * 256, y: y * 256, z: 0.25 + x as f32 / 128.0, inv_w: 1.0 };
     let v = [vertex(0, 0), vertex(32, 0), vertex(0, 32)];
     let depth = |bias: DepthBias| {

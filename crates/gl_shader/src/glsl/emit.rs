@@ -363,7 +363,7 @@ fn scalars(module: &Module, expression: Handle<Expression>, out: &mut Vec<f32>) 
     }
 }
 
-/// The names of the members of a structure that naga has written, one a line.
+/// The names of the members of a structure that naga has written, one per line.
 fn members(structure: &str) -> Vec<String> {
     let name = |line: &str| Some(line.strip_suffix(',')?.split_once(": ")?.0.split_whitespace().next_back()?.to_owned());
     structure.lines().filter_map(name).collect()

@@ -259,7 +259,7 @@ mod tests {
     #[test]
     fn bits_of_a_bitmap_are_read_in_both_orders() {
         let store = PixelStore { alignment: 1, ..PixelStore::default() };
-        // Ten bits a row: two bytes.
+        // Ten bits per row: two bytes.
         let bytes = [0b1010_0000, 0b0100_0000, 0b0000_0001, 0b1000_0000];
         let bits = values(&store, [10, 2, 1], e::BITMAP, &bytes, false).expect("two rows");
         let set: Vec<usize> = (0..20).filter(|&k| bits[k] == 1.0).collect();

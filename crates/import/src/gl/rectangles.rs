@@ -238,7 +238,7 @@ impl Gl {
         Ok(to)
     }
 
-    /// A surface with numbers, one a pixel.
+    /// A surface with numbers, one per pixel.
     fn numbers_surface(&mut self, size: [u32; 2], numbers: &[f32]) -> Surface {
         let surface = self.card.create_surface("pixels", size, Format::R32Float);
         let bytes = float_bytes(numbers);

@@ -342,7 +342,7 @@ const CAPABILITIES: &[(u32, u32)] = &[
     (e::SCISSOR_TEST, e::SCISSOR_BIT),
     (e::STENCIL_TEST, e::STENCIL_BUFFER_BIT),
     (e::STENCIL_TEST_TWO_SIDE_EXT, e::STENCIL_BUFFER_BIT),
-    // These have no effect with one sample a pixel.
+    // These have no effect with one sample per pixel.
     (e::SAMPLE_ALPHA_TO_COVERAGE, e::MULTISAMPLE_BIT),
     (e::SAMPLE_ALPHA_TO_ONE, e::MULTISAMPLE_BIT),
     (e::SAMPLE_COVERAGE, e::MULTISAMPLE_BIT),

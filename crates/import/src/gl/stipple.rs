@@ -210,7 +210,7 @@ mod tests {
         gl.state.line_stipple = (1, 0x5555);
         let mut ends = [gl.state.current.clone(), gl.state.current.clone()];
         (ends[0].position, ends[1].position) = ([-1.0, 0.0, 0.0, 1.0], [1.0, 0.0, 0.0, 1.0]);
-        // 8192 runs a line.
+        // 8192 runs per line.
         assert_eq!(gl.runs(&ends, &[0, 1], false, 16_384).map(|(runs, _)| runs.len()), Ok(16_384));
         assert!(matches!(gl.runs(&ends, &[0, 1, 0, 1], false, 16_384), Err(Fault::Limit(_))));
     }

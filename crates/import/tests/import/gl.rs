@@ -447,7 +447,7 @@ fn a_long_recording_starts_at_once_and_ends_at_what_is_not_supported() {
     let (frames, read) = shown(&trace);
     let error = read.expect_err("it asks for what is not there");
     assert!(error.unsupported && (1..=40).contains(&frames), "{frames}: {error}");
-    // Three calls a frame, and one more: the first is that of frame 40.
+    // Three calls per frame, and one more: the first is that of frame 40.
     assert!(
         error.to_string().ends_with("not supported: glNoSuchThing (2 times, first in call 122); --lenient leaves it out"),
         "{error}"

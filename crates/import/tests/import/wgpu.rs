@@ -20,7 +20,7 @@ fn text(name: &str) -> String {
     std::fs::read_to_string(folder(name)).expect(name)
 }
 
-/// The native commands, one a line.
+/// The native commands, one per line.
 fn listing(trace: &Trace) -> String {
     let mut text = String::new();
     trace

@@ -81,7 +81,7 @@ fn quads(queue: u32, quads: u32, latency: u32) -> Link {
     Link::bytes(queue, quads * bytes::QUAD, latency)
 }
 
-/// A few tokens a draw.
+/// A few tokens per draw.
 const CONTROL: Link = Link::items(16, 4, 1);
 
 impl<'a> Builder<'a> {

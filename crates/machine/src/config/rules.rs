@@ -122,7 +122,7 @@ pub(super) fn check(config: &Config) -> Result<(), String> {
 /// Channels that cannot carry their full width.
 pub(super) fn warnings(config: &Config) -> Vec<String> {
     let group = |quads: u32| quads.div_ceil(4).max(1);
-    // Key of the queue, its capacity, tokens that it should carry a cycle, latency.
+    // Key of the queue, its capacity, tokens that it should carry per cycle, latency.
     let channels = [
         ("fetch.queue", config.fetch.queue, 1, config.fetch.latency),
         ("assembly.queue", config.assembly.queue, config.assembly.primitives_per_cycle.div_ceil(2), config.assembly.latency),

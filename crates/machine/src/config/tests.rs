@@ -202,7 +202,7 @@ fn the_ends_of_a_knob_are_where_its_declaration_says() {
 
 #[test]
 fn a_queue_too_short_for_its_latency_is_warned_of() {
-    // A place for each cycle on the way and one more, for each that is to be carried a cycle.
+    // A place for each cycle on the way and one more, for each that is to be carried per cycle.
     for (queue, latency, rate) in [
         ("fetch.queue", "fetch.latency", 1),
         ("assembly.queue", "assembly.latency", 4),

@@ -106,7 +106,7 @@ fn misses_per_fragment(width: u64, height: u64, block: [u64; 2], lines: u32, dow
     (cache.counts().misses, width * height)
 }
 
-/// texture-lru: capacity <= W/b lines: (W/b + 1)(1 + 1/b)/W misses a fragment; capacity >= 2 W/b + 1: (W/b + 1)(H/b + 1)/(WH).
+/// texture-lru: capacity <= W/b lines: (W/b + 1)(1 + 1/b)/W misses per fragment; capacity >= 2 W/b + 1: (W/b + 1)(H/b + 1)/(WH).
 #[test]
 fn a_texture_cache_misses_as_the_closed_form_says() {
     let (w, b) = (512u64, 4u64);

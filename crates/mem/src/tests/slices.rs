@@ -218,7 +218,7 @@ fn without_a_cache_all_that_is_asked_for_is_asked_of_dram() {
 
 #[test]
 fn clients_take_turns_at_a_slice() {
-    // All ask the same line again and again: the slice looks one up a cycle, and nobody gets more than his share.
+    // All ask the same line again and again: the slice looks one up per cycle, and nobody gets more than his share.
     let n = 300;
     let orders: Vec<Order> = (0..n).map(|_| Order::read(0, 0, 32)).collect();
     let machine = go(dram_memory(1, 1), vec![orders.clone(), orders.clone(), orders]);
@@ -270,7 +270,7 @@ fn random_traffic_is_conserved_over_slices_and_channels() {
 fn the_ideal_memory_has_its_latency_and_its_bandwidth() {
     let ideal = MemoryConfig::Ideal(IdealConfig { latency: 100, bytes_per_cycle: 32 });
     let machine = go(ideal, vec![vec![Order::read(0, 0, 32), Order::read(500, 0, 128)]]);
-    // Links of two cycles each way around the latency; 128 bytes take three cycles more at 32 a cycle and one more on a link of 64.
+    // Links of two cycles each way around the latency; 128 bytes take three cycles more at 32 per cycle and one more on a link of 64.
     assert_eq!(machine.client[0].latency(0), 2 + 100 + 2);
     assert_eq!(machine.client[0].latency(1), 2 + 3 + 100 + 1 + 2);
     let orders: Vec<Order> = (0..500).map(|i| Order::read(0, i * 64, 64)).collect();

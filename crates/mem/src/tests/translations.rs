@@ -77,7 +77,7 @@ fn waiting_requests_are_as_many_as_there_is_room_for() {
         let counts = rig.crossbar.as_ref().and_then(|crossbar| crossbar.translations()).unwrap();
         (rig.client[0].answered.iter().flatten().max().copied(), counts.misses, counts.waits)
     };
-    // What waits goes on one a cycle, and so does what comes later: the last is as late.
+    // What waits goes on one per cycle, and so does what comes later: the last is as late.
     assert_eq!(end(4), (end(16).0, 1, 4));
     assert_eq!(end(16), (end(4).0, 1, 16));
 }

@@ -107,7 +107,7 @@ pub struct FragmentWeights {
     pub inv_w: Lanes,
 }
 
-/// Room for the blocks of a triangle in a tile, for one and for four samples a pixel: to make it anew for each tile took as long as to find
+/// Room for the blocks of a triangle in a tile, for one and for four samples per pixel: to make it anew for each tile took as long as to find
 /// the blocks of two triangles.
 #[derive(Default)]
 pub struct BlockRoom {
@@ -144,7 +144,7 @@ pub struct Worker {
     pub pairs: Vec<(u32, u32)>,
 }
 
-/// Scratch memory, one a thread of the pool.
+/// Scratch memory, one per thread of the pool.
 pub struct Workers {
     workers: Vec<Mutex<Worker>>,
     alone: bool,

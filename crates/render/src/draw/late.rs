@@ -8,7 +8,7 @@ use super::pending::{lanes, pixels, quads};
 use super::tile::TileRun;
 
 impl TileRun<'_, '_, '_> {
-    /// [`TileRun::shrink`] with one sample a pixel: of the pixels that are `alive` those that stay, a bit a lane.
+    /// [`TileRun::shrink`] with one sample per pixel: of the pixels that are `alive` those that stay, a bit per lane.
     pub(super) fn shrink_lanes<const RECORD: bool>(&mut self, survivors: u64, alive: u64) -> u64 {
         let frame = self.frame;
         let Some(bound) = &self.bound else { return alive };
@@ -59,7 +59,7 @@ impl TileRun<'_, '_, '_> {
         }
     }
 
-    /// Tests depth and stencil with one sample a pixel: of the pixels that are `alive` those that pass, a bit a lane. `WIDE`: the caller is
+    /// Tests depth and stencil with one sample per pixel: of the pixels that are `alive` those that pass, a bit per lane. `WIDE`: the caller is
     /// compiled for AVX2 and its companions.
     #[inline(always)]
     pub(super) fn test_lanes<const WIDE: bool>(&mut self, alive: u64) -> u64 {

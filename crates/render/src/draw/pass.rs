@@ -170,7 +170,7 @@ impl RenderPass {
         RenderPass { attachments, images: Images { color, depth, tiles }, scratch: Some(Scratch::take()), settings: None }
     }
 
-    /// Samples a pixel.
+    /// Samples per pixel.
     pub fn samples(&self) -> u32 {
         self.attachments.samples
     }

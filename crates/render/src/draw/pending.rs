@@ -40,7 +40,7 @@ pub struct Pending {
     pub(super) alive: [u16; ROOM],
     /// Pixels with such a sample, a lane each.
     pub(super) active: u64,
-    /// Sample of each, where the program runs once a sample.
+    /// Sample of each, where the program runs once per sample.
     pub(super) sample: [u8; QUADS],
     /// Place of each among the recorded quads.
     pub(super) record: [u32; ROOM],
@@ -56,7 +56,7 @@ pub struct Pending {
     pub(super) triangles: Vec<Triangle>,
 }
 
-/// A quad of one sample, where the program runs once a sample, or of all.
+/// A quad of one sample, where the program runs once per sample, or of all.
 pub struct PendingQuad {
     /// Its first pixel.
     pub place: [u16; 2],
@@ -66,7 +66,7 @@ pub struct PendingQuad {
     pub coverage: u16,
     /// Samples that passed early tests.
     pub alive: u16,
-    /// The sample, where the program runs once a sample.
+    /// The sample, where the program runs once per sample.
     pub sample: u8,
     /// Its place among the recorded quads.
     pub record: u32,
@@ -103,7 +103,7 @@ impl Pending {
         self.n == QUADS
     }
 
-    /// Adds quads of a block with one sample a pixel, as many as there is room for: those with a bit in `left`, which holds bit
+    /// Adds quads of a block with one sample per pixel, as many as there is room for: those with a bit in `left`, which holds bit
     /// `4 q` for quad q. `at` is the place of the block's first quad in the tile. Returns those for which there was no room.
     ///
     /// With `RECORD`, `quads` are the quads of the block in the same form, the first of which is recorded at `record`.
@@ -164,7 +164,7 @@ impl Pending {
         use std::arch::x86_64::*;
         let n = self.n & (QUADS - 1);
         let room = (QUADS - n) as u32;
-        // A byte a quad: its four bits.
+        // A byte per quad: its four bits.
         let bytes = |of: u64| {
             let (of, low) = (_mm_cvtsi64_si128(of as i64), _mm_set1_epi8(15));
             _mm_unpacklo_epi8(_mm_and_si128(of, low), _mm_and_si128(_mm_srli_epi16::<4>(of), low))
@@ -302,7 +302,7 @@ pub(super) fn lanes(coverage: &[u16]) -> u64 {
     coverage.iter().enumerate().fold(0, |all, (q, &c)| all | pixels(c) << (4 * q))
 }
 
-/// The coverages of quads with one sample a pixel, from a lane mask.
+/// The coverages of quads with one sample per pixel, from a lane mask.
 #[inline(always)]
 pub(super) fn quads(lanes: u64) -> [u16; QUADS] {
     // Four at a time: what the compiler makes of sixteen shifts takes twice the instructions.

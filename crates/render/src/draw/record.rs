@@ -107,7 +107,7 @@ impl TileRecord {
         first as u32
     }
 
-    /// Recorded quads of a block before its quad `q`, where the program runs once a sample.
+    /// Recorded quads of a block before its quad `q`, where the program runs once per sample.
     pub fn samples_before<const S: usize>(block: &Block<S>, q: usize) -> u32 {
         let samples = |q: usize| (0..S).filter(|s| block.quad_mask(q) >> (4 * s) & 15 != 0).count() as u32;
         (0..q).map(samples).sum()

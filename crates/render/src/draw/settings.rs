@@ -44,7 +44,7 @@ pub struct FrameTarget {
     pub words: usize,
     /// First word in the payload.
     pub payload: usize,
-    /// Payload words a fragment, and whether they are stored texels.
+    /// Payload words per fragment, and whether they are stored texels.
     pub payload_words: usize,
     pub packed: bool,
     pub payload_second: Option<usize>,
@@ -108,7 +108,7 @@ impl Key {
 pub struct Attachments {
     pub width: u32,
     pub height: u32,
-    /// Samples a pixel.
+    /// Samples per pixel.
     pub samples: u32,
     /// Colour attachments by location, with the format in which they are drawn.
     pub color: Vec<Option<(Shape, Format)>>,
@@ -195,7 +195,7 @@ impl Settings {
         let &Attachments { width, height, samples, color: ref colors, depth } = attachments;
         let misfit = |message: String| DrawError::Pipeline { label: pipeline.label.clone(), message };
         if pipeline.samples != samples {
-            return Err(misfit(format!("{} samples a pixel in a pass of {samples}", pipeline.samples)));
+            return Err(misfit(format!("{} samples per pixel in a pass of {samples}", pipeline.samples)));
         }
         let viewport = call.viewport;
         let state = match (&pipeline.depth_stencil, depth) {

@@ -159,7 +159,7 @@ impl TileRun<'_, '_, '_> {
         let ends = &pending.ends[..pending.owners];
         let Some(bound) = &mut self.bound else { return false };
         let mut all_constant = true;
-        // Place of every lane for what is evaluated at samples, where the program runs once a sample.
+        // Place of every lane for what is evaluated at samples, where the program runs once per sample.
         let mut at_sample = [0_u8; LANES];
         if S > 1 && frame.per_sample {
             for lane in 0..LANES {

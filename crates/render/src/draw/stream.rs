@@ -1,7 +1,7 @@
 //! The vertex stream of a segment: which vertex each entry names, every vertex of an instance once.
 //!
 //! Two ways, chosen by what the indices look like. Where they are dense (almost always), the vertex of index `i` is number
-//! `i - least index`, and a byte a vertex marks those that are used: no table, no order, all threads at once. Where they are
+//! `i - least index`, and a byte per vertex marks those that are used: no table, no order, all threads at once. Where they are
 //! scattered, or where the order of first use is wanted (recording), a table finds each vertex's number.
 
 use std::sync::atomic::{AtomicU8, Ordering::Relaxed};

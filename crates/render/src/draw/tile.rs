@@ -39,7 +39,7 @@ pub struct TileJob<'a> {
 }
 
 impl<'a> TileJob<'a> {
-    /// A tile of a picture of `across` tiles a row, without attachments.
+    /// A tile of a picture of `across` tiles per row, without attachments.
     pub fn new(index: usize, across: u32, record: &'a mut TileRecord) -> Self {
         TileJob { index, at: [index as u32 % across, index as u32 / across], colors: Default::default(), depth: None, record }
     }
@@ -354,7 +354,7 @@ impl TileRun<'_, '_, '_> {
         self.counts.fragments_written += fragments;
     }
 
-    /// Quads and fragments of a block, as they go through a machine: of each sample where the program runs once a sample, else of pixels.
+    /// Quads and fragments of a block, as they go through a machine: of each sample where the program runs once per sample, else of pixels.
     #[inline(always)]
     fn quads_and_fragments<const S: usize>(&self, block: &Block<S>) -> [u64; 2] {
         let count = |mask: u64| [quads_in(mask), mask].map(|bits| u64::from(bits.count_ones()));

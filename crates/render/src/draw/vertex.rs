@@ -1,4 +1,4 @@
-//! Vertex shading: 64 vertices at a time, each once a segment.
+//! Vertex shading: 64 vertices at a time, each once per segment.
 
 use std::ops::Range;
 
@@ -29,7 +29,7 @@ pub struct Vertices {
     pub screen: Vec<ScreenVertex>,
     /// Clip positions.
     pub clip: Vec<[f32; 4]>,
-    /// Varyings, `varying_stride` words a vertex.
+    /// Varyings, `varying_stride` words per vertex.
     pub varyings: Vec<u32>,
     /// Clip distances, `distance_stride` a vertex.
     pub distances: Vec<f32>,
@@ -93,7 +93,7 @@ impl Vertices {
             recorder.extra = frame.extra;
             segment.vertices.reserve_exact(stream.vertices);
             let mut shaded = 0;
-            // Costs and requests are recorded a quad of lanes. Where there may be requests, a vertex has a quad for itself.
+            // Costs and requests are recorded per quad of lanes. Where there may be requests, a vertex has a quad for itself.
             let program = frame.pipeline.vertex();
             let alone = !program.interface().bindings.is_empty() && !program.is_straight();
             for (number, mut task) in tasks.enumerate() {

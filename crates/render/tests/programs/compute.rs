@@ -215,7 +215,7 @@ fn fast_fourier_transform() {
     }
 }
 
-/// Counts in workgroup memory, added to those in a buffer once a group.
+/// Counts in workgroup memory, added to those in a buffer once per group.
 #[test]
 fn histogram_by_atomics() {
     let mut next = noise(9);

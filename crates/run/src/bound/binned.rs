@@ -241,7 +241,7 @@ impl Bound<'_> {
         // 2. Reading, line by line, with `bin.misses` requests on their way.
         let entry = (lists.triangle / LINE as f64 * latency / f64::from(bin.misses)).max(lists.triangle / port)
             + lists.entry / CHUNK * latency / f64::from(bin.misses);
-        // 3. At the end of a tile its blocks leave one a cycle, and over the port; meanwhile nothing goes on.
+        // 3. At the end of a tile its blocks leave one per cycle, and over the port; meanwhile nothing goes on.
         let subtiles = f64::from((TILE / bin.tile).pow(2));
         let leave = |attachment: &AttachmentProfile, codec: Option<Codec>| {
             let part = compressed(attachment, codec);

@@ -124,7 +124,7 @@ pub struct Bound<'c> {
     /// Cycles of an access that the second-level cache has, and of one that it has not, unloaded.
     hit_latency: f64,
     memory_latency: f64,
-    /// Bytes a cycle of all DRAM channels.
+    /// Bytes per cycle of all DRAM channels.
     dram_rate: f64,
     /// Blocks of 32-bit pixels that can be in use at once in a colour cache, and in a depth cache, before a set is full of them.
     in_use: [f64; 2],
@@ -252,7 +252,7 @@ impl<'c> Bound<'c> {
         self.config.scanout.enabled && self.config.scanout.mode == ScanoutMode::FreeRunning
     }
 
-    /// A frame has ended: its picture goes to the display, which reads it once a refresh. Its line begins with those of the vertical blank.
+    /// A frame has ended: its picture goes to the display, which reads it once per refresh. Its line begins with those of the vertical blank.
     fn begin_display(&mut self, phases: &[PhaseProfile]) {
         let shown = phases.iter().rev().find_map(|phase| match phase {
             &PhaseProfile::ScanOut { bytes, line, lines } => Some((line, bytes, lines)),

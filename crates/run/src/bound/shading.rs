@@ -21,7 +21,7 @@ pub(super) struct Requests {
     pub slow: f64,
     /// and how long a line takes on average.
     pub latency: f64,
-    /// Misses a lookup of a line,
+    /// Misses per lookup of a line,
     pub line: f64,
     /// and how long each occupies the port to memory, on which the lookups behind it wait.
     pub port: f64,

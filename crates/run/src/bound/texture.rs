@@ -35,7 +35,7 @@ pub(super) struct Sharing {
 pub(super) struct Missed {
     /// How likely the lookup is missed that begins an episode of a class; of those that are not here it is certain.
     classes: Vec<f64>,
-    /// Misses a lookup,
+    /// Misses per lookup,
     pub rate: f64,
     /// a bundle's request,
     pub bundle: f64,

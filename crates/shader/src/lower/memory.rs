@@ -89,7 +89,7 @@ impl<'a> Lowerer<'a> {
         let src = [place.address.unwrap_or(NONE), place.element.unwrap_or(NONE)];
         let uniform = src.iter().all(|&s| s == NONE || self.b.is_uniform(s));
         let cells = self.cells(place);
-        // Uniform loads are done once a draw and one component each, so that equal ones are found.
+        // Uniform loads are done once per draw and one component each, so that equal ones are found.
         let pieces = if uniform && constant {
             let piece = |(i, c): (usize, &Cell)| Run { first: i, count: 1, offset: c.offset, width: c.width };
             cells.iter().enumerate().map(piece).collect()

@@ -171,7 +171,7 @@ fn an_element_of_a_binding_array_sees_the_coordinates_of_all_lanes() {
              return textureSample(t[u32(p.x) & 1u], s, (p + 0.5) / 64.0);
          }",
     );
-    // A texel a pixel: all lanes read the first level, which is zero; the second is one.
+    // A texel per pixel: all lanes read the first level, which is zero; the second is one.
     let image =
         ImageDesc { dimension: TextureDimension::D2, size: [64, 64, 1], levels: 2, samples: 1, format: Format::Rgba8Unorm };
     let words = Words::new(image.bytes());

@@ -17,7 +17,7 @@ pub struct Item {
     pub pushed: Cycle,
 }
 
-/// Pushes items 0 to n-1, up to `a_cycle` a cycle, none before its `gap` has passed since the cycle of the one before.
+/// Pushes items 0 to n-1, up to `a_cycle` per cycle, none before its `gap` has passed since the cycle of the one before.
 pub struct Source {
     /// Items in all.
     pub n: u64,
@@ -135,7 +135,7 @@ impl<C> Unit<C> for Worker {
     }
 }
 
-/// Takes up to `a_cycle` items a cycle, none for `rest` cycles after the last, and logs them.
+/// Takes up to `a_cycle` items per cycle, none for `rest` cycles after the last, and logs them.
 pub struct Sink {
     /// Most items taken in a cycle.
     pub a_cycle: u32,

@@ -35,7 +35,7 @@ fn an_item_comes_out_after_the_latency_and_not_before() {
 fn a_freed_slot_is_filled_in_the_next_cycle_and_not_before() {
     // One slot, latency 1: pushed at 0, popped at 1, pushed at 2.
     assert_eq!(cycles_of(Link::items(1, 1, 1), 4, 1), [1, 3, 5, 7]);
-    // Two slots, latency 1: both rules together allow one item a cycle.
+    // Two slots, latency 1: both rules together allow one item per cycle.
     assert_eq!(cycles_of(Link::items(2, 1, 1), 4, 1), [1, 2, 3, 4]);
     assert_eq!(cycles_of(Link::items(2, 1, 3), 5, 1), [3, 4, 7, 8, 11]);
 }
@@ -56,7 +56,7 @@ fn width_in_bytes_makes_long_items_take_several_cycles_and_short_ones_share_one(
     };
     assert_eq!(cycles(64, 32), [2, 4, 6, 8, 10]);
     assert_eq!(cycles(8, 16), [1, 1, 2, 2, 3]);
-    // 24 bytes on 16 a cycle: ends in cycles 1, 2, 4, 5, 7 of the link.
+    // 24 bytes on 16 per cycle: ends in cycles 1, 2, 4, 5, 7 of the link.
     assert_eq!(cycles(24, 16), [2, 3, 5, 6, 8]);
 }
 

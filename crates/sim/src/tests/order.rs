@@ -106,7 +106,7 @@ fn orders_that_change_from_cycle_to_cycle_change_nothing() {
 
 #[test]
 fn the_shuffling_clock_draws_orders_of_all_units() {
-    // Every unit ticks once a cycle, and over some cycles every unit comes first and last; the outcome is that of the other clocks.
+    // Every unit ticks once per cycle, and over some cycles every unit comes first and last; the outcome is that of the other clocks.
     let mut skipping = diamond(SHAPES[1], [2, 5]);
     run(&mut skipping, &mut (), Clock::SkipIdle, 100, |m, _| done(m)).unwrap();
     let expected = outcome(skipping);

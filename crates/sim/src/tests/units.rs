@@ -4,7 +4,7 @@ pub(super) use crate::kit::{Item, Sink, Source, Worker};
 use crate::{Budget, In, Out, Tick, Unit, Wires};
 use num::Cycle;
 
-/// Item n to output n mod the number of outputs, as many a cycle as go.
+/// Item n to output n mod the number of outputs, as many per cycle as go.
 pub struct Split {
     pub items: u64,
     pub input: In<Item>,

@@ -175,7 +175,7 @@ impl Checker<'_> {
             pass.colors.push(Some(view.format));
             if let Some(resolve) = attachment.resolve {
                 let to = self.views.get(resolve.0)?;
-                ensure!(view.samples > 1, "{what} is resolved, but has one sample a pixel");
+                ensure!(view.samples > 1, "{what} is resolved, but has one sample per pixel");
                 ensure!(to.samples == 1, "{what} is resolved to a multisampled texture");
                 ensure!(to.format == view.format, "{what} of {name} is resolved to {}", to.format.name());
                 let flat = to.levels == 1 && to.layers == 1 && to.dimension != ViewDimension::D3;

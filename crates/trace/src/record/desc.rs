@@ -16,7 +16,7 @@ pub fn texture_mipped(width: u32, height: u32, levels: u32, format: Format) -> T
     TextureDesc { levels, ..texture_2d(width, height, format) }
 }
 
-/// A 2D texture with this many samples a texel.
+/// A 2D texture with this many samples per texel.
 pub fn texture_multisampled(width: u32, height: u32, samples: u32, format: Format) -> TextureDesc {
     TextureDesc { samples, ..texture_2d(width, height, format) }
 }

@@ -106,7 +106,7 @@ impl Card {
             work: vec![None; segments],
             compute: vec![None; runs],
             groups: vec![Pool::default(); pipelines],
-            // One cluster a pipeline, and one for vertex cores.
+            // One cluster per pipeline, and one for vertex cores.
             warps: vec![Warps::new(execution); pipelines + 1],
             passes: Passes::default(),
             frame: FrameBuffers::default(),

@@ -42,14 +42,14 @@ knob::knobs! {
     /// The command processor.
     pub struct CommandConfig {
         /// Cycles that a command takes: a draw's segment, a dispatch, a pass.
-        command_cycles: u32 ["cycles/command", Allowed::Range(1, 65536), "assumed: a few register writes; ATTILA writes one register a cycle"],
+        command_cycles: u32 ["cycles/command", Allowed::Range(1, 65536), "assumed: a few register writes; ATTILA writes one register per cycle"],
         /// Segments of draws in flight. In sort-middle-binned, those that are not binned yet.
         segments: u32 ["segments", Allowed::Range(1, 4096), "assumed; ATTILA bGPU.ini PipelinedBatchRendering = TRUE, two batches; more hides small draws"],
         /// Different states of draws in flight: pipelines with their viewport, scissor rectangle, blend constant and stencil reference. A
         /// draw with another state waits until one of them is free.
         states: u32 ["states", Allowed::Range(1, 4096), "AMD GCN: seven contexts in flight (GPUOpen 2018, on context rolls)"],
         /// Cycles that a change of state between two draws takes, in addition to the command. A draw with the same state takes none.
-        state_cycles: u32 ["cycles/change", Allowed::Range(0, 16384), "assumed: 16 registers, one a cycle as ATTILA writes them"],
+        state_cycles: u32 ["cycles/change", Allowed::Range(0, 16384), "assumed: 16 registers, one per cycle as ATTILA writes them"],
         /// Whether a draw is rasterised only when the one before it has left all pipelines. Its geometry does not wait. Where distribution sorts
         /// triangles only.
         drain: bool ["", Allowed::Switch, "draws follow each other in cards; ATTILA's rasteriser takes a batch when it has ended the last one (FragmentFIFO)"],
@@ -69,7 +69,7 @@ knob::knobs! {
         /// What is left out where bounds show that it lies outside the view volume.
         cull: CullChoice ["", Allowed::Choice(CullChoice::NAMES), "cards leave it to programs"],
         /// Cycles that a test of bounds takes, of a draw or of an instance.
-        cull_cycles: u32 ["cycles/test", Allowed::Range(0, 65536), "assumed: eight corners of a box by four rows of a matrix, sixteen products a cycle"],
+        cull_cycles: u32 ["cycles/test", Allowed::Range(0, 65536), "assumed: eight corners of a box by four rows of a matrix, sixteen products per cycle"],
     }
 }
 

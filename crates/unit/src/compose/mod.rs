@@ -1,4 +1,4 @@
-//! Composition, one unit a pipeline: when a pass is drawn, the copies of its attachments in which pipelines have drawn apart from each
+//! Composition, one unit per pipeline: when a pass is drawn, the copies of its attachments in which pipelines have drawn apart from each
 //! other become one. The units exchange blocks of 8x8 pixels over the sort network, by a [`Scheme`].
 //!
 //! A unit reads blocks to be sent from its copy in memory, and blocks to be composed when others come; what it has composed it
@@ -48,7 +48,7 @@ knob::knobs! {
     pub struct ComposeConfig {
         /// Which unit sends what to which other. Where the number of pipelines is no power of two, binary swap first composes the surplus in pairs.
         scheme: Scheme ["", Allowed::Choice(Scheme::NAMES), "binary swap (Ma et al. 1994); direct send (Hsu 1993); a chain (PixelFlow: Molnar et al. 1992)"],
-        /// Samples of pixels that a unit composes a cycle.
+        /// Samples of pixels that a unit composes per cycle.
         samples_per_cycle: u32 ["samples/cycle", Allowed::Range(1, 4096), "assumed: a quad of each of four ROPs"],
         /// Bytes of a primitive's number, sent with each sample to decide between equal depths; 0 where nothing is sent.
         number_bytes: u32 ["bytes/sample", Allowed::Range(0, 4), "assumed: 0: colour and depth alone (Molnar et al. 1994), ties by what a pipeline knows"],

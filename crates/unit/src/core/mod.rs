@@ -49,7 +49,7 @@ knob::knobs! {
         vertex_cores: u32 ["cores", Allowed::Range(1, 32), "assumed; ATTILA bGPU.ini NumVertexShaders = 8"],
         /// Warps that a vertex core holds.
         vertex_warps: u32 ["warps", Allowed::Range(1, 64), "assumed; ATTILA bGPU.ini VERTEXSHADER ExecutableThreads = 12"],
-        /// Warp instructions that a vertex core issues a cycle.
+        /// Warp instructions that a vertex core issues per cycle.
         vertex_issue: u32 ["instructions/cycle", Allowed::Range(1, 8), "assumed; ATTILA bGPU.ini VERTEXSHADER FetchRate = 1"],
         /// Invocations of a warp.
         warp_width: u32 ["invocations", Allowed::PowerOfTwo(4, 64), "NVIDIA 32, AMD 64 or 32, Intel 8 to 32, ATTILA 64 (VectorLength 16 of stamps)"],
@@ -63,17 +63,17 @@ knob::knobs! {
         register_files: u32 ["files", Allowed::PowerOfTwo(1, 8), "one a scheduler, four since 2012 (NVIDIA, CUDA occupancy calculator: warp allocation granularity)"],
         /// Bytes of workgroup memory of a core.
         shared_bytes: u32 ["bytes", Allowed::Range(16384, 1048576), "96 KB (NVIDIA 2014, GeForce GTX 980 white paper, p. 9); WebGPU asks for 16 KB"],
-        /// Warp instructions issued a cycle.
+        /// Warp instructions issued per cycle.
         issue: u32 ["instructions/cycle", Allowed::Range(1, 8), "four schedulers an SM since 2012"],
-        /// Single-precision invocations executed a cycle.
+        /// Single-precision invocations executed per cycle.
         float_lanes: u32 ["lanes", Allowed::Range(1, 512), "128 an SM of 2014 and 2016, 192 of 2012"],
-        /// Integer invocations executed a cycle.
+        /// Integer invocations executed per cycle.
         integer_lanes: u32 ["lanes", Allowed::PowerOfTwo(1, 512), "assumed: 64 or 128 an SM"],
-        /// Transcendental invocations executed a cycle.
+        /// Transcendental invocations executed per cycle.
         special_lanes: u32 ["lanes", Allowed::PowerOfTwo(1, 512), "32 an SM of 2014, a quarter of the others"],
-        /// Branches and barriers executed a cycle.
+        /// Branches and barriers executed per cycle.
         control_lanes: u32 ["lanes", Allowed::PowerOfTwo(1, 512), "assumed: as integers"],
-        /// Multiplications of 32-bit integers, with a sum, executed a cycle.
+        /// Multiplications of 32-bit integers, with a sum, executed per cycle.
         multiply_lanes: u32 ["lanes", Allowed::Range(1, 512), "0.29 of the lanes of single precision on a GTX 980, 0.20 on an RX 570 (clpeak: 1,446 and 1,032 billion operations/s)"],
         /// Cycles from a single-precision instruction to one that needs its result.
         float_latency: u32 ["cycles", Allowed::Range(1, 63), "6 on Maxwell, 4 on Volta and Turing (Jia et al. 2019, table 4.1)"],
@@ -110,7 +110,7 @@ knob::knobs! {
 }
 
 impl CoreConfig {
-    /// Invocations executed a cycle, by class.
+    /// Invocations executed per cycle, by class.
     pub fn lanes(&self) -> [u32; Class::COUNT] {
         [self.float_lanes, self.integer_lanes, self.special_lanes, self.control_lanes, self.multiply_lanes]
     }

@@ -1,4 +1,4 @@
-//! Depth and stencil, one unit a pipeline: the early tests of quads on their way to the cores and the late tests of those that come
+//! Depth and stencil, one unit per pipeline: the early tests of quads on their way to the cores and the late tests of those that come
 //! back, through one Z cache. The tests are applied for real to the machine's own depth buffer, in the order of arrival.
 
 mod questions;
@@ -42,7 +42,7 @@ knob::knobs! {
     pub struct DepthConfig {
         /// Whether depth and stencil are tested before shading, where that cannot change the result; else all tests come after it.
         early: bool ["", Allowed::Switch, "in cards since the Radeon of 2000"],
-        /// Quads tested a cycle, early and late together.
+        /// Quads tested per cycle, early and late together.
         quads_per_cycle: u32 ["quads/cycle", Allowed::Range(1, 16), "assumed: twice as many as colours are written; ATTILA bGPU.ini ZSTENCILTEST StampsPerCycle = 1"],
         /// Blocks of 8x8 pixels of 32 bits, 256 bytes, that the Z cache holds. A block with more bytes takes the places of several.
         cache_blocks: u32 ["blocks", Allowed::PowerOfTwo(4, 65536), "assumed: 64 KB cover the latency of the second level; ATTILA bGPU.ini ZCacheWays = 4, ZCacheLines = 16 lines of 16 stamps"],

@@ -50,7 +50,7 @@ knob::choices! {
 knob::knobs! {
     /// Index and attribute fetch.
     pub struct FetchConfig {
-        /// Indices read a cycle.
+        /// Indices read per cycle.
         indices_per_cycle: u32 ["indices/cycle", Allowed::Range(1, 32), "three make a triangle: eight triangles, which cards of 2014 cull, twice what they draw (zeux.io 2023, Fine-grained backface culling)"],
         /// Segments of draws (or runs of primitives, where geometry belongs to pipelines) and their marks, taken in ahead of their turn. The
         /// indices of all of them are requested.
@@ -66,7 +66,7 @@ knob::knobs! {
         /// Vertices that wait for their attributes to be looked up while further indices are read, where vertices are reused until they are
         /// assembled.
         ahead: u32 ["vertices", Allowed::Range(1, 1024), "assumed; ATTILA bGPU.ini SLInputRequestQueueSize = 128"],
-        /// Lines of vertex attributes looked up a cycle.
+        /// Lines of vertex attributes looked up per cycle.
         lookups_per_cycle: u32 ["lines/cycle", Allowed::Range(1, 32), "assumed: two for each triangle read; ATTILA bGPU.ini SLAttributesCycle = 8 attributes"],
         /// Whether only those attributes are fetched that the vertex stage reads; if not, all that the vertex buffers of a draw have.
         skip_attributes: bool ["", Allowed::Switch, "drivers tell the fetch what the compiled shader reads; off shows what that is worth"],

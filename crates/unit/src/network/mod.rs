@@ -21,7 +21,7 @@
 //! | `mesh` | a router a node in rows near a square; along the row, then along the column | 2 short, up to both edges |
 //! | `butterfly` | stages of switches of `radix` ports | 1 more than stages |
 //!
-//! A link takes `link_bytes` a cycle and `link_latency` cycles; a short one, from a node into its own router or out of it, takes 1
+//! A link takes `link_bytes` per cycle and `link_latency` cycles; a short one, from a node into its own router or out of it, takes 1
 //! cycle. A router takes none. A parcel moves from link to link as a whole (store and forward): on an empty network it takes for each
 //! link its latency and, of the cycles that its bytes take, all but the first. There are as many nodes as there are senders or
 //! receivers, whichever are more, and the fewer are spread evenly over them; a butterfly has the next power of its radix. Links that
@@ -128,8 +128,8 @@ knob::knobs! {
     pub struct NetworkConfig {
         /// What lies between senders and receivers.
         topology: Topology ["", Allowed::Choice(Topology::NAMES), "a crossbar in cards; ring and mesh in processors (Molnar et al. 1994 compare them)"],
-        /// Bytes that each link takes a cycle.
-        link_bytes: u32 ["bytes/cycle", Allowed::Range(1, 65536), "assumed: a triangle of 144 bytes a cycle: one setup unit at its end"],
+        /// Bytes that each link takes per cycle.
+        link_bytes: u32 ["bytes/cycle", Allowed::Range(1, 65536), "assumed: a triangle of 144 bytes per cycle: one setup unit at its end"],
         /// Cycles on a link between routers, or between an end and a router that is not in its node.
         link_latency: u32 ["cycles", Allowed::Range(1, 256), "assumed: a synchroniser and some millimetres of wire"],
         /// Parcels that a link between routers holds, those under way included; as many again in the store behind it.

@@ -228,7 +228,7 @@ fn count(counts: &mut DisplayCounts, parts: &[(u32, Presented, u64, Cycle)]) {
 #[derive(Clone, Debug)]
 pub(super) struct Display {
     config: ScanoutConfig,
-    /// Bytes a cycle that memory's port brings.
+    /// Bytes per cycle that memory's port brings.
     port_width: u32,
     screen: Option<Screen>,
     pending: VecDeque<Presented>,

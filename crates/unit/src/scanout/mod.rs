@@ -42,7 +42,7 @@ knob::choices! {
 knob::knobs! {
     /// Scan-out of finished frames.
     pub struct ScanoutConfig {
-        /// Whether the shown surface is read once a frame.
+        /// Whether the shown surface is read once per frame.
         enabled: bool ["", Allowed::Switch, "assumed; ATTILA bGPU.ini DAC RefreshFrame = TRUE"],
         /// Requests to memory in flight.
         misses: u32 ["requests", Allowed::Range(1, 1024), "assumed; ATTILA bGPU.ini DAC BlockRequestQueueSize = 32"],

@@ -50,7 +50,7 @@ fn told(config: &AssemblyConfig, geometry: usize, batches: &[(u32, Cycle)], tell
             let (tell, passed) = wiring.channel("passed", 0, FREE, ids[2], ids[4]);
             let (mut to_geometry, mut sinks) = (Vec::new(), Vec::new());
             for (index, &id) in units.iter().enumerate() {
-                // As in the machine: a run or a mark a cycle.
+                // As in the machine: a run or a mark per cycle.
                 let (to, from) = wiring.channel("runs", index, Link::items(config.queue, 1, config.latency), ids[2], id);
                 to_geometry.push(to);
                 sinks.push(Sink::new(from));
@@ -106,7 +106,7 @@ fn told(config: &AssemblyConfig, geometry: usize, batches: &[(u32, Cycle)], tell
 fn primitives_wait_for_their_vertices_and_go_at_the_rate() {
     // Batches of 9 and 6 vertices, 3 and 2 triangles. One geometry unit: no marks between sequence numbers.
     let (runs, retired) = assembled(&config(), 1, &[(9, 9), (6, 29)]);
-    // Seen shaded in cycle 10 and 30; two a cycle, 3 cycles on the way. A sequence number has four primitives: the second batch
+    // Seen shaded in cycle 10 and 30; two per cycle, 3 cycles on the way. A sequence number has four primitives: the second batch
     // ends it with one and begins the next, which the link takes in the cycle after. The mark has a number of its own.
     let expected = vec![
         (13, (Kind::DATA, 0, 0, 2)),

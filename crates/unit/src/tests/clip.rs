@@ -91,7 +91,7 @@ fn what_is_cut_away_holds_the_unit_and_is_not_drawn() {
 
 #[test]
 fn what_is_culled_takes_its_turn() {
-    // Seven culled primitives, two a cycle, before the one that is drawn: tested in cycle 4 with the last of them.
+    // Seven culled primitives, two per cycle, before the one that is drawn: tested in cycle 4 with the last of them.
     let mut kinds = vec![primitive(0, 0, 0, false, Outcome::Scissor); 7];
     kinds.push(primitive(0, 0, 1, false, Outcome::Drawn));
     let (log, funnel) = clipped(&kinds, 1);

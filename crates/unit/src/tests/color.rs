@@ -201,13 +201,13 @@ fn quads_are_written_at_one_rate_and_blended_at_another() {
     assert_eq!((got.ack, got.items, got.fragments), (9 + 6 + 1, 32, 128));
     assert_eq!((got.counts.cleared_fills, got.counts.fills), (8, 0));
     assert_eq!(got.colors[..9], [[0x3333_3333; 8].as_slice(), &[0]].concat());
-    // Blending takes 2 cycles a group: the last begins in 7 + 14, and the mark, which is there by then, goes with it.
+    // Blending takes 2 cycles per group: the last begins in 7 + 14, and the mark, which is there by then, goes with it.
     let got = written(&Scene { blend: true, groups: groups.clone(), ..Scene::default() });
     assert_eq!((got.ack, got.items, got.colors[7]), (7 + 2 * 7 + 1, 32, !0));
     let full = ColorConfig { blends_per_cycle: 4, ..config() };
     let got = written(&Scene { config: full, blend: true, groups: groups.clone(), ..Scene::default() });
     assert_eq!(got.ack, 9 + 6 + 1);
-    // A quad a cycle: 4 cycles a group.
+    // A quad per cycle: 4 cycles per group.
     let slow = ColorConfig { quads_per_cycle: 1, blends_per_cycle: 1, ..config() };
     let got = written(&Scene { config: slow, groups, ..Scene::default() });
     assert_eq!(got.ack, 7 + 4 * 7 + 1);
@@ -254,7 +254,7 @@ fn groups_are_taken_in_order_wherever_they_come_from() {
 
 #[test]
 fn the_end_of_a_pass_writes_back_what_is_dirty() {
-    // The mark is taken in cycle 9 and looked at in 15. From then on a block a cycle is put down for writing, and sent from the next
+    // The mark is taken in cycle 9 and looked at in 15. From then on a block per cycle is put down for writing, and sent from the next
     // cycle on as the port takes 264 bytes each; the end is reported, to the depth unit as well, when the last is sent.
     let groups: Vec<_> = (0..8).map(|block| quads(block, 4)).collect();
     let scene = Scene { groups, mark: Kind::PASS, ..Scene::default() };
@@ -306,7 +306,7 @@ fn wide_pixels_take_as_long_as_the_card_says() {
         written(&Scene { config: config.clone(), formats: format, samples, blend, groups: groups.clone(), ..Scene::default() })
             .ack
     };
-    // Four quads a cycle: a group a cycle, or as many cycles as its pixels take times as long. The first begins in 7; the mark is there
+    // Four quads per cycle: a group per cycle, or as many cycles as its pixels take times as long. The first begins in 7; the mark is there
     // by the time of the last.
     let after = |times: Cycle| if times == 1 { 9 + 6 + 1 } else { 7 + 7 * times + 1 };
     let full = ColorConfig { blends_per_cycle: 4, ..config() };
@@ -324,7 +324,7 @@ fn wide_pixels_take_as_long_as_the_card_says() {
         assert_eq!(ack(&full, format, 1, false), after(write), "{format:?} written");
         assert_eq!(ack(&full, format, 1, true), after(blend), "{format:?} blended");
     }
-    // Two pixels a cycle: a quad in two.
+    // Two pixels per cycle: a quad in two.
     let half = ColorConfig { interval: 2, ..full.clone() };
     assert_eq!(ack(&half, &[Rgba8Unorm], 1, false), after(2));
     // Four samples cost nothing, or twice as much.

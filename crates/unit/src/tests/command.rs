@@ -161,7 +161,7 @@ fn circuit(config: &CommandConfig, of: Features, events: &[Event]) -> (CommandCi
     let mut card = card(1);
     card.events.extend(events.iter().cloned());
     card.closed = true;
-    // The pipelines together clear 4 blocks a cycle by flag.
+    // The pipelines together clear 4 blocks per cycle by flag.
     let shows = ScanoutConfig { enabled: of.scanout, ..ScanoutConfig::default() };
     let command = Command::new(config.clone(), (of.pipelines as u32, config.segments), (of.fast_clear, 4), &shows, ports);
     let held = VecDeque::new();
@@ -328,7 +328,7 @@ fn a_change_of_state_takes_cycles_and_waits_for_a_free_state() {
 #[test]
 fn clears_set_flags_or_write_memory() {
     let clear = Load::Clear([0; 4]);
-    // Sixteen flags at four a cycle: 4 cycles more before the draw.
+    // Sixteen flags at four per cycle: 4 cycles more before the draw.
     let got = commanded(&config(), PLAIN, &frame(clear, false, 1));
     assert_eq!((got.pieces[0].0, got.memory.write_bytes), (12 + 4, 0));
     // Sixteen blocks of 256 bytes: begun in cycle 8, the first sent in 9; when the last is sent, a cycle to see that, and the draw.
@@ -435,7 +435,7 @@ fn beside(overlap: bool, async_compute: bool) -> CommandConfig {
 
 #[test]
 fn passes_overlap_unless_one_writes_what_the_other_touches() {
-    // Clears of 16 blocks by flag take 4 cycles, at 4 a cycle: each pass is decoded by 12.
+    // Clears of 16 blocks by flag take 4 cycles, at 4 per cycle: each pass is decoded by 12.
     let times = |overlap: bool, passes: &[Vec<Event>]| {
         let got = commanded(&beside(overlap, false), PLAIN, &[passes.concat(), vec![end()]].concat());
         let data = got.pieces.iter().filter(|(_, kind)| *kind == Kind::DATA).map(|&(at, _)| at).collect::<Vec<_>>();
@@ -609,7 +609,7 @@ fn what_no_store_holds_stops_the_run_and_is_called_our_fault() {
 fn passes_without_draws_only_clear() {
     let clear = Load::Clear([0; 4]);
     let empty = |load, resolve| vec![begin(load, resolve), Event::EndPass(None), end()];
-    // Read in cycle 0 and decoded by 8; sixteen flags at four a cycle; a cycle to find nothing more to be cleared, and the frame's end.
+    // Read in cycle 0 and decoded by 8; sixteen flags at four per cycle; a cycle to find nothing more to be cleared, and the frame's end.
     let got = commanded(&config(), PLAIN, &empty(clear, false));
     assert_eq!((got.pieces.len(), got.over), (0, 8 + 4 + 1 + 1));
     assert_eq!(commanded(&config(), PLAIN, &empty(Load::Load, false)).over, 8 + 1 + 1);

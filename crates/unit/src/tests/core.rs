@@ -204,7 +204,7 @@ fn one_warp_is_bound_by_latency_and_many_by_issue() {
     assert_eq!(shade(&config(), 1, [0, 10, 0, 0, 0], 16), 9 * 6);
     assert_eq!(shade(&config(), 1, [0, 0, 10, 0, 0], 16), 9 * 20);
     assert_eq!(shade(&config(), 1, [0, 0, 0, 10, 0], 16), 9 * 8);
-    // Six warps hide six cycles of latency, eight more than that: one instruction a cycle.
+    // Six warps hide six cycles of latency, eight more than that: one instruction per cycle.
     assert_eq!(shade(&config(), 6, [10, 0, 0, 0, 0], 16), 6 * 10 - 1);
     assert_eq!(shade(&config(), 8, [10, 0, 0, 0, 0], 16), 8 * 10 - 1);
     // Five do not: the last begins 4 cycles after the first, and waits like it.
@@ -220,7 +220,7 @@ fn lanes_bound_each_class() {
     assert_eq!(shade(&config(), 8, [0, 0, 10, 0, 0], 16), 4 * (8 * 10 - 1));
     assert_eq!(shade(&CoreConfig { integer_lanes: 8, ..config() }, 8, [0, 10, 0, 0, 0], 16), 4 * (8 * 10 - 1));
     assert_eq!(shade(&CoreConfig { control_lanes: 16, ..config() }, 8, [0, 0, 0, 10, 0], 16), 2 * (8 * 10 - 1));
-    // Two instructions a cycle need lanes for two.
+    // Two instructions per cycle need lanes for two.
     let two = CoreConfig { issue: 2, warps: 16, ..config() };
     assert_eq!(shade(&two, 16, [10, 0, 0, 0, 0], 16), 160 - 1);
     assert_eq!(shade(&CoreConfig { float_lanes: 64, ..two }, 16, [10, 0, 0, 0, 0], 16), 160 / 2 - 1);
@@ -254,7 +254,7 @@ fn registers_come_in_granules_and_files() {
 
 #[test]
 fn independent_instructions_overlap() {
-    // A warp of k chains issues k instructions in the time of one, at most one a cycle.
+    // A warp of k chains issues k instructions in the time of one, at most one per cycle.
     let chains = |k: u32, count: u32, warps: usize, config: &CoreConfig| {
         let step = Step { chain: [count / k, 0, 0, 0, 0], ..to_the_end([count, 0, 0, 0, 0])[0] };
         let work = vec![Work::fragments(&[step]); warps];

@@ -44,7 +44,7 @@ fn dealt(config: &AssemblyConfig, most: Option<u32>, segment: &Segment) -> (Vec<
             let (output, input) = wiring.channel("in", 0, FREE, a, b);
             let (mut outputs, mut sinks) = (Vec::new(), Vec::new());
             for (index, id) in wiring.bank("sink", 3).into_iter().enumerate() {
-                // As in machines: one run a cycle to each.
+                // As in machines: one run per cycle to each.
                 let (out, input) = wiring.channel("out", index, Link::items(64, 1, 1), b, id);
                 outputs.push(out);
                 sinks.push(Sink::new(input));

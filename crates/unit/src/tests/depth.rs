@@ -250,7 +250,7 @@ fn early_tests_wait_for_late_ones_before_them() {
 
 #[test]
 fn the_end_of_a_pass_writes_back_what_is_dirty() {
-    // From cycle 101 on a block a cycle is put down for writing; the first is sent in 102, the others as the port takes 264 bytes
+    // From cycle 101 on a block per cycle is put down for writing; the first is sent in 102, the others as the port takes 264 bytes
     // each. When the last is sent, the end is reported: a cycle on the way.
     let groups: Vec<_> = (0..8).map(|block| (block, 4)).collect();
     let scene = Scene { groups, end: Some(100), ..Scene::default() };

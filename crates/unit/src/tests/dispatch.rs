@@ -120,7 +120,7 @@ fn dispatched(config: &DispatchConfig, cores: &[Cycle], groups: &[(Cycle, u16, u
 
 #[test]
 fn warps_fill_at_the_rate_and_start_when_they_are_full() {
-    // Eight quads a warp. The first are packed in cycle 1; the warp starts in the cycle of its last, a cycle on the way.
+    // Eight quads per warp. The first are packed in cycle 1; the warp starts in the cycle of its last, a cycle on the way.
     let groups = [(0, 0, 4); 6];
     for (rate, times) in [(1, [9, 17, 25]), (2, [5, 9, 13]), (4, [3, 5, 7]), (8, [2, 3, 4])] {
         let config = DispatchConfig { quads_per_cycle: rate, ..config() };

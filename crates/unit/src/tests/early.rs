@@ -150,13 +150,13 @@ fn a_copy_knows_what_the_pipeline_has_drawn() {
 #[test]
 fn an_owner_answers_after_two_ways_and_a_test() {
     // Asked in cycle 1, tested there when it has come and 6 cycles have gone by; the answer is as long on its way, and the group then a
-    // cycle on its own. Four quads a cycle are tested here and there.
+    // cycle on its own. Four quads per cycle are tested here and there.
     for latency in [1, 5, 40] {
         let remote = |groups, compare| tested(&Scene { latency: Some(latency), groups, compare, ..Scene::default() });
         let (times, mark, counts) = remote(vec![0, 0, 1], Compare::Less);
         let first = 1 + 2 * Cycle::from(latency) + 6 + 1;
         assert_eq!((times, mark), (vec![first, first + 1, first + 2], first + 3), "{latency}");
-        // The owner has drawn none of them yet. 8 bytes a question, 16 a quad in the answer.
+        // The owner has drawn none of them yet. 8 bytes per question, 16 per quad in the answer.
         assert_eq!((counts.asked, counts.culled, counts.question_bytes, counts.answer_bytes), (12, 0, 24, 192));
         // Depth 0.25 is not greater than the owner's 0.5.
         let (times, _, counts) = remote(vec![0, 1], Compare::Greater);
@@ -169,6 +169,6 @@ fn no_more_wait_than_there_are_places() {
     // One group at a time: the next is taken in hand in the cycle in which the first goes on.
     let scene = Scene { latency: Some(5), queue: 1, groups: vec![0, 1], ..Scene::default() };
     assert_eq!(tested(&scene).0, [18, 18 + 16]);
-    // Two a cycle where there is room: 17 apart from the first question to the second answer.
+    // Two per cycle where there is room: 17 apart from the first question to the second answer.
     assert_eq!(tested(&Scene { queue: 2, ..scene }).0, [18, 19]);
 }

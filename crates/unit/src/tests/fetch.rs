@@ -231,7 +231,7 @@ fn batches_fill_as_fast_as_indices_are_read() {
 
 #[test]
 fn a_vertex_is_shaded_once_while_it_is_among_the_last_few() {
-    // A strip as a list: 12 indices, 6 vertices. Read two a cycle: the fourth vertex comes in cycle 3, the sixth in cycle 6.
+    // A strip as a list: 12 indices, 6 vertices. Read two per cycle: the fourth vertex comes in cycle 3, the sixth in cycle 6.
     let strip = vec![0, 1, 2, 1, 2, 3, 2, 3, 4, 3, 4, 5];
     let got = fetched(&config(), 1, &[], &[reading(strip.clone(), 0)], &[]);
     assert_eq!((got.shaded, got.warps), (6, vec![vec![5, 8]]));
@@ -303,14 +303,14 @@ const ATTRIBUTE: AttributeFetch = AttributeFetch { address: 1 << 22, stride: 32,
 
 #[test]
 fn attributes_come_from_memory_through_a_cache() {
-    // Two vertices share a line. One line is looked up a cycle: those of batch 0 in cycles 1 and 2, of batch 1 in 3 and 4. A batch
+    // Two vertices share a line. One line is looked up per cycle: those of batch 0 in cycles 1 and 2, of batch 1 in 3 and 4. A batch
     // starts when its last line is here.
     let fast = FetchConfig { indices_per_cycle: 4, ..config() };
     let got = fetched(&fast, 1, &[ATTRIBUTE], &[fresh(8)], &[]);
     assert_eq!((got.warps, got.requests, got.cache.misses), (vec![vec![2 + MISS + 1, 4 + MISS + 1]], 4, 4));
     // Each is announced to assembly as soon as it is full.
     assert_eq!(got.batches[..2], [(4, (0, 4, 4)), (6, (1, 8, 4))]);
-    // Two lookups a cycle: all four lines are asked for in cycles 1 and 2, and the port brings one a cycle.
+    // Two lookups per cycle: all four lines are asked for in cycles 1 and 2, and the port brings one per cycle.
     let two = FetchConfig { lookups_per_cycle: 2, ..fast.clone() };
     assert_eq!(fetched(&two, 1, &[ATTRIBUTE], &[fresh(8)], &[]).warps, [[1 + MISS + 1 + 1, 1 + MISS + 3 + 1]]);
     // One miss at a time: each line is asked for when the one before is here.
@@ -331,7 +331,7 @@ fn attributes_come_from_memory_through_a_cache() {
 
 #[test]
 fn a_line_that_was_evicted_is_fetched_again() {
-    // A line a vertex; vertices 0, 1, 2 and 0 again.
+    // A line per vertex; vertices 0, 1, 2 and 0 again.
     let attribute = AttributeFetch { stride: 64, ..ATTRIBUTE };
     let misses = |lines| {
         let config = FetchConfig { reuse: 0, cache_lines: lines, cache_ways: lines, ..config() };
@@ -354,7 +354,7 @@ fn a_vertex_is_shaded_once_while_an_index_of_it_is_on_its_way_to_assembly() {
     let until = FetchConfig { reuse_until: Reuse::Assembled, ..config() };
     let shaded =
         |passed: &[(Cycle, u32)]| fetched_as_passed(&until, 1, &[], &[reading(vec![0, 1, 2, 3, 0, 1, 4, 5], 0)], &[], passed);
-    // Read two a cycle. Without a word from assembly all are on their way: six vertices, of which the fourth comes in cycle 2 and the sixth
+    // Read two per cycle. Without a word from assembly all are on their way: six vertices, of which the fourth comes in cycle 2 and the sixth
     // in cycle 4.
     let got = shaded(&[]);
     assert_eq!((got.shaded, got.warps), (6, vec![vec![4, 6]]));
@@ -383,7 +383,7 @@ fn indices_on_their_way_are_bounded() {
     let got = fetched_as_passed(&four, 1, &[], &[fresh(6)], &[98], &[(99, 1), (120, 5)]);
     assert_eq!((got.shaded, got.warps), (6, vec![vec![4, 102, 123]]));
     // Attributes are looked up behind: with places for two vertices before it, the third index is read when the first vertex's line is
-    // asked for, one a cycle.
+    // asked for, one per cycle.
     let two = FetchConfig { reuse_until: Reuse::Assembled, ahead: 2, indices_per_cycle: 4, ..config() };
     let attribute = AttributeFetch { stride: 64, ..ATTRIBUTE };
     let got = fetched_as_passed(&two, 1, &[attribute], &[fresh(4)], &[], &[]);

@@ -51,12 +51,12 @@ fn interpolated(quads: u8, words: u32, interval: u32) -> Vec<Cycle> {
 
 #[test]
 fn a_quad_takes_a_turn_for_every_so_many_words() {
-    // Groups of 4 quads at 2 quads a cycle: 2 cycles a group with 4 words or fewer, 4 with 5, 6 with 9 to 12.
+    // Groups of 4 quads at 2 quads per cycle: 2 cycles per group with 4 words or fewer, 4 with 5, 6 with 9 to 12.
     for (words, cycles) in [(0, 2), (4, 2), (5, 4), (12, 6)] {
         assert_eq!(interpolated(4, words, 1), (0..6).map(|n| 2 + n * cycles).collect::<Vec<_>>(), "{words} words");
     }
     // Groups of 3: a turn is left over every other time, and the next group begins in it.
     assert_eq!(interpolated(3, 4, 1), [2, 3, 5, 6, 8, 9]);
-    // Two quads in three cycles: six cycles a group.
+    // Two quads in three cycles: six cycles per group.
     assert_eq!(interpolated(4, 4, 3), (0..6).map(|n| 2 + 6 * n).collect::<Vec<_>>());
 }

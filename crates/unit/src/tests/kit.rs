@@ -153,7 +153,7 @@ impl<T: Token, U: Token> Unit<Card> for Echo<T, U> {
 /// A channel that is never in the way.
 pub const FREE: Link = Link::items(4096, 4096, 1);
 
-/// Bytes a cycle of each memory port here.
+/// Bytes per cycle of each memory port here.
 pub const PORT: u32 = 64;
 
 /// Cycles on a port, each way.

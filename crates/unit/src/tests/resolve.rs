@@ -84,7 +84,7 @@ const RAW: BlockState = BlockState::Stored(1024);
 
 #[test]
 fn blocks_are_resolved_as_their_samples_come() {
-    // Four requests of 256 bytes a block, the first sent in cycle 2; the port brings one in 4 cycles. With the last one the block is
+    // Four requests of 256 bytes per block, the first sent in cycle 2; the port brings one in 4 cycles. With the last one the block is
     // resolved; it is written in the next cycle, in which the end is reported, a cycle on the way.
     let many = config(4, 64);
     for count in [1, 2, 5] {
@@ -161,7 +161,7 @@ sim::circuit! {
 
 #[test]
 fn scan_out_reads_the_surface_as_fast_as_the_port_brings_it() {
-    // Sixteen requests of 256 bytes from cycle 1 on; the port takes eight a cycle and brings one in 4. A cycle on the way.
+    // Sixteen requests of 256 bytes from cycle 1 on; the port takes eight per cycle and brings one in 4. A cycle on the way.
     for (misses, last) in [(32, 1 + round_trip(256) + 4 * 15), (1, 1 + 16 * round_trip(256))] {
         let (at, read) = settle(
             || {

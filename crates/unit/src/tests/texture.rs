@@ -151,19 +151,19 @@ fn a_hit_takes_the_latency_and_a_miss_the_memory() {
 
 #[test]
 fn lines_are_looked_up_at_their_rate() {
-    // Eight quads of four lines each, two of them lines of the quad before. One lookup a cycle: the last of 32 in cycle 32, by which
+    // Eight quads of four lines each, two of them lines of the quad before. One lookup per cycle: the last of 32 in cycle 32, by which
     // time its line, which is new, is asked for.
     let quads: Vec<Vec<u32>> = (0..8).map(|quad| (0..4).map(|line| 2 * quad + line).collect()).collect();
     let warp = [(quads, 4)];
     for (lookups, last) in [(1, 32), (4, 8), (8, 4), (32, 1)] {
         let config = TextureConfig { lookups_per_cycle: lookups, ..config() };
         let got = textured(&config, RequestKind::Texture, &warp);
-        // Eighteen lines are asked for; eight requests a cycle are what the port takes, and a line a cycle what it brings back.
+        // Eighteen lines are asked for; eight requests per cycle are what the port takes, and a line per cycle what it brings back.
         let sent = last.max(18_u64.div_ceil(8));
         let brought = (1 + 2 + 50 + 17 + 2).max(sent + MISS);
         assert_eq!((got.times, got.cache.accesses, got.cache.misses), (vec![brought + 1], 32, 18), "{lookups} lookups");
     }
-    // Two quads a cycle: the last in cycle 4, with lines that are there.
+    // Two quads per cycle: the last in cycle 4, with lines that are there.
     let two = TextureConfig { quads_per_cycle: 2, filters_per_cycle: 64, ..config() };
     let same = (vec![vec![3]; 8], 4);
     let got = textured_from(&two, RequestKind::Texture, &[(0, same.clone()), (200, same)]);
@@ -172,7 +172,7 @@ fn lines_are_looked_up_at_their_rate() {
 
 #[test]
 fn filters_work_at_their_rate_by_mode() {
-    // Warps of eight quads with all lines there: 4 operations a quad are bilinear, 8 trilinear, 64 sixteen-fold anisotropic. At 8 a
+    // Warps of eight quads with all lines there: 4 operations per quad are bilinear, 8 trilinear, 64 sixteen-fold anisotropic. At 8 a
     // cycle entry k is begun (k operations) / 8 cycles after the first.
     let warp = |operations| (vec![vec![3]; 8], operations);
     for operations in [4_u8, 8, 64, 12] {
@@ -186,7 +186,7 @@ fn filters_work_at_their_rate_by_mode() {
 
 #[test]
 fn the_fifo_covers_the_latency_as_far_as_it_goes() {
-    // A quad a cycle, each with a line of its own. With places for all that are asked for during a miss, nothing is lost; with fewer
+    // A quad per cycle, each with a line of its own. With places for all that are asked for during a miss, nothing is lost; with fewer
     // places D, a quad can be addressed when the one D before it leaves: D quads in the time of a miss.
     let warps: Vec<_> = (0..160).map(|line| (vec![vec![line]], 1)).collect();
     for places in [1, 8, 40, 54, 55, 128] {
@@ -227,7 +227,7 @@ fn accesses_of_a_warp_are_looked_up_once_a_piece() {
         assert_eq!((got.cache.misses, got.cache.hits, got.counts.pieces), (lines, lines, 2 * pieces), "stride {stride}");
         assert_eq!((got.read, got.counts.accesses), (64 * lines, 16), "stride {stride}");
     }
-    // Two pieces a cycle, and smaller ones.
+    // Two pieces per cycle, and smaller ones.
     let last =
         |config: &TextureConfig| textured_from(config, RequestKind::Load, &[(0, warp(8)), (200, warp(8))]).times[1] - 222;
     assert_eq!(last(&TextureConfig { accesses_per_cycle: 2, ..config() }), 3);
@@ -317,7 +317,7 @@ fn wide_texels_take_as_long_as_the_card_says() {
         (Full, true, 2),
     ] {
         // Eight quads of four operations, the second time from the cache: addressed in 201, and 20 later the first is filtered. Eight
-        // operations a cycle: the last begins when 28 of their times are done. A cycle on the way.
+        // operations per cycle: the last begins when 28 of their times are done. A cycle on the way.
         let warp = (vec![vec![3]; 8], 4);
         let got = textured_as(&config, RequestKind::Texture, (texel, loads), 3, &[(0, warp.clone()), (200, warp)]);
         assert_eq!(got.times[1], 201 + 20 + 28 * times / 8 + 1, "{texel:?}, loaded: {loads}");

@@ -215,7 +215,7 @@ fn triangles_together_are_traversed_block_by_block() {
 
 #[test]
 fn a_triangle_takes_the_longest_of_blocks_tests_and_quads() {
-    // 8 blocks of 3 quads at a block a cycle; 8 blocks of 16 quads at 4 quads a cycle.
+    // 8 blocks of 3 quads at a block per cycle; 8 blocks of 16 quads at 4 quads per cycle.
     for (quads, each) in [(3, 8), (16, 32)] {
         let segment = triangles(2, 8, quads, 0);
         assert_eq!(cycles(&config(), &segment), 2 * each, "{quads} quads a block");
@@ -233,7 +233,7 @@ fn a_triangle_takes_the_longest_of_blocks_tests_and_quads() {
 
 #[test]
 fn quads_without_colours_have_a_rate_of_their_own() {
-    // Sixteen blocks of 16 quads: 64 cycles at four a cycle, 32 at eight. At two a cycle they are slower than those with colours.
+    // Sixteen blocks of 16 quads: 64 cycles at four per cycle, 32 at eight. At two per cycle they are slower than those with colours.
     let segment = triangles(2, 8, 16, 0);
     for (rate, without, with) in [(4, 64, 64), (8, 32, 64), (2, 127, 64)] {
         let config = TraverseConfig { depth_quads_per_cycle: rate, ..config() };
@@ -248,13 +248,13 @@ fn quads_without_colours_have_a_rate_of_their_own() {
 
 #[test]
 fn empty_blocks_take_tests_and_the_testers_run_ahead() {
-    // One covered block and seven empty ones, 4 tests a cycle: 2 cycles a triangle.
+    // One covered block and seven empty ones, 4 tests per cycle: 2 cycles per triangle.
     assert_eq!(cycles(&config(), &triangles(1, 1, 4, 7)), 2);
     assert_eq!(cycles(&config(), &triangles(5, 1, 4, 7)), 5 * 2);
-    // One and eight would be 9 tests: 2 1/4 cycles. Here with one test a cycle, which is no more than a covered block takes.
+    // One and eight would be 9 tests: 2 1/4 cycles. Here with one test per cycle, which is no more than a covered block takes.
     let slow = TraverseConfig { tests_per_cycle: 1, ..config() };
     assert_eq!(cycles(&slow, &triangles(3, 3, 4, 5)), 3 * 8);
-    // Two tests a cycle: 8 tests are 4 cycles, more than the 3 covered blocks take.
+    // Two tests per cycle: 8 tests are 4 cycles, more than the 3 covered blocks take.
     let two = TraverseConfig { tests_per_cycle: 2, ..config() };
     assert_eq!(cycles(&two, &triangles(3, 3, 4, 5)), 3 * 4);
     // Six covered blocks take longer than the tests: the two empty ones cost nothing. Eight rows of eight empty ones do: 72 tests.
@@ -316,7 +316,7 @@ fn hidden_blocks_take_a_test_and_no_quads() {
     for triangle in &mut segment.triangles {
         triangle.depth = DepthPlane::constant(0.75);
     }
-    // All hidden: a block a cycle instead of one in four.
+    // All hidden: a block per cycle instead of one in four.
     let (log, funnel, _) = traversed(&config(), &segment, &[], hidden(&segment, Some(0.5)));
     assert_eq!(log, [(16 + 1, Kind::SEGMENT)]);
     assert_eq!((funnel.tiles_visited, funnel.tiles_hiz_culled, funnel.quads_early_culled), (16, 16, 256));
@@ -431,7 +431,7 @@ fn blocks_are_accepted_by_what_they_can_hold_once_all_before_is_tested() {
 
 #[test]
 fn a_triangle_without_samples_takes_all_blocks_of_its_bounds() {
-    // Three of them, 4 tests a cycle; bounds of one, 8, 9 and 600 blocks, of which a pipeline alone owns all.
+    // Three of them, 4 tests per cycle; bounds of one, 8, 9 and 600 blocks, of which a pipeline alone owns all.
     for (x1, y1, all) in [(1, 1, 1), (8, 1, 6), (9, 1, 7), (30, 20, 450)] {
         let mut segment = triangles(3, 1, 4, 0);
         for triangle in &mut segment.triangles {

@@ -36,7 +36,7 @@ fn each_walk_tests_what_its_closed_form_says() {
 
 #[test]
 fn a_block_goes_on_when_its_own_tests_are_made() {
-    // Two blocks of 8 x 8 pixels, of which 16 are covered, at 4 tests a cycle: 16 cycles each by the box, 4 by rows; the first group is
+    // Two blocks of 8 x 8 pixels, of which 16 are covered, at 4 tests per cycle: 16 cycles each by the box, 4 by rows; the first group is
     // sent in the last of them, which is cycle 16 or 4, and comes in the next.
     let two = triangles(1, 2, 4, 0);
     let times = |walk| -> Vec<_> { traversed(&by(walk, 4), &two, &[], |_| ()).0.iter().map(|&(at, _)| at).collect() };
@@ -47,11 +47,11 @@ fn a_block_goes_on_when_its_own_tests_are_made() {
 
 #[test]
 fn tests_that_a_triangle_leaves_are_the_next_ones_and_quads_hide_tests() {
-    // 24 tests each, 16 a cycle.
+    // 24 tests each, 16 per cycle.
     assert_eq!(cycles(&by(Walk::Rows, 16), &triangles(3, 1, 4, 7)), 5);
-    // 8 blocks of 16 quads, 4 a cycle, take 32 cycles; the 512 pixels of their box two.
+    // 8 blocks of 16 quads, 4 per cycle, take 32 cycles; the 512 pixels of their box two.
     assert_eq!(cycles(&by(Walk::Box, 256), &triangles(1, 8, 16, 0)), 32);
-    // At 8 tests a cycle they take 64; the last block's four groups are sent in the last of these and the three cycles behind it.
+    // At 8 tests per cycle they take 64; the last block's four groups are sent in the last of these and the three cycles behind it.
     assert_eq!(cycles(&by(Walk::Box, 8), &triangles(1, 8, 16, 0)), 64 + 3);
 }
 
@@ -82,7 +82,7 @@ fn of_several_pipelines_each_walks_the_box_in_its_own_tiles() {
 
 #[test]
 fn samples_of_a_pixel_are_one_pixel() {
-    // Where shaders run once a sample a quad comes four times.
+    // Where shaders run once per sample a quad comes four times.
     let mut segment = triangles(1, 1, 8, 0);
     for (n, quad) in segment.tiles[0].quads.iter_mut().enumerate() {
         (quad.position, quad.coverage) = (n as u8 / 4, 0b1011 << (4 * (n % 4)));

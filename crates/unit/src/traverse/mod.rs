@@ -1,4 +1,4 @@
-//! Tiled traversal with hierarchical Z, one unit a rasteriser: finds the blocks of a triangle in its own tiles, throws away those
+//! Tiled traversal with hierarchical Z, one unit per rasteriser: finds the blocks of a triangle in its own tiles, throws away those
 //! that hierarchical Z proves hidden, and sends the quads of the others on in groups.
 
 mod hierarchical;
@@ -48,9 +48,9 @@ knob::choices! {
 knob::knobs! {
     /// Traversal of triangles in blocks of 8x8 pixels.
     pub struct TraverseConfig {
-        /// Blocks with coverage a cycle.
-        blocks_per_cycle: u32 ["blocks/cycle", Allowed::Range(1, 8), "assumed; ATTILA bGPU.ini GenWidth x GenHeight = 8 x 8 a cycle"],
-        /// Blocks of bounding boxes tested a cycle, those without coverage included; a triangle takes at least one test. Blocks
+        /// Blocks with coverage per cycle.
+        blocks_per_cycle: u32 ["blocks/cycle", Allowed::Range(1, 8), "assumed; ATTILA bGPU.ini GenWidth x GenHeight = 8 x 8 per cycle"],
+        /// Blocks of bounding boxes tested per cycle, those without coverage included; a triangle takes at least one test. Blocks
         /// of a 64x64 tile that the triangle does not touch are thrown away with the tile.
         tests_per_cycle: u32 ["blocks/cycle", Allowed::Range(1, 64), "assumed; ATTILA bGPU.ini ScanWidth x ScanHeight = 16 x 16 pixels of scan tile"],
         /// The largest number of waiting triangles that are traversed together: block by block, and in each block triangle by triangle. More
@@ -61,11 +61,11 @@ knob::knobs! {
         gather: bool ["", Allowed::Switch, "triangles are traversed as they come; ATTILA waits until it has RasterizationBatchSize (TriangleTraversal)"],
         /// What of a triangle is tested for coverage. Walks other than by blocks test single pixels.
         walk: Walk ["", Allowed::Choice(Walk::NAMES), "assumed; ATTILA scans tiles"],
-        /// Rows and pixels tested a cycle by walks other than by blocks; a triangle takes at least one test.
+        /// Rows and pixels tested per cycle by walks other than by blocks; a triangle takes at least one test.
         pixel_tests_per_cycle: u32 ["tests/cycle", Allowed::Range(1, 4096), "assumed: as many pixels as four blocks have, 16 x 16: what the walk by blocks tests"],
-        /// Quads sent on a cycle.
+        /// Quads sent on per cycle.
         quads_per_cycle: u32 ["quads/cycle", Allowed::Range(1, 16), "assumed; ATTILA bGPU.ini StampsPerCycle = 4"],
-        /// Quads of draws without a fragment stage sent on a cycle.
+        /// Quads of draws without a fragment stage sent on per cycle.
         depth_quads_per_cycle: u32 ["quads/cycle", Allowed::Range(1, 16), "assumed: twice the rate with colours; GF100 and Cypress reach 80 to 90 % of theirs (Beyond3D 2010)"],
         /// Cycles that sending `quads_per_cycle` quads takes, for rates below one quad per cycle.
         interval: u32 ["cycles", Allowed::Range(1, 64), "pipelined; 2 where a core shades two fragments per cycle (Mali-G57, Arm GPU Datasheet v7)"],

@@ -25,7 +25,7 @@ knob::choices! {
 /// taken in hand, also while quads wait; a block goes on when its own tests are made.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Pace {
-    /// Tests a cycle.
+    /// Tests per cycle.
     rate: u64,
     /// Tests of the triangle, those made so far, and those that must be made before the current block goes on.
     total: u64,

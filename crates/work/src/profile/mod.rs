@@ -141,7 +141,7 @@ pub struct AttachmentProfile {
     pub line: u32,
     /// Bytes of a block of 8 x 8 pixels, all samples.
     pub block_bytes: u64,
-    /// It has several samples a pixel.
+    /// It has several samples per pixel.
     pub multisampled: bool,
     /// How wide its texels are, and samples of a pixel.
     pub texel: TexelClass,

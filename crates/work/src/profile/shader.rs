@@ -2,7 +2,7 @@
 
 use super::super::{Class, Cost, Groups, InFlight, LINE, Packet, QUAD_SHADED, Request, RequestKind, Step, TileWork};
 
-/// What shader invocations cost, summed up: an entry a vertex, a quad, or four invocations of a workgroup.
+/// What shader invocations cost, summed up: an entry per vertex, a quad, or four invocations of a workgroup.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct ShaderProfile {
     /// Vertices, quads or packets.
@@ -180,7 +180,7 @@ impl ShaderProfile {
     }
 }
 
-/// Pieces that the accesses of packets with one cost ask for, or their loads from uniform buffers, each once an access.
+/// Pieces that the accesses of packets with one cost ask for, or their loads from uniform buffers, each once per access.
 fn pieces(groups: &Groups, together: &[Packet], cost: &Cost, constants: bool) -> u64 {
     let (mut sum, mut found) = (0, Vec::new());
     let counts = |step: &Step| step.then != RequestKind::Texture && (step.then == RequestKind::Constant) == constants;

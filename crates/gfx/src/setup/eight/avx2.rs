@@ -77,7 +77,7 @@ fn doubled_area([x0, x1, x2]: [__m256i; 3], [y0, y1, y2]: [__m256i; 3]) -> __m25
 
 impl Eight {
     /// Sets up triangles that [`super::is_small`] allows and finds what they cover in `area`, which begins at multiples of
-    /// 8. There is no depth bias, and one sample a pixel.
+    /// 8. There is no depth bias, and one sample per pixel.
     ///
     /// # Safety
     /// As for any function compiled for AVX2: the host has it.
@@ -164,7 +164,7 @@ impl Eight {
         // Where the quads lie in the tile; first the quad column and row of the corner.
         let half = |v: __m256i| _mm256_srli_epi32::<1>(_mm256_and_si256(v, set(63)));
         let (column, row) = (half(window[0]), half(window[1]));
-        // Quads are four a row of a block, blocks eight a row of the tile.
+        // Quads are four per row of a block, blocks eight per row of the tile.
         let split = |k: __m256i| (_mm256_srli_epi32::<2>(k), _mm256_and_si256(k, set(3)));
         let lanes = _mm256_setr_epi32(0, 1 << 13, 2 << 13, 3 << 13, 4 << 13, 5 << 13, 6 << 13, 7 << 13);
         for r in 0..2 {

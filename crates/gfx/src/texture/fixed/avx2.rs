@@ -11,7 +11,7 @@ use num::{LANES, Lanes, QUADS};
 /// Registers of a batch.
 const CHUNKS: usize = LANES / 8;
 
-/// A texel a lane: red and blue, green and alpha, 16 bits each.
+/// A texel per lane: red and blue, green and alpha, 16 bits each.
 #[derive(Clone, Copy)]
 struct Values {
     rb: __m256i,
@@ -377,7 +377,7 @@ fn inside(words: &[u32], places: __m256i, count: i32) -> bool {
     std::hint::black_box(_mm256_movemask_epi8(inside)) == -1
 }
 
-/// Places to be loaded one by one. What takes lanes out of a vector is what transposes words, of which a core does one or two a cycle.
+/// Places to be loaded one by one. What takes lanes out of a vector is what transposes words, of which a core does one or two per cycle.
 #[inline(always)]
 fn in_memory(places: &[u32; 8]) -> &[u32; 8] {
     std::hint::black_box(places)

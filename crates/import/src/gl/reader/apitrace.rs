@@ -472,7 +472,7 @@ impl Apitrace {
         self.structs.insert(id, members)
     }
 
-    /// An integer of 7 bits a byte, low bits first.
+    /// An integer of 7 bits per byte, low bits first.
     #[inline(always)]
     fn uint(&mut self) -> Result<u64, Stop> {
         let byte = self.bytes.byte()?;

@@ -298,7 +298,7 @@ fn the_funnel_adds_up() {
         assert_eq!(f.primitives_in - thrown, ended(Outcome::Drawn), "{name}");
         assert_eq!(sum.vertices_in, f.vertices_in, "{name}");
         assert_eq!(sum.vertices_shaded, f.vertices_shaded, "{name}");
-        // What is counted is what a machine gets to do: a quad of each sample where the program runs once a sample.
+        // What is counted is what a machine gets to do: a quad of each sample where the program runs once per sample.
         let quads = || recorded.segments.iter().flat_map(|s| &s.tiles).flat_map(|t| &t.quads);
         let pixels = |mask: u16| (mask | mask >> 4 | mask >> 8 | mask >> 12) & 15;
         let fragments = quads().map(|quad| u64::from(pixels(quad.coverage).count_ones())).sum::<u64>();

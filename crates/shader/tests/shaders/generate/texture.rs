@@ -335,7 +335,7 @@ impl Generator<'_, '_> {
                     "textureAtomicMin",
                     "textureAtomicMax",
                 ];
-                // One operation a row: those commute.
+                // One operation per row: those commute.
                 let k = self.r.below(6) as usize;
                 let (x, value) = (self.live(&U32), self.value(&U32));
                 self.line(format!("{}({}, vec2<u32>({x} & 31u, {k}u), {value});", ANY_ORDER[k], t.name));

@@ -160,7 +160,7 @@ pub struct Case {
     pub sinks: Vec<(Taste, Cycle, Cycle)>,
 }
 
-/// Links of 16 bytes a cycle and 3 cycles.
+/// Links of 16 bytes per cycle and 3 cycles.
 pub fn config(topology: Topology) -> NetworkConfig {
     NetworkConfig {
         topology,

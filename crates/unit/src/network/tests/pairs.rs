@@ -138,7 +138,7 @@ fn a_receiver_that_is_not_served_does_not_hold_up_the_others() {
 
 #[test]
 fn credits_that_wait_for_their_link_are_added_up() {
-    // Sixteen receivers give one sender places back in every cycle, over a link that tells of one receiver a cycle.
+    // Sixteen receivers give one sender places back in every cycle, over a link that tells of one receiver per cycle.
     let orders = vec![vec![Order { at: 0, to: None, bytes: 1 }; 60]];
     let case = Case::new(NetworkConfig { receive_queue: 3, ..config(Topology::Bus) }, orders, 16);
     let outcome = case.settle();

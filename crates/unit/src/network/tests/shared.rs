@@ -12,7 +12,7 @@ fn one_transfer_reaches_all() {
         let outcome = Case::new(config(Topology::Bus), orders, receivers).settle();
         assert_eq!(outcome.tree.number("channels.sort_link[0].bytes"), Some(20.0 * 32.0), "once for all");
         for receiver in 0..receivers {
-            // Two cycles each on a bus of 16 bytes a cycle; 1 + 3 + 1 cycles and one more on each of three links.
+            // Two cycles each on a bus of 16 bytes per cycle; 1 + 3 + 1 cycles and one more on each of three links.
             let times: Vec<Cycle> = outcome.got[receiver].iter().map(|&(at, _)| at).collect();
             assert_eq!(times, (0..20).map(|n| 8 + 2 * n).collect::<Vec<_>>(), "{receivers} receivers");
             let bytes = outcome.tree.number(&format!("channels.sort_out[{receiver}].bytes"));
@@ -49,7 +49,7 @@ fn tokens_for_all_and_for_one_keep_their_order() {
 
 #[test]
 fn copies_that_weigh_nothing_ride_along() {
-    // To three of four receivers: one copy weighs, and two do not. A transfer a cycle goes on behind them.
+    // To three of four receivers: one copy weighs, and two do not. A transfer per cycle goes on behind them.
     let orders = (0..30).map(|n| Order::new(0, n % 3, if n % 3 == 0 { 16 } else { 0 })).collect();
     let outcome = Case::new(NetworkConfig { queue: 64, ..config(Topology::Bus) }, vec![orders], 4).settle();
     assert_eq!(outcome.tree.number("channels.sort_link[0].bytes"), Some(160.0));

@@ -30,7 +30,7 @@ fn a_crossbar_carries_as_much_as_its_receivers_take() {
         let rounds = 4000 / nodes;
         let case = Case::new(roomy(Topology::Crossbar), all_to_all(nodes, rounds), nodes);
         let outcome = case.run(Clock::SkipIdle);
-        // Each link out carries a parcel a cycle from the first to the last; before lie two links of 3 cycles.
+        // Each link out carries a parcel per cycle from the first to the last; before lie two links of 3 cycles.
         let cycles = (rounds * nodes) as Cycle;
         assert!(outcome.got.iter().all(|got| got.len() as Cycle == cycles));
         assert_eq!(outcome.last(), 6 + cycles - 1, "{nodes} nodes");
@@ -90,7 +90,7 @@ fn a_hot_spot_is_one_link_and_is_shared_evenly() {
             assert_eq!(outcome.last(), 3 + count as Cycle - 1);
             continue;
         }
-        // The last link carries a parcel a cycle from the first on.
+        // The last link carries a parcel per cycle from the first on.
         let got = &outcome.got[2];
         assert_eq!(got[got.len() - 1].0 - got[0].0, total - 1, "{topology:?}");
         let hot = &outcome.traffic;
@@ -123,7 +123,7 @@ fn traffic_that_a_butterfly_cannot_spread_is_hot_inside() {
 
 #[test]
 fn who_came_first_goes_first_if_asked_for() {
-    // From cycle 3 on the router gets a parcel a cycle from each of senders 0 and 1 and sends one on; in cycle 11, with eight sent and
+    // From cycle 3 on the router gets a parcel per cycle from each of senders 0 and 1 and sends one on; in cycle 11, with eight sent and
     // eight waiting, one from sender 2.
     let orders = vec![vec![Order::new(0, 0, BYTES); 20], vec![Order::new(0, 0, BYTES); 20], vec![Order::new(8, 0, BYTES)]];
     let place = |arbitration| {
