@@ -14,7 +14,7 @@ const ENOUGH: f64 = 1.05;
 /// An axis whose worst value is within this of its best does nothing.
 const NOTHING: f64 = 1.005;
 
-/// Ratios that differ by less are told as one.
+/// Ratios that differ by less count as equal.
 const ALIKE: f64 = 1.02;
 
 /// Values of another axis that are listed.
@@ -305,7 +305,7 @@ fn missing(sweep: &Outcome<'_>) -> String {
     text
 }
 
-/// By which machines the findings are told; empty where all machines of the plan were simulated.
+/// The machines from which the findings are derived, in words. Empty if all machines of the plan were simulated.
 pub fn scope(sweep: &Outcome<'_>) -> String {
     if !sweep.estimated.is_empty() {
         return format!("By the estimates of {} machines, most of which were not simulated:", sweep.estimated.len());

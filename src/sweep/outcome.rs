@@ -245,7 +245,7 @@ impl<'s> Outcome<'s> {
         self.machines.iter().filter_map(|machine| Some((machine, machine.error.as_deref()?)))
     }
 
-    /// The geometric mean of the cycles of some of the machines by which axes are told.
+    /// The geometric mean of the cycles of those of the [machines from which effects are derived](Outcome::telling) that `of` accepts.
     pub fn mean(&self, of: impl Fn(&Machine) -> bool) -> Option<(f64, usize)> {
         mean(self.telling().filter(|(machine, _)| of(machine)).map(|(_, cycles)| cycles))
     }

@@ -32,7 +32,7 @@ use unit::texture::Texture;
 use unit::tile_fetch::TileFetch;
 use unit::traverse::Traverse;
 
-/// Which part of a pipeline a bank is.
+/// The part of a pipeline that a bank belongs to.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Stage {
     /// Geometry: in front of the network that sorts, and of no pipeline, or in each pipeline, as the sort class says.
@@ -43,27 +43,27 @@ pub enum Stage {
     Rop,
 }
 
-/// How many units a bank has: one,
+/// A bank of one unit.
 fn one(_: &Config) -> usize {
     1
 }
 
-/// as many as pipelines,
+/// The number of pipelines: the units of a bank with one unit per pipeline.
 fn pipelines(config: &Config) -> usize {
     config.card.pipelines as usize
 }
 
-/// as many as cores of all pipelines,
+/// The number of cores of all pipelines.
 fn cores(config: &Config) -> usize {
     pipelines(config) * config.core.per_pipeline as usize
 }
 
-/// as many, where they have constant caches,
+/// The number of constant caches: one per core, if the machine has them.
 fn constants(config: &Config) -> usize {
     if config.constant.enabled { cores(config) } else { 0 }
 }
 
-/// or as many as cores for vertices alone.
+/// The number of cores for vertices alone.
 fn vertex_cores(config: &Config) -> usize {
     if config.core.unified { 0 } else { config.core.vertex_cores as usize }
 }

@@ -14,7 +14,7 @@ pub fn hash(mut x: u32) -> u32 {
 pub struct Random(u64);
 
 impl Random {
-    /// One that begins as its seed says.
+    /// A generator whose numbers follow from `seed`.
     pub fn new(seed: u64) -> Random {
         let mut random = Random(seed.wrapping_mul(0x9e37_79b9_7f4a_7c15) ^ 0x5851_f42d_4c95_7f2d);
         // The first numbers of neighbouring seeds are alike.

@@ -35,14 +35,14 @@ struct Bound {
     read_only: bool,
 }
 
-/// Who draws a pass.
+/// How far the execution of a pass is, and the threads that draw it.
 #[allow(clippy::large_enum_variant, reason = "there is one, in a box with the rest of its pass")]
 enum Way {
-    /// The renderer's thread.
+    /// The renderer's own thread draws it.
     Here(RenderPass),
-    /// Other threads.
+    /// Other threads draw it.
     Away(Departure),
-    /// Nobody any more.
+    /// No thread draws it any more.
     Over,
 }
 

@@ -75,7 +75,7 @@ pub struct RenderPipeline {
     pub(super) varyings: Vec<Varying>,
     /// Words of a vertex's varyings.
     pub(super) varying_words: usize,
-    /// Words that are interpolated, those that nobody reads included where they are asked for.
+    /// The number of interpolated words. Words that no fragment program reads are included if `needless.varyings` asks for them.
     pub(super) interpolated: usize,
     /// Output slot of the position.
     pub(super) position: usize,

@@ -151,7 +151,7 @@ pub struct Assembly {
 }
 
 impl Assembly {
-    /// An empty one.
+    /// An idle assembly unit.
     pub fn new(config: AssemblyConfig, mode: Mode, ports: AssemblyPorts) -> Assembly {
         Assembly {
             config,

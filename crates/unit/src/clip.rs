@@ -60,7 +60,7 @@ pub struct Clip {
 }
 
 impl Clip {
-    /// An empty one, which `counts` how primitives end.
+    /// An idle clip unit. With `counts` it counts how primitives end.
     pub fn new(config: ClipConfig, counts: bool, input: In<Run>, output: Out<Run>) -> Clip {
         Clip { config, input, output, done: 0, busy_until: 0, counts, items: 0 }
     }

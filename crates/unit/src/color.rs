@@ -155,7 +155,7 @@ stats::counters! {
 }
 
 impl Color {
-    /// An empty one, for one pipeline.
+    /// An idle colour ROP of pipeline `pipeline`, with an empty cache.
     pub fn new(config: ColorConfig, pipeline: u8, ports: ColorPorts, memory: MemoryPort) -> Color {
         let compression = Compression { enabled: config.compression, codec: config.codec, again: config.recompress };
         Color {

@@ -61,7 +61,7 @@ const SLOT_BITS: u32 = 8;
 pub const SLOTS: usize = 1 << SLOT_BITS;
 
 impl Compute {
-    /// An idle one, for cores that hold `warps` warps of `width` invocations.
+    /// An idle compute dispatch unit, for cores that hold `warps` warps of `width` invocations.
     pub fn new(config: ComputeConfig, width: u32, warps: u32, slots: usize, ports: ComputePorts) -> Compute {
         assert!(slots <= SLOTS, "runs of workgroups have at most {SLOTS} slots");
         Compute {

@@ -106,7 +106,7 @@ pub struct Dispatch {
 }
 
 impl Dispatch {
-    /// An empty one, for one pipeline with warps of `width` invocations.
+    /// An idle dispatch unit of pipeline `pipeline`, for warps of `width` invocations.
     pub fn new(config: DispatchConfig, pipeline: u8, width: u32, ports: DispatchPorts) -> Dispatch {
         let order = VecDeque::with_capacity(config.reorder as usize + 4);
         Dispatch {

@@ -75,7 +75,7 @@ stats::counters! {
 }
 
 impl Distribute {
-    /// An empty one, of that number.
+    /// An idle distribution unit with number `number`.
     pub fn new(config: DistributeConfig, number: usize, input: In<Run>, network: Sender<TriangleToken>) -> Distribute {
         let (counts, facing) = (SortCounts::default(), FacingCounts::default());
         let (turns, turn) = (None, None);

@@ -128,7 +128,7 @@ pub struct Early {
 }
 
 impl Early {
-    /// An empty one, for one pipeline.
+    /// An idle unit of pipeline `pipeline`, which makes early tests.
     pub fn new(pipeline: u8, rate: EarlyRate, input: In<GroupToken>, output: Out<GroupToken>, known: Known) -> Early {
         Early {
             pipeline,

@@ -35,7 +35,7 @@ pub struct Interpolate {
 }
 
 impl Interpolate {
-    /// An empty one.
+    /// An idle interpolation unit.
     pub fn new(config: InterpolateConfig, input: In<GroupToken>, output: Out<GroupToken>) -> Interpolate {
         Interpolate { config, input, output, free_at: 0, items: 0 }
     }

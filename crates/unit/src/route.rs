@@ -113,7 +113,7 @@ pub struct Route {
 }
 
 impl Route {
-    /// An empty one, for one pipeline. `runs` are the runs of primitives to be routed.
+    /// An idle routing unit of pipeline `pipeline`. `runs` are the runs of primitives to be routed.
     pub fn new(config: RouteConfig, overlap: Overlap, runs: IndexRuns, pipeline: u8, ports: RoutePorts) -> Route {
         Route {
             runs,

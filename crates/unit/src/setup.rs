@@ -48,8 +48,8 @@ pub struct Setup {
 }
 
 impl Setup {
-    /// An empty one. With `marks` the marks that end sequence numbers are passed on, for units behind it that restore the order again.
-    /// The state of the probe is what it waits for.
+    /// An idle setup unit. With `marks` the marks that end sequence numbers are passed on, for units behind it that restore the order again.
+    /// The state of the probe is what the unit waits for.
     pub fn new(
         config: SetupConfig,
         input: Receiver<TriangleToken>,

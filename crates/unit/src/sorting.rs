@@ -234,7 +234,7 @@ pub struct Merge {
 }
 
 impl Merge {
-    /// One at the beginning of the order. The state of the probe is what it waits for.
+    /// A merge at the beginning of the order. The state of `probe` is what it waits for.
     pub fn new(keep: Keep, probe: StallProbe, input: &Receiver<TriangleToken>) -> Merge {
         let alone = input.senders() == 1;
         // Of a single sender there is nothing to be put in order, and its marks may have numbers of their own.

@@ -182,7 +182,7 @@ pub struct Texture {
 }
 
 impl Texture {
-    /// An empty one.
+    /// An idle texture unit with an empty cache.
     pub fn new(
         config: TextureConfig,
         user: TextureUser,

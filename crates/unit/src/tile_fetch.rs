@@ -57,7 +57,7 @@ pub struct TileFetch {
 }
 
 impl TileFetch {
-    /// An idle one.
+    /// An idle unit that reads tiles.
     pub fn new(config: BinConfig, ports: TileFetchPorts) -> TileFetch {
         TileFetch {
             misses: Misses::new(config.misses),

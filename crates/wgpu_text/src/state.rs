@@ -8,9 +8,9 @@ use gfx::state;
 /// A texture format.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum TextureFormat {
-    /// One that Fillrate has.
+    /// A format that Fillrate has.
     Known(Format),
-    /// The name of one that it does not have.
+    /// The name of a format that Fillrate does not have.
     Unknown(String),
 }
 

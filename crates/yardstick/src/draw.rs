@@ -64,7 +64,7 @@ pub struct Image {
 }
 
 impl Image {
-    /// One that nothing has hit. With `inject_fault` the rule for one edge of every other triangle is turned around.
+    /// A window that nothing has hit. With `inject_fault` the rule for one edge of every other triangle is turned around.
     pub fn new(window: [i32; 4], samples: usize, inject_fault: bool) -> Image {
         let pixels = (window[2] - window[0]) * (window[3] - window[1]);
         Image { window, samples, hits: vec![0; pixels as usize * samples], inject_fault, drawn: 0, wrong: 0 }

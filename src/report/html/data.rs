@@ -8,13 +8,13 @@ use crate::report::files::VERSION;
 /// Frames up to which each is kept with its funnel and its phases; of more, only the cycles are.
 const DETAILED: usize = 500;
 
-/// What of a frame is kept that is not the one which is shown.
+/// The statistics that are kept of a frame that is not the shown one.
 const KEPT: [&str; 5] = ["frame", "cycles", "seconds", "funnel", "phases"];
 
-/// What is kept of its phases.
+/// The statistics that are kept of the phases of such a frame.
 const PHASE: [&str; 5] = ["kind", "number", "label", "cycles", "limit"];
 
-/// What of a frame is kept of very many.
+/// The statistics that are kept of a frame if there are more than [`DETAILED`].
 const FEW: [&str; 3] = ["frame", "cycles", "seconds"];
 
 /// The statistics of a replay. They have the names of `stats.json`; of all frames but one only a part is kept.

@@ -289,7 +289,7 @@ pub fn sampled(sampled: &Sampled) -> String {
             Quantity::HitRate(_) => {
                 out.push_str(&format!("  {name:<34} {:>15.2} %   +- {:.2} points\n", 100.0 * value, 100.0 * margin));
             }
-            // Both are told otherwise.
+            // The report states both elsewhere.
             Quantity::Count(Count::DramBytes | Count::Cache(..)) => {}
             Quantity::Count(_) if *value > 0.0 => {
                 let share = 100.0 * margin / value;

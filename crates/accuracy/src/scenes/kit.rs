@@ -156,7 +156,7 @@ pub struct Kit {
 }
 
 impl Kit {
-    /// An empty one.
+    /// An empty recording with the name `name`.
     pub fn new(name: &str) -> Kit {
         Kit { card: Recorder::new(name) }
     }

@@ -10,8 +10,8 @@ use gfx::format::Format;
 pub(super) const NYQUIST: Scene = Scene {
     name: "nyquist",
     group: "Sampling",
-    what: "A wave of f cycles a pixel has its peak at f below 0.5, and at 1 - f above: 0.9 peaks at 0.1. One band for each f; the spectrum is an f64 sum.",
-    fault: "the waves have 0.02 cycles a pixel less",
+    what: "A wave of f cycles per pixel has its peak at f below 0.5, and at 1 - f above: 0.9 peaks at 0.1. One band for each f; the spectrum is an f64 sum.",
+    fault: "the waves have 0.02 cycles per pixel less",
     play,
 };
 
@@ -46,7 +46,7 @@ fn play(stage: &mut Stage) -> Result<()> {
         };
         let peak = (1..=PIXELS / 2).max_by(|&a, &b| power(a).total_cmp(&power(b))).unwrap_or(0);
         let expected = if f > 0.5 { 1.0 - f } else { f };
-        stage.row(Row::within(format!("peak of {f} cycles a pixel"), expected, f64::from(peak) / f64::from(PIXELS), 1e-9));
+        stage.row(Row::within(format!("peak of {f} cycles per pixel"), expected, f64::from(peak) / f64::from(PIXELS), 1e-9));
     }
     Ok(())
 }

@@ -28,7 +28,7 @@ use super::uniforms::{self, Sampling, Source, to_clip};
 /// A prepared draw.
 pub struct Prepared {
     likeness: Likeness,
-    /// Whether it may serve other draws.
+    /// Whether other draws may use it.
     pub lasts: bool,
     target: Target,
     /// The key of its shader.
@@ -61,7 +61,7 @@ pub struct Prepared {
     pub block: Vec<u8>,
 }
 
-/// What a prepared draw depends on beside the state that ends it when it changes.
+/// The key of a prepared draw: all that it depends on, except state whose change discards it.
 #[derive(Debug, PartialEq)]
 struct Likeness {
     class: Class,
@@ -101,12 +101,12 @@ impl Likeness {
 }
 
 impl Prepared {
-    /// Whether it serves this draw too.
+    /// Whether the prepared draw can be used for this draw, too.
     pub fn serves(&self, gl: &Gl, batch: &Batch, summary: &Summary) -> bool {
         self.lasts && self.likeness == Likeness::of(gl, batch, summary, &self.key.units)
     }
 
-    /// Whether it is what preparing this draw again gives; a check of [`Prepared::serves`], and of what ends a prepared draw.
+    /// Whether preparing this draw again gives the same. This checks [`Prepared::serves`], and that prepared draws are discarded in time.
     pub fn is_up_to_date(&self, gl: &mut Gl, batch: &mut Batch, constant: &mut Vertex, summary: &mut Summary) -> bool {
         let Ok(Some(again)) = gl.prepare(batch, None, constant, summary) else { return false };
         let uniforms = |of: &Prepared| {

@@ -99,7 +99,7 @@ pub struct EndedPass {
     pub depth: Option<TileSurface>,
 }
 
-/// Resolves a call against the attachments; takes over what that came to for the draw before it, where nothing of it is different.
+/// The settings of a call with these attachments. Reuses `last`, the settings of the draw before it, if they fit the call.
 pub(super) fn resolve(
     last: Option<Arc<Settings>>,
     call: &DrawCall<'_>,

@@ -35,7 +35,7 @@ pub struct Encloser {
 }
 
 impl Encloser {
-    /// An empty one.
+    /// An encloser with an empty register file.
     pub fn new() -> Encloser {
         Encloser::default()
     }

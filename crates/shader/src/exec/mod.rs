@@ -193,7 +193,7 @@ pub struct Executor {
 }
 
 impl Executor {
-    /// An empty one.
+    /// An executor without memory for registers yet.
     pub fn new() -> Executor {
         Executor::default()
     }

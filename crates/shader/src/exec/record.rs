@@ -164,12 +164,12 @@ fn quads(mask: Mask) -> impl Iterator<Item = usize> {
 }
 
 impl Recorder {
-    /// An empty one.
+    /// An empty recorder.
     pub fn new() -> Recorder {
         Recorder::default()
     }
 
-    /// An empty one.
+    /// An empty recorder, which records `extra` as well.
     pub fn with(extra: Extra) -> Recorder {
         Recorder { extra, ..Recorder::default() }
     }

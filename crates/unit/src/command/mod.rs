@@ -123,15 +123,15 @@ pub struct CommandPorts {
     pub scanout: Out<Piece>,
     /// Surfaces that were.
     pub scanned: In<Ack>,
-    /// Passes to be composed, to each composition unit; and what each of them has composed.
+    /// Passes to be composed, to each composition unit.
     pub compose: Vec<Out<Piece>>,
-    /// See `compose`.
+    /// Passes that each composition unit has composed.
     pub composed: Vec<In<Ack>>,
     /// Fences seen by each colour unit, and passes ended by each depth unit.
     pub acks: Vec<In<Ack>>,
     /// Segments that are binned, where a unit bins them.
     pub binned: Vec<In<Ack>>,
-    /// To each distribution unit, which draw may be rasterised, where one waits for the one before it.
+    /// The draw that may be rasterised, to each distribution unit. Used where a draw waits for the draw before it (`command.drain`).
     pub turns: Vec<Out<Turn>>,
     /// Memory, for copies and clears.
     pub memory: MemoryPort,
@@ -214,14 +214,17 @@ pub struct Command {
     draws: u32,
     passes: u32,
     dispatch: Option<Arc<Dispatch>>,
-    /// Free slots, and the reports still to come for those in use.
+    /// Free slots.
     free: Vec<u16>,
+    /// The reports still to come for each slot in use.
     reports: Vec<u32>,
-    /// Segments in flight, and the states of their draws.
+    /// The number of segments in flight.
     segments: u32,
+    /// The states of the draws in flight.
     states: States,
-    /// Slots in flight in the order of their draws, with these, where draws wait for each other; and the draw whose turn was told last.
+    /// Slots in flight with their draws, in the order of the draws. Used where draws wait for each other (`command.drain`).
     flying: VecDeque<(u16, u32)>,
+    /// The draw whose turn was sent last.
     turn: Option<u32>,
     free_runs: Vec<u16>,
     /// Surfaces to be cleared in memory: address and bytes.
@@ -241,7 +244,7 @@ pub struct Command {
     moving: Option<Moving>,
     /// The depth surface whose hierarchical Z is still true.
     depth_known: Option<SurfaceKey>,
-    /// The last pass that told all pipelines what the depths are, and what it told, as ordered keys.
+    /// The last pass that sent the known depths to all pipelines, and these depths, as ordered keys.
     depth_began: (u32, (u32, u32)),
     /// The depth surface that a pass without draws has cleared since, and its depths as ordered keys.
     depth_cleared: Option<(SurfaceKey, (u32, u32))>,

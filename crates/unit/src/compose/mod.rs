@@ -155,7 +155,7 @@ pub struct Compose {
 }
 
 impl Compose {
-    /// An idle one, the unit `node` of `nodes`.
+    /// An idle composition unit: number `node` of `nodes`.
     pub fn new(config: ComposeConfig, node: usize, nodes: usize, ports: ComposePorts) -> Compose {
         Compose {
             misses: Misses::new(config.misses),

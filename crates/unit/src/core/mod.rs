@@ -248,7 +248,7 @@ stats::counters! {
 }
 
 impl Core {
-    /// An empty one, whose warps are those of a cluster.
+    /// An idle core, whose warps are those of cluster `cluster`.
     pub fn new(config: CoreConfig, cluster: usize, ports: CorePorts) -> Core {
         assert!((1..=PLACES as u32).contains(&config.warps), "places of warps fit a mask");
         Core {

@@ -145,7 +145,7 @@ pub struct Depth {
 }
 
 impl Depth {
-    /// An empty one, for one pipeline.
+    /// An idle depth unit of pipeline `pipeline`, with an empty cache.
     pub fn new(config: DepthConfig, pipeline: u8, mut ports: DepthPorts, memory: MemoryPort) -> Depth {
         let compression = Compression { enabled: config.compression, codec: config.codec, again: config.recompress };
         Depth {
@@ -180,12 +180,12 @@ impl Depth {
         self.cache.counts()
     }
 
-    /// What its checks of hierarchical Z have found.
+    /// The counters of the unit: what its checks of hierarchical Z have found.
     pub fn told(&self) -> DepthCounts {
         self.told
     }
 
-    /// Whether new bounds are sent to hierarchical Z then.
+    /// Whether the unit sends new bounds to hierarchical Z at the events of kind `when`.
     #[inline(always)]
     fn tells(&self, when: HierarchicalUpdate) -> bool {
         self.ports.updates.as_ref().is_some_and(|&(_, update)| update == when)

@@ -227,7 +227,7 @@ pub struct Fetch {
 }
 
 impl Fetch {
-    /// An empty one, which fills batches of `width` vertices.
+    /// An idle fetch unit, which fills batches of `width` vertices.
     pub fn new(config: FetchConfig, width: u32, ports: FetchPorts) -> Fetch {
         Fetch {
             tags: Tags::new(config.cache_lines, config.cache_ways),

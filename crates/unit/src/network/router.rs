@@ -58,7 +58,7 @@ pub struct Router {
 }
 
 impl Router {
-    /// An empty one, with a store of `room` parcels for each input.
+    /// An empty router, with a store of `room` parcels for each input.
     pub(super) fn new(
         plan: &RouterPlan,
         arbitration: Arbitration,

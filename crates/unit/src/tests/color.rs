@@ -226,8 +226,8 @@ fn each_target_is_written() {
 
 #[test]
 fn blocks_in_memory_are_waited_for_and_cleared_ones_are_not() {
-    // Looked up in cycle 1, asked for in 2, blended when it is here; the next block 4 cycles later, as the port brings 64 bytes a
-    // cycle. The mark goes with the last. (A block in memory is fetched even if all of it will be written.)
+    // Looked up in cycle 1, asked for in 2, blended when it is here; the next block 4 cycles later, as the port brings 64 bytes
+    // per cycle. The mark goes with the last. (A block in memory is fetched even if all of it will be written.)
     let groups = vec![quads(0, 4), quads(0, 4), quads(1, 4)];
     for blend in [false, true] {
         let got = written(&Scene { cleared: false, blend, groups: groups.clone(), ..Scene::default() });

@@ -453,7 +453,7 @@ fn batches_of_vertices_follow_quads_that_wait() {
 
 #[test]
 fn draws_do_not_wait_for_the_memory_of_those_before() {
-    // Three segments with a line of indices and a line of attributes each. All lines of indices are asked for in cycle 1 and come one a
+    // Three segments with a line of indices and a line of attributes each. All lines of indices are asked for in cycle 1 and come one per
     // cycle; four vertices are read in two cycles, and their lines of attributes asked for as the first of them is read.
     let attribute = AttributeFetch { stride: 16, bytes: 16, ..ATTRIBUTE };
     let segments: Vec<_> = (0..3)

@@ -99,14 +99,14 @@ pub struct Echo<T, U = T> {
 }
 
 impl<T> Echo<T> {
-    /// One that sends back what came.
+    /// An echo that sends back the item that came.
     pub fn new(after: Cycle, input: In<T>, output: Out<T>) -> Echo<T> {
         Echo::answering(after, |item, _| item, input, output)
     }
 }
 
 impl<T, U> Echo<T, U> {
-    /// One that sends what is made of it.
+    /// An echo that sends back what `of` makes of the item.
     pub fn answering(after: Cycle, of: fn(T, &mut Card) -> U, input: In<T>, output: Out<U>) -> Echo<T, U> {
         Echo { got: Vec::new(), after, held: VecDeque::new(), of, input, output }
     }

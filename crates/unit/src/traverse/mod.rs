@@ -180,7 +180,7 @@ pub struct DepthsKnown {
 }
 
 impl Traverse {
-    /// An empty one, for one pipeline. Without `updates` its hierarchical Z buffer knows only how the pass began.
+    /// An idle traversal unit of pipeline `pipeline`. Without `updates` its hierarchical Z buffer knows only how the pass began.
     pub fn new(
         config: TraverseConfig,
         pipeline: u8,

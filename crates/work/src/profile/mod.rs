@@ -1,7 +1,7 @@
 //! Profiles: how much work of which kind a frame is, phase by phase and draw by draw, without the work itself.
 //!
-//! A profile depends on the work alone, on no machine. It is made once, in one walk over the events, and is what estimates are
-//! computed from (`run::bound`) and by which frames are told to be alike (`run::sample`).
+//! A profile depends on the work alone, on no machine. It is made once, in one walk over the events. Estimates are computed from it
+//! (`run::bound`), and sampling finds frames that are alike by it (`run::sample`).
 
 mod apart;
 mod caches;
