@@ -28,6 +28,7 @@ mod gl_reach;
 mod gl_rest;
 mod gl_shaders;
 mod images;
+mod language;
 mod notebook;
 mod pages;
 mod recorded_scenes;
