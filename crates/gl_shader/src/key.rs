@@ -263,7 +263,7 @@ pub struct UnitKey {
     pub bias: bool,
     /// Whether the coordinates are those of the sprite.
     pub sprite: bool,
-    /// And whether the second of them grows upward.
+    /// Whether the second coordinate of the sprite grows upward.
     pub sprite_up: bool,
     /// Its environment.
     pub environment: EnvironmentKey,

@@ -93,13 +93,13 @@ sim::circuit! {
         clip: Vec<Clip> [Geometry],
         /// Sends each triangle to the rasterisers that own what it touches.
         distribute: Vec<Distribute> [Geometry],
-        /// Sorts triangles into the lists of tiles,
+        /// Sorts triangles into the lists of tiles.
         bin: Vec<Bin>,
-        /// which are read again, tile by tile.
+        /// Reads the lists of tiles and their triangles, tile by tile.
         tile_fetch: Vec<TileFetch> [Pixels],
-        /// Routers of the network that sorts,
+        /// Routers of the network that sorts.
         router: Vec<Router>,
-        /// and the way back of its credits.
+        /// Returns the credits of the network that sorts.
         credit_return: Option<CreditReturn>,
         /// Restores API order, sets triangles up.
         setup: Vec<Setup> [Pixels] = pipelines,
@@ -133,15 +133,15 @@ sim::circuit! {
         resolve: Vec<Resolve> = pipelines,
         /// Shows frames.
         scanout: One<Scanout> = one,
-        /// Memory: from the units to the slices of the second-level cache,
+        /// Carries requests from the units to the slices of the second-level cache.
         crossbar: Option<Crossbar>,
-        /// the slices,
+        /// Slices of the second-level cache.
         l2: Vec<L2Slice>,
-        /// the DRAM channels behind them,
+        /// DRAM channels behind the slices.
         dram: Vec<Dram>,
-        /// and the way back to the units;
+        /// Carries answers from the slices back to the units.
         return_path: Option<ReturnPath>,
-        /// or an ideal memory instead of all these.
+        /// An ideal memory, instead of crossbar, slices, DRAM and return path.
         ideal: Option<Ideal>,
     }
 }

@@ -54,7 +54,7 @@ pub(super) struct ResolvedBindings {
 /// Bindings of a program that are lent without a list of their own.
 const FEW: usize = 8;
 
-/// What the executor takes of [`ResolvedBindings`].
+/// The parts of [`ResolvedBindings`] that are lent to the executor.
 #[derive(Default)]
 pub(super) struct Lent<'a> {
     few: [Resource<'a>; FEW],
@@ -241,7 +241,7 @@ fn group_of<'b>(
     Ok((group, res.bind_groups.get(group.group.0)?))
 }
 
-/// What is bound to a binding, by name.
+/// The resource that is bound to a binding, as the trace names it.
 ///
 /// # Errors
 /// If nothing is.

@@ -40,7 +40,7 @@ impl ComputePipeline {
         Ok(ComputePipeline { label: label.to_owned(), number: 0, program })
     }
 
-    /// What it runs.
+    /// The program that the pipeline runs.
     pub fn program(&self) -> &Program {
         &self.program
     }

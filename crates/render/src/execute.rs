@@ -63,15 +63,15 @@ impl FromIterator<Range<u32>> for FrameSet {
 /// How a trace is rendered.
 #[derive(Clone, Debug)]
 pub struct Options {
-    /// What the recorded work depends on.
+    /// The key on which the recorded work depends.
     pub key: RenderKey,
     /// Whether work is recorded; if not, segments carry their funnels only.
     pub record: bool,
-    /// Of which frames it is recorded; none: of all.
+    /// The frames whose work is recorded. None: all frames.
     pub recorded: Option<FrameSet>,
     /// Frames in which a machine begins that knows nothing of the frames before.
     pub begins: Option<FrameSet>,
-    /// What has to be run; none: everything.
+    /// The commands that have to be run. None: all commands.
     pub needs: Option<Arc<Needs>>,
     /// Whether passes that are recorded end with what the blocks of their attachments take in memory.
     pub stored: bool,
@@ -83,7 +83,7 @@ pub struct Options {
     pub frames: FrameSet,
     /// Shortcuts that leave the image as it is.
     pub skips: Skips,
-    /// What the consumer keeps of the events.
+    /// The memory that the consumer keeps of the events.
     pub consumer_memory: ConsumerMemory,
     /// Watches the rendering: gets its ledger when it begins.
     pub watch: Option<Arc<Watch>>,
@@ -117,13 +117,13 @@ pub type Sink<'s> = dyn FnMut(Event) -> Result<(), Stop> + 's;
 
 /// Why a command could not be run.
 pub(super) enum Fault {
-    /// What is wrong.
+    /// The reason of the failure.
     Reason(String),
     /// A blob or text of the trace could not be read; the error names it.
     Trace(TraceError),
     /// An earlier command could not be run: a draw that was in flight.
     Earlier(Failure),
-    /// What an earlier command describes cannot be made, and this one uses it.
+    /// The command uses an object that an earlier command describes and that cannot be made.
     Described(Failure),
     /// The receiver stopped.
     Stop,
@@ -183,7 +183,7 @@ impl From<Stop> for Fault {
     }
 }
 
-/// What a render came to.
+/// The outcome of a rendering.
 #[derive(Clone, Debug)]
 pub struct Summary {
     /// Frames in the trace.
@@ -192,7 +192,7 @@ pub struct Summary {
     pub commands: u64,
     /// Fragments whose colours were not computed ([`Skips::overwritten`]).
     pub overwritten: u64,
-    /// What was done, and what was alive.
+    /// The work that was done, and the memory that was alive.
     pub ledger: Arc<Ledger>,
 }
 
@@ -248,7 +248,7 @@ fn attempt(trace: &Trace, options: &Options, flights: bool, sink: &mut Sink<'_>)
     Ok(Some(Summary { frames, commands: ledger.command().0 + 1, overwritten: renderer.overwritten, ledger }))
 }
 
-/// What comes next in a walk over a trace.
+/// The next step of a walk over a trace.
 pub(super) enum Step<'c> {
     /// A command.
     Command(&'c Command),
@@ -298,7 +298,7 @@ pub(super) fn walk(
     }
 }
 
-/// What is running between a begin and an end.
+/// The pass that is open between its begin and its end.
 enum Scope {
     Outside,
     Render(Box<ActivePass>),
@@ -343,11 +343,11 @@ pub(super) struct Renderer<'t, 's> {
     pub(super) dispatching: u32,
     /// Commands that count as moments of time, for time stamps.
     pub(super) moment: u64,
-    /// What the last texture-to-buffer copy read.
+    /// The image that the last texture-to-buffer copy read.
     pub(super) copied: Option<(TextureId, u32, u32)>,
     /// The last colour target written.
     pub(super) drawn: Option<(TextureId, u32, u32)>,
-    /// What tests of bounds know of buffers.
+    /// Ranges of buffers that tests of bounds know.
     pub(super) boxes: Arc<Mutex<Boxes>>,
     /// Work, and memory of all that is alive.
     pub(super) ledger: Arc<Ledger>,
@@ -357,7 +357,7 @@ pub(super) struct Renderer<'t, 's> {
     images: NumberMap<TextureId, ImageClaims>,
     /// Memory of frames that have ended.
     frames: Option<Claim>,
-    /// What the display lays over its lines.
+    /// The sprites that the display lays over its lines.
     pub(super) sprites: Sprites,
     /// The image that was shown last, by the address of its texture, and the version of the contents.
     shown: Option<(u64, SurfaceKey, u64, Arc<[u8]>)>,

@@ -58,10 +58,10 @@ const WAITING: usize = 1 << 12;
 /// Bytes of the attachments of a pass in flight, at most: each pass has its own.
 const ATTACHMENTS: u64 = 128 << 20;
 
-/// How long a thread sleeps that waits for a pass and finds nothing to help with.
+/// The time that a thread sleeps when it waits for a pass and finds nothing to help with.
 const NAP: Duration = Duration::from_micros(100);
 
-/// How often a thread that waits looks for draws in halves before it sleeps.
+/// The number of times that a waiting thread looks for halves of draws before it sleeps.
 const LOOKS: u32 = 100;
 
 fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
@@ -75,7 +75,7 @@ enum Start {
     Cleared([u32; 4]),
     /// A copy.
     Copy(TileSurface),
-    /// What the pass before it leaves.
+    /// The contents that the pass before it leaves.
     Behind(Away, Clearing),
 }
 
@@ -107,7 +107,7 @@ pub(super) struct Begin {
     pub shared: Shared,
     /// Whether its frame is wanted.
     pub wanted: bool,
-    /// What draws of the same pass have done before it took off.
+    /// The counts of draws of the same pass that were done before it took off.
     pub counted: Option<Funnel>,
 }
 
@@ -116,10 +116,10 @@ pub(super) fn fits(shapes: impl Iterator<Item = Shape>) -> bool {
     shapes.map(|shape| shape.tiled_bytes()).sum::<u64>() <= ATTACHMENTS
 }
 
-/// What a pass came to.
+/// The outcome of a pass.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Landed {
-    /// What its draws have done; none: there were none.
+    /// The counts of its draws. None if it has no draws.
     pub counted: Option<Funnel>,
     /// Fragments whose colours were not computed.
     pub overwritten: u64,
@@ -159,7 +159,7 @@ struct Queue {
 }
 
 struct Painter {
-    /// What its attachments begin with: colours by location, then depth.
+    /// The initial contents of its attachments: colours by location, then depth.
     starts: Vec<Option<Start>>,
     pass: Option<RenderPass>,
     begun: bool,
@@ -167,7 +167,7 @@ struct Painter {
     done: Vec<Vec<QueuedDraw>>,
     panic: Option<Box<dyn std::any::Any + Send>>,
     landed: Landed,
-    /// What drawing it again has shown.
+    /// The failure that drawing it again has shown.
     failure: Option<Failure>,
     /// Where the pass has ended.
     tiles: Vec<Option<TileSurface>>,
@@ -395,7 +395,7 @@ impl Flight {
         lock(&self.queue).closed == Some(Close::Home)
     }
 
-    /// What it came to; waits for its end.
+    /// The outcome of the pass. Waits for its end.
     ///
     /// # Errors
     /// If a draw could not be done.
@@ -407,7 +407,7 @@ impl Flight {
 }
 
 impl Begin {
-    /// What it has come to before its first draw.
+    /// The outcome before the first draw.
     fn landed(&self) -> Landed {
         Landed { counted: self.counted, ..Landed::default() }
     }
@@ -442,7 +442,7 @@ impl Landed {
 /// A thread that waits and helps meanwhile.
 struct Helper<'a> {
     halved: &'a AtomicUsize,
-    /// How often it has looked for something to do in vain.
+    /// The number of times that it has looked for something to do in vain.
     looked: u32,
 }
 

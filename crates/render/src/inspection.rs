@@ -1,4 +1,4 @@
-//! What is in a trace, and what a rendering of it would refuse.
+//! The contents of a trace, and what a rendering of it would refuse.
 //!
 //! The walk makes all objects and compiles all pipelines; nothing is drawn.
 
@@ -14,12 +14,12 @@ use super::execute::{Fault, Options, Renderer, Step, walk};
 use super::flight::Failure;
 use super::ledger::Ledger;
 
-/// What is in a trace, and what a rendering of it would refuse.
+/// The contents of a trace, and what a rendering of it would refuse.
 #[derive(Debug)]
 pub struct Inspection {
     /// Counts.
     pub summary: Summary,
-    /// What frames are.
+    /// The kind of the frames.
     pub frames: Frames,
     /// Why objects that draws and dispatches use cannot be made: a rendering ends with one of these.
     pub refused: Vec<TraceError>,
@@ -27,7 +27,7 @@ pub struct Inspection {
     pub unused: Vec<TraceError>,
 }
 
-/// What the frames of a trace are.
+/// The kind of a trace's frames.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Frames {
     /// Each present ends one.

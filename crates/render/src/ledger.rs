@@ -1,4 +1,4 @@
-//! What a rendering has done and what it keeps alive, against the limits of its trace.
+//! The work that a rendering has done and the memory that it keeps alive, against the limits of its trace.
 //!
 //! Work whose amount is known is refused before it begins; other work is counted while it is done. Memory is claimed before it is
 //! allocated. All claims are made on the renderer's thread, and sums of work do not depend on who did it: a trace that is refused is
@@ -235,7 +235,7 @@ impl Watch {
     }
 }
 
-/// What the consumer of events keeps of them: it counts as memory in use.
+/// The memory that the consumer of events keeps of them. It counts as memory in use.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct ConsumerMemory {
     /// Images of every attachment that it has, beside the renderer's.

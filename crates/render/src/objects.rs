@@ -37,7 +37,7 @@ pub(super) struct OpenBundle {
 /// The source of a shader module.
 #[derive(Debug)]
 pub struct ShaderText {
-    /// What messages call it.
+    /// The name of the object in messages.
     title: String,
     source: OwnedSource,
     limits: Limits,

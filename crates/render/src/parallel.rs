@@ -23,7 +23,7 @@ pub fn each<T: Send>(items: impl Iterator<Item = T>, together: RangeInclusive<us
     });
 }
 
-/// What `work` gives for every item, in their order.
+/// The results of `work` for all items, in the order of the items.
 pub fn map<T: Send, R: Send + Sync>(
     items: impl Iterator<Item = T>,
     together: RangeInclusive<usize>,

@@ -60,9 +60,9 @@ pub(super) struct ActivePass {
     /// The open statistics query and what was counted since.
     open_statistics: Option<(QuerySetId, u32, Funnel)>,
     timestamps: Option<PassTimestamps>,
-    /// What is the same for all of its draws.
+    /// The state that all of its draws share.
     shared: Shared,
-    /// What its draws have done, where they hand on nothing else.
+    /// The counts of its draws, if the draws hand on nothing else.
     counted: Option<Funnel>,
     /// Memory for the next draw.
     spare: queued::Bound,
@@ -639,7 +639,7 @@ impl ActivePass {
     }
 }
 
-/// What the blocks of attachments, of which the first `colors` are colours, take in memory. That goes over all of their texels.
+/// The memory that the blocks of attachments take. The first `colors` attachments are colours. This reads all texels of the attachments.
 fn stored(ledger: &Ledger, images: &[Option<Tiles>], colors: usize) -> Result<Stored, Fault> {
     let of = |tiles: &Option<Tiles>| match tiles {
         Some(Tiles::Here(tiles)) => {

@@ -89,7 +89,7 @@ pub struct RenderPipeline {
     pub(super) alpha_to_coverage: bool,
     /// Depth and stencil may be tested (and written) before shading.
     pub(super) early: bool,
-    /// What the fragment program reads of the varyings.
+    /// The varyings that the fragment program reads.
     pub(super) classes: Vec<VaryingClass>,
     /// Values that the card gives to the vertex and to the fragment program, with their slots.
     pub(super) builtins: [Vec<(usize, BuiltIn)>; 2],
@@ -100,7 +100,7 @@ pub struct RenderPipeline {
 pub(super) struct VaryingClass {
     pub interpolation: Interpolation,
     pub sampling: Sampling,
-    /// What the fragment program reads of them: registers, and the words of a vertex that go there.
+    /// The inputs of the fragment program: its registers, and the words of a vertex that go there.
     pub inputs: Vec<(InputRegister, usize)>,
 }
 

@@ -12,7 +12,7 @@ use super::ledger::Ledger;
 use super::needs::Need;
 use super::pipeline::RenderPipeline;
 
-/// What the renderer's thread counts for a draw before it is done, in this order.
+/// The charges that the renderer's thread counts for a draw before the draw is done, in this order.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Charges {
     /// Vertices, or indices, times instances.
@@ -38,7 +38,7 @@ impl Charges {
     }
 }
 
-/// What is the same for all draws of a pass.
+/// The state that all draws of a pass share.
 #[derive(Clone)]
 pub(super) struct Shared {
     pub key: RenderKey,
@@ -48,7 +48,7 @@ pub(super) struct Shared {
     pub boxes: Arc<Mutex<Boxes>>,
 }
 
-/// What is bound to the slots of a draw. Its lists are used again for draws that are not kept.
+/// The resources bound to the slots of a draw. The lists are used again for draws that are not kept.
 #[derive(Default)]
 pub(super) struct Bound {
     pub vertex_buffers: Vec<Option<BufferRange>>,

@@ -246,7 +246,7 @@ impl Texture {
 /// A view with every default filled in.
 #[derive(Debug)]
 pub struct View {
-    /// Of which texture.
+    /// The texture of the view.
     pub texture: TextureId,
     /// Which part, as what.
     pub range: ViewRange,
@@ -351,7 +351,7 @@ impl BindGroup {
         Ok(BindGroup { entries, dynamic })
     }
 
-    /// What is bound.
+    /// The resource that is bound to a binding.
     pub fn find(&self, binding: u32) -> Option<&BoundResource> {
         let at = self.entries.binary_search_by_key(&binding, |entry| entry.binding).ok()?;
         Some(&self.entries[at].resource)
@@ -379,7 +379,7 @@ fn in_layout(entry: &BindGroupEntry, layout: &[LayoutEntry]) -> Result<(), Strin
 /// A query set.
 #[derive(Debug)]
 pub struct QuerySet {
-    /// What it counts.
+    /// The kind of the query.
     pub kind: QueryKind,
     /// Results; one a query, or one a counted statistic a query.
     pub values: Vec<u64>,
@@ -456,7 +456,7 @@ pub struct Resources {
     /// Charges of bytes since a draw began to look up its bindings.
     pub charged: Vec<u64>,
     pub flights: Flights,
-    /// What the stores of a machine hold that has taken all events so far.
+    /// The contents of the stores of a machine that has taken all events so far.
     pub holdings: Holdings,
 }
 

@@ -45,7 +45,7 @@ pub struct IndexSlot {
     pub size: u64,
 }
 
-/// What render and compute passes share.
+/// The bindings that render and compute passes have in common.
 #[derive(Clone, Debug, Default)]
 pub struct Bindings {
     /// Bind groups by index.

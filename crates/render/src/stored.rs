@@ -1,4 +1,4 @@
-//! What the blocks of attachments take in memory when a pass has been drawn.
+//! The memory that the blocks of attachments take when a pass has been drawn.
 
 use super::parallel;
 use super::surface::{TILE_BLOCKS, TileSurface};

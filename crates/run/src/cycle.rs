@@ -14,7 +14,7 @@ use render::ConsumerMemory;
 use sim::Clock;
 use stats::Tree;
 
-/// What simulating frames came to.
+/// The results of simulated frames.
 #[derive(Clone, Debug, Default)]
 pub struct Simulated {
     /// Cycles.
@@ -25,7 +25,7 @@ pub struct Simulated {
     pub machine_time: Duration,
     /// That part of it in which a machine was only warmed, for the runs of frames to begin with.
     pub warming_time: Duration,
-    /// What a free-running display has shown since the last frame ended.
+    /// The refreshes of a free-running display since the last frame ended.
     pub display: Shown,
 }
 

@@ -41,13 +41,13 @@ impl PartialEq for Bytes {
 pub struct Frame {
     /// Its number in the trace.
     pub number: u32,
-    /// What is shown and its bytes; none where nothing was ever drawn.
+    /// The shown surface and its bytes. None if nothing was ever drawn.
     pub shown: Option<(Surface, Bytes)>,
     /// Its statistics.
     pub tree: Tree,
-    /// What was done one after another; empty where no time is simulated.
+    /// The phases of the frame, one after another. Empty if no time is simulated.
     pub phases: Vec<PhaseReport>,
-    /// What a free-running display has shown since the frame before.
+    /// The refreshes of a free-running display since the frame before.
     pub display: Shown,
 }
 
@@ -123,7 +123,7 @@ impl<'s> FrameSink<'s> {
     }
 }
 
-/// What a frame shows, where the renderer's picture is the picture.
+/// The picture of a frame, if the renderer's picture is the frame's.
 pub(super) fn reference(end: &EndFrame) -> Option<(Surface, Bytes)> {
     end.shown.map(|surface| (surface, Bytes::Shared(end.reference.clone())))
 }

@@ -15,26 +15,26 @@ use stats::Tree;
 use trace::Trace;
 use work::Surface;
 
-/// What a frame shows, without its bytes.
+/// The picture of a frame, without its bytes.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Shown {
     /// The frame.
     pub number: u32,
-    /// What is shown, and the hash of its bytes.
+    /// The shown surface, and the hash of its bytes.
     pub picture: Option<(Surface, blake3::Hash)>,
 }
 
 impl Shown {
-    /// What a frame shows.
+    /// The picture of frame `number`.
     pub fn new(number: u32, picture: Option<(Surface, &[u8])>) -> Shown {
         Shown { number, picture: picture.map(|(surface, bytes)| (surface, blake3::hash(bytes))) }
     }
 }
 
-/// What a machine came to.
+/// The result of a machine.
 #[derive(Clone, Debug, Default)]
 pub struct Ran {
-    /// What its frames show, in order.
+    /// The pictures of its frames, in order.
     pub shown: Vec<Shown>,
     /// Cycles.
     pub cycles: Cycle,

@@ -30,7 +30,7 @@ const KEPT: usize = 3;
 /// Draws that are named.
 const NAMED: usize = 20_000;
 
-/// What a map counts.
+/// The quantity that a map counts.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Kind {
     /// Fragments that triangles cover.
@@ -78,7 +78,7 @@ impl Kind {
         }
     }
 
-    /// What it counts.
+    /// A description of the quantity.
     pub fn about(self) -> &'static str {
         match self {
             Kind::Overdraw => "Fragments that triangles cover, hidden ones included.",
@@ -111,7 +111,7 @@ impl Kind {
 /// A map.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Map {
-    /// What it counts.
+    /// The quantity that it counts.
     pub kind: Kind,
     /// A value a cell, row by row: the sum over its pixels, or the last draw's.
     pub values: Vec<u32>,
@@ -160,7 +160,7 @@ pub struct Maps {
     pub left_out: usize,
     /// The draws.
     pub draws: Vec<Named>,
-    /// What was counted in the frame, in the order of the trace.
+    /// The counts of the frame's stages, in the order of the trace.
     pub funnel: Funnel,
 }
 
@@ -355,7 +355,7 @@ fn counting<'c>(out: &'c mut Maps) -> Consumer<'c> {
     Consumer { memory: ConsumerMemory::default(), recorded: true, stored: false, run: Box::new(run) }
 }
 
-/// What one more rendering of a frame finds about it.
+/// The details of a frame that one more rendering of it finds.
 #[derive(Debug, Default)]
 pub struct FrameDetails {
     /// The maps.
@@ -363,7 +363,7 @@ pub struct FrameDetails {
     /// The time of its phases by counts and rates; none where the machine has a knob whose effect is not estimated. What earlier frames have left
     /// in caches is not in it.
     pub estimate: Option<FrameEstimate>,
-    /// What units and channels did meanwhile, where a machine has drawn the frame.
+    /// The activity of units and channels, if a machine has drawn the frame.
     pub timeline: Option<Timeline>,
 }
 

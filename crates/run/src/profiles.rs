@@ -19,11 +19,11 @@ const BATCH_BYTES: usize = 16 << 20;
 
 /// A frame that has ended.
 pub struct Profiled {
-    /// What there is to do in it.
+    /// The work of the frame.
     pub profile: FrameProfile,
     /// Its number, and what it shows.
     pub end: EndFrame,
-    /// What was counted in it.
+    /// The counts of the frame's stages.
     pub funnel: Funnel,
 }
 

@@ -24,7 +24,7 @@ pub const EVENTS_IN_FLIGHT: usize = 8;
 
 /// Reads the work of a rendering.
 pub struct Consumer<'c> {
-    /// What it keeps of the events, those in flight left out.
+    /// The memory that it keeps of the events, without the events in flight.
     pub memory: ConsumerMemory,
     /// Whether it needs more of a draw than its counts.
     pub recorded: bool,
@@ -83,7 +83,7 @@ impl Drop for Turn {
     }
 }
 
-/// What renderings took.
+/// The times of renderings.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Rendered {
     /// Host time on the clock, without the time in which the renderer waited for consumers.
@@ -142,7 +142,7 @@ impl<'r> Rendering<'r> {
         self.options.begins = Some(frames);
     }
 
-    /// What the trace may ask for.
+    /// The limits of the trace.
     pub fn limits(&self) -> &'r Limits {
         self.trace.limits()
     }

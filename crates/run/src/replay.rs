@@ -25,7 +25,7 @@ use work::Funnel;
 
 pub use super::frame_sink::{Ended, Frame, Progress, Taker};
 
-/// How much of the card is simulated.
+/// The detail in which the card is simulated.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Fidelity {
     /// The image and the funnel: no time.
@@ -86,7 +86,7 @@ pub fn frame_range(text: &str) -> Result<Range<u32>, String> {
     if range.is_empty() { Err("it holds no frame".into()) } else { Ok(range) }
 }
 
-/// What to replay, and how.
+/// The options of a replay.
 #[derive(Clone, Debug)]
 pub struct Options {
     /// The card.
@@ -167,7 +167,7 @@ impl Options {
     }
 }
 
-/// What a replay came to whose frames have left.
+/// The outcome of a replay whose frames have been handed on.
 #[derive(Clone, Debug, Default)]
 pub struct Outcome {
     /// Cycles of all frames; none where no time is simulated.
@@ -176,7 +176,7 @@ pub struct Outcome {
     pub total: Tree,
     /// How they were estimated; none: they were counted.
     pub sampled: Option<Sampled>,
-    /// What a free-running display has shown since the last frame ended.
+    /// The refreshes of a free-running display since the last frame ended.
     pub display: Shown,
     /// Frames in a run, where runs had machines of their own.
     pub frames_per_run: Option<u32>,
@@ -190,7 +190,7 @@ pub struct Outcome {
     pub clock_time: Duration,
 }
 
-/// What a replay came to, with its frames.
+/// The outcome of a replay, with its frames.
 #[derive(Clone, Debug)]
 pub struct Replay {
     /// Frames in order.

@@ -61,7 +61,7 @@ impl StoredWork {
         self.bytes
     }
 
-    /// What the frames show, by the renderer.
+    /// The renderer's pictures of the frames.
     pub fn pictures(&self) -> impl Iterator<Item = Option<(Surface, &[u8])>> {
         self.events.iter().filter_map(|event| match event {
             Event::EndFrame(end) => Some(end.shown.map(|surface| (surface, &end.reference[..]))),
@@ -145,7 +145,7 @@ fn stream<R: Send>(
 /// Machines behind one rendering where its work does not fit in memory, for each thread.
 const STREAMED: usize = 8;
 
-/// What timing machines took.
+/// The effort of timing machines: renderings, and bytes of stored work.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Took {
     /// Renderings.

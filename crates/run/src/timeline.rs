@@ -1,4 +1,4 @@
-//! What units and channels did over time: a machine is read at intervals while it runs.
+//! The activity of units and channels over time: a machine is read at intervals while it runs.
 
 use anyhow::{Result, bail};
 
@@ -16,7 +16,7 @@ const MOST: usize = 200_000;
 /// The first interval where none is given.
 const FIRST: Cycle = 16;
 
-/// What happened between two readings.
+/// The activity between two readings.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Sample {
     /// The first cycle.

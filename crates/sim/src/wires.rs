@@ -80,9 +80,9 @@ pub struct Wires {
     pub(super) rest: Tick,
     /// The last cycle before this one in which a unit moved something.
     pub(super) last_move: Cycle,
-    /// Whether a unit has moved something in this cycle,
+    /// Whether a unit has moved something in this cycle.
     pub(super) moved: bool,
-    /// or has found that it had worked while it slept.
+    /// Whether a unit has found in this cycle that it had worked while it slept.
     pub(super) worked: bool,
     pub(super) agenda: Agenda,
     pub(super) channels: Vec<Channel>,

@@ -22,7 +22,7 @@ use work::{Block, LINE, QUAD_SHADED, RequestKind, TileWork};
 
 /// The units that are warmed: those that keep something from segment to segment.
 pub struct WarmedUnits<'u> {
-    /// What deals primitives to pipelines, if anything does.
+    /// The units that deal primitives to pipelines, if the machine has any.
     pub deal: &'u mut [Deal],
     /// Primitive assembly.
     pub assembly: &'u mut [Assembly],
@@ -85,7 +85,7 @@ pub fn apply(card: &mut Card, slot: u16, units: &mut WarmedUnits, memory: &mut T
     }
 }
 
-/// What geometry reads of a segment: indices, and the lines of its vertices' attributes, each once where neighbours share it.
+/// Touches the memory that geometry reads of a segment: indices, and the lines of its vertices' attributes, each once where neighbours share it.
 fn geometry(work: &Work, memory: &mut Touching) {
     let segment = &work.segment;
     let mut read = |line: u64| memory.push(Touch { address: line * LINE, bytes: LINE as u32, write: false });

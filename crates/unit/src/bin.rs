@@ -222,7 +222,7 @@ impl Bin {
         }
     }
 
-    /// What it has counted.
+    /// The counters of the unit.
     pub fn counts(&self) -> BinCounts {
         self.counts
     }
@@ -232,7 +232,7 @@ impl Bin {
         self.sorting
     }
 
-    /// How long it has waited for the order.
+    /// The counters of the unit's waits for the order.
     pub fn order(&self) -> OrderCounts {
         self.merge.counts()
     }

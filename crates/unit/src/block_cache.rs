@@ -51,7 +51,7 @@ impl Quads {
     pub const ANY: Quads = Quads { whole: 0, part: u16::MAX };
 }
 
-/// What is known of a block in the cache.
+/// The state of a block in the cache.
 #[derive(Clone, Copy, Debug, Default)]
 struct Line {
     /// Its data are there when all misses before this number are back.
@@ -159,12 +159,12 @@ impl BlockCache {
         (surface, self.squares.map_or(number, |squares| squares.block(number, frame.stores[surface].across)))
     }
 
-    /// What its tags count.
+    /// The counters of its tags.
     pub fn cache(&self) -> CacheCounts {
         self.tags.counts()
     }
 
-    /// What it moved.
+    /// The counters of what it moved.
     pub fn counts(&self) -> BlockCounts {
         self.counts
     }

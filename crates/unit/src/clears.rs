@@ -10,9 +10,9 @@ use work::{Attachment, Load};
 /// The clears with which a pass begins.
 #[derive(Clone, Debug, Default)]
 pub struct Clears {
-    /// Flags to be set, those of colours among them.
+    /// The number of flags to be set.
     pub flags: u32,
-    /// See `flags`.
+    /// The flags of colours among `flags`.
     pub color_flags: u32,
     /// Surfaces to be cleared in memory: address and bytes.
     pub writes: VecDeque<(u64, u64)>,

@@ -174,12 +174,12 @@ impl Color {
         }
     }
 
-    /// What the cache's tags count.
+    /// The counters of the cache's tags.
     pub fn cache(&self) -> CacheCounts {
         self.cache.cache()
     }
 
-    /// What the cache moved.
+    /// The counters of what the cache moved.
     pub fn counts(&self) -> BlockCounts {
         self.cache.counts()
     }
@@ -437,7 +437,7 @@ pub(super) fn blend_group(work: &Work, group: &Group, output: &Output, frame: &m
     }
 }
 
-/// What a group leaves of the stored colours of its quads in a target.
+/// The quads of its block that a group writes whole in a target, and those whose stored colours it keeps in part or reads.
 fn quads(frame: &FrameBuffers, work: &Work, group: &Group, output: &Output, masked: bool) -> Quads {
     if masked && !output.blends {
         // Pixels and channels that are not written are masked.

@@ -1,4 +1,4 @@
-//! What a block takes in memory.
+//! The memory that a block takes.
 
 use super::frame::{BlockState, Store};
 use gfx::codec;
@@ -18,9 +18,9 @@ knob::choices! {
 /// How blocks of a surface are compressed as they leave a ROP cache.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Compression {
-    /// Whether they are.
+    /// Whether blocks are compressed.
     pub enabled: bool,
-    /// And how.
+    /// The codec with which they are compressed.
     pub codec: Codec,
     /// Whether a block that is stored raw is compressed when it is written again.
     pub again: bool,

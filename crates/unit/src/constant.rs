@@ -62,12 +62,12 @@ stats::counters! {
     }
 }
 
-/// What is known of a line.
+/// When a line of the cache is valid.
 #[derive(Clone, Copy, Debug, Default)]
 struct Line {
-    /// It is there when all misses before this number are back,
+    /// The line is valid when all misses before this number are back, and cycle `from` has come.
     needs: u32,
-    /// and not before this cycle.
+    /// The first cycle in which the line can be valid.
     from: Cycle,
 }
 
@@ -80,7 +80,7 @@ struct Access {
     place: u32,
 }
 
-/// One level: its tags, and the bytes of a line.
+/// A level of the cache: its tags, and the bytes of a line.
 #[derive(Clone, Debug)]
 struct Level {
     tags: Tags<Line>,
@@ -159,17 +159,17 @@ impl Constant {
         }
     }
 
-    /// What it has done.
+    /// The counters of the cache.
     pub fn counts(&self) -> ConstantCounts {
         self.counts
     }
 
-    /// What its levels have done.
+    /// The counters of its levels.
     pub fn caches(&self) -> (CacheCounts, Option<CacheCounts>) {
         (self.first.tags.counts(), self.second.as_ref().map(|level| level.tags.counts()))
     }
 
-    /// What an earlier pass or dispatch has written is not in the cache any more.
+    /// Drops the lines of earlier epochs, since an earlier pass or dispatch may have written their memory.
     fn begin_epoch(&mut self, epoch: u32) {
         if self.epoch != epoch {
             self.epoch = epoch;

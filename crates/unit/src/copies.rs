@@ -19,7 +19,7 @@ use gfx::rop::{compare_depths, composes_over, over};
 /// Bytes from a surface to the first pipeline's copy of it, and from that to the next one's; traces' addresses are below.
 const COPY: u64 = 1 << 38;
 
-/// How far behind a surface a pipeline's copy of it lies in memory.
+/// The distance in memory from a surface to a pipeline's copy of it.
 pub fn behind(pipeline: usize) -> u64 {
     (pipeline as u64 + 1) * COPY
 }

@@ -29,7 +29,7 @@ pub struct Deal {
     turn: usize,
     /// Groups of quads at which a batch ends; none: batches end by primitives only.
     most: Option<u32>,
-    /// What is on its way to pipelines, a bit for each that has still to get it.
+    /// The pipelines that have still to get the current item, a bit each.
     pending: u64,
     run: Option<Run>,
     /// The pipelines that have the batch just dealt; the mark of the batch's end is still to be sent to them.

@@ -9,14 +9,14 @@ use gfx::setup::{SAMPLES_1, SAMPLES_4};
 use num::SUBPIXEL;
 use work::{BLOCK, Triangle};
 
-/// What a test has left of a group.
+/// The result of a group's test.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Tested {
     /// Quads still alive.
     pub alive: u8,
     /// Fragments that have failed.
     pub failed_fragments: u32,
-    /// Samples that have.
+    /// Samples that have failed.
     pub failed_samples: u32,
 }
 

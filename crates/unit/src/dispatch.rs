@@ -69,7 +69,7 @@ pub enum Outlet {
     Owners(Sender<GroupToken>),
 }
 
-/// What leaves in order.
+/// An entry of the order in which groups leave.
 #[derive(Clone, Copy, Debug)]
 enum Entry {
     Warp(u32),
@@ -99,8 +99,9 @@ pub struct Dispatch {
     sequence: u32,
     sorting: SortCounts,
     core: usize,
-    /// What vertex fetch was told last, and the slot of the last warp.
+    /// The state that was sent to vertex fetch last.
     told: u16,
+    /// The slot of the last warp.
     slot: Option<u16>,
     items: u64,
 }
@@ -129,12 +130,12 @@ impl Dispatch {
         }
     }
 
-    /// What it has sent over the network.
+    /// The counters of what the unit has sent over the network.
     pub fn sorting(&self) -> SortCounts {
         self.sorting
     }
 
-    /// What it has waited for at the network, where it sends over one.
+    /// The waits at the network, if the unit sends over one.
     pub fn waits(&self) -> SenderCounts {
         match &self.ports.output {
             Outlet::Own { .. } => SenderCounts::default(),

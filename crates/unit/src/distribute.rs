@@ -101,12 +101,12 @@ impl Distribute {
         Distribute { turns: Some(turns), ..self }
     }
 
-    /// What it has sent.
+    /// The counters of what the unit has sent.
     pub fn counts(&self) -> SortCounts {
         self.counts
     }
 
-    /// What it has waited for.
+    /// The counters of the unit's waits.
     pub fn waits(&self) -> SenderCounts {
         self.network.counts()
     }

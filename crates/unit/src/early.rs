@@ -62,7 +62,7 @@ stats::counters! {
     }
 }
 
-/// Whose depths are asked for.
+/// The source of the depths that early tests use.
 #[derive(Clone)]
 pub enum Known {
     /// The pipeline's own copy, through a Z cache.
@@ -76,7 +76,7 @@ pub enum Known {
     },
 }
 
-/// What the values of an early test are, in addition to the depths.
+/// The rate, queue and latency of early tests.
 #[derive(Clone, Copy, Debug)]
 pub struct EarlyRate {
     /// Quads tested per cycle.
@@ -87,7 +87,7 @@ pub struct EarlyRate {
     pub latency: u32,
 }
 
-/// What a group waits for.
+/// The event that a group waits for.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Wait {
     /// Nothing: it is not tested.
@@ -145,7 +145,7 @@ impl Early {
         }
     }
 
-    /// What it has counted.
+    /// The counters of the unit.
     pub fn counts(&self) -> EarlyCounts {
         self.counts
     }

@@ -15,7 +15,7 @@ pub struct Store {
     pub surface: Surface,
     /// Its codes, block after block.
     pub codes: Vec<u32>,
-    /// What each block takes in memory.
+    /// The state of each block in memory.
     pub blocks: Vec<BlockState>,
     /// Blocks across.
     pub across: u32,
@@ -25,9 +25,9 @@ pub struct Store {
     pub block_words: u32,
     /// The signatures of its tiles, on a machine with rendering elimination.
     pub signatures: TileSignatures,
-    /// Of a pipeline's copy of a surface, how far behind the surface it lies in memory; else 0.
+    /// For a pipeline's copy of a surface, the distance in memory from the surface to the copy; else 0.
     pub offset: u64,
-    /// How often all of it was set by something else than a ROP.
+    /// The number of times that all of it was set by something other than a ROP.
     pub renewals: u32,
 }
 

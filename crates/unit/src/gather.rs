@@ -24,7 +24,7 @@ impl Gather {
         Gather { rate, merge: Merge::new(keep, probe, &input), input, output, items: 0 }
     }
 
-    /// What it has counted.
+    /// The counters of the unit.
     pub fn counts(&self) -> OrderCounts {
         self.merge.counts()
     }

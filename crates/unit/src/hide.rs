@@ -73,7 +73,7 @@ impl Hide {
         }
     }
 
-    /// What it has saved.
+    /// The counters of what the unit has saved.
     pub fn counts(&self) -> HideCounts {
         self.counts
     }

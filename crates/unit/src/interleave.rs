@@ -150,7 +150,7 @@ fn borders(load: &[u64], bands: u32) -> Vec<u32> {
     borders
 }
 
-/// How far a row of tiles is shifted: by its number with the digits reversed, in a mixed base of the prime factors of the pipelines. So
+/// The distance by which a row of tiles is shifted: its number with the digits reversed, in a mixed base of the prime factors of the pipelines. So
 /// rows that are near each other are shifted far apart, and any as many rows as there are pipelines are shifted differently. A single digit
 /// has no reverse: there each row takes a step near half the pipelines.
 fn skew(row: u32, pipelines: u32) -> u32 {

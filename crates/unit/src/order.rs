@@ -51,7 +51,7 @@ impl Order {
         }
     }
 
-    /// What it has counted.
+    /// The counters of the unit.
     pub fn counts(&self) -> OrderCounts {
         self.clock.counts()
     }

@@ -7,7 +7,7 @@ use std::sync::Arc;
 use num::Cycle;
 use work::{Draw, Funnel};
 
-/// What a phase is about.
+/// The kind of work of a phase.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub enum PhaseKind {
     /// Uploads, copies and clears outside passes, as far as they follow each other.
@@ -35,7 +35,7 @@ impl PhaseKind {
 /// The beginning of a phase.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Phase {
-    /// What it is about.
+    /// The kind of work.
     pub kind: PhaseKind,
     /// Number of the pass or dispatch in the trace; 0 elsewhere.
     pub number: u32,
@@ -65,9 +65,9 @@ pub struct DrawRecord {
     pub draw: Arc<Draw>,
     /// Number of the draw on this machine.
     number: u32,
-    /// What its segments have counted that have retired.
+    /// The counts of its retired segments.
     pub funnel: Funnel,
-    /// When the last of these did; none: none has.
+    /// The cycle in which its last segment retired. None if no segment has.
     pub retired: Option<Cycle>,
 }
 
@@ -78,13 +78,13 @@ pub struct PhaseRecord {
     pub phase: Phase,
     /// Its draws, where they are recorded.
     pub draws: Vec<DrawRecord>,
-    /// What its draws' segments have counted that have retired, in whatever phase.
+    /// The counts of its draws' retired segments, in whatever phase they retired.
     pub funnel: Funnel,
     /// The number of its last draw on this machine.
     last: Option<u32>,
 }
 
-/// What has just come to an end, so that counters are to be read.
+/// The event that has just ended, so that counters are to be read.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Mark {
     /// The phase before the one that begins here.
@@ -149,7 +149,7 @@ impl Phases {
         !self.marks.is_empty()
     }
 
-    /// What they are read for, in order.
+    /// The events for which counters are to be read, in order.
     pub fn marks(&mut self) -> std::vec::Drain<'_, Mark> {
         self.marks.drain(..)
     }

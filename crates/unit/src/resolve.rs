@@ -62,7 +62,7 @@ pub struct Resolve {
     blocks: Option<Vec<u32>>,
     /// Next of them to be read and to be resolved.
     asked: usize,
-    /// What each block asked for needs.
+    /// A number for each block that was asked for: the block is here when all misses before this number are back.
     waiting: VecDeque<u32>,
     resolved: usize,
     free_at: Cycle,

@@ -21,7 +21,7 @@ use stats::Heading;
 use work::LINE;
 
 knob::choices! {
-    /// What is sent of a primitive.
+    /// The data that is sent of a primitive.
     pub enum Retained {
         /// The numbers of its vertices: every pipeline reads their attributes from memory, where the scene is kept.
         Retained "retained",
@@ -49,7 +49,7 @@ knob::knobs! {
         fifo: u32 ["primitives", Allowed::Range(1, 4096), "assumed: covers the latency of memory"],
         /// Cycles from positions to bounds.
         latency: u32 ["cycles", Allowed::Range(1, 256), "assumed: transform, division, comparison"],
-        /// What is sent of a primitive.
+        /// The data that is sent of a primitive.
         mode: Retained ["", Allowed::Choice(Retained::NAMES), "Molnar et al. 1994 compare both; both traffics are counted whichever is simulated"],
     }
 }
@@ -139,22 +139,22 @@ impl Route {
         }
     }
 
-    /// What it has sent.
+    /// The counters of what the unit has sent.
     pub fn sorting(&self) -> SortCounts {
         self.sorting
     }
 
-    /// What it has waited for.
+    /// The counters of the unit's waits.
     pub fn waits(&self) -> SenderCounts {
         self.ports.network.counts()
     }
 
-    /// What it has transformed.
+    /// The counters of what the unit has transformed.
     pub fn counts(&self) -> RouteCounts {
         self.counts
     }
 
-    /// What the cache of positions counts.
+    /// The counters of the cache of positions.
     pub fn cache(&self) -> CacheCounts {
         self.tags.counts()
     }

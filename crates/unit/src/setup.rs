@@ -70,12 +70,12 @@ impl Setup {
         }
     }
 
-    /// What it has found out.
+    /// The counters of what setup has found out.
     pub fn found(&self) -> SetupCounts {
         self.found
     }
 
-    /// How long it has waited for the order.
+    /// The counters of the unit's waits for the order.
     pub fn counts(&self) -> OrderCounts {
         self.merge.counts()
     }

@@ -1,4 +1,4 @@
-//! What every way of sorting counts, whatever it sorts: primitives before geometry, triangles before rasterisation, or quads before
+//! The counters that all kinds of sorting share: of primitives before geometry, of triangles before rasterisation, or of quads before
 //! the ROPs.
 
 use std::collections::VecDeque;
@@ -96,13 +96,13 @@ impl OrderClock {
         wires.set_probe(&self.probe, self.state as u8);
     }
 
-    /// What was counted.
+    /// The counters.
     pub fn counts(&self) -> OrderCounts {
         self.counts
     }
 }
 
-/// How long each pipeline has waited, at the ends of passes, for the others to end theirs.
+/// The time that each pipeline has waited, at the ends of passes, for the others to end theirs.
 #[derive(Clone, Debug, Default)]
 pub struct PassWaits {
     /// When each reported last.
@@ -181,7 +181,7 @@ knob::knobs! {
 pub struct Ended {
     /// The first that has not ended.
     first: u32,
-    /// Of it and those after it, the parts that have ended; [`WHOLE`] if all have.
+    /// For this number and each after it, the number of parts that have ended, or [`WHOLE`] if all have.
     after: VecDeque<u8>,
 }
 
@@ -194,7 +194,7 @@ impl Ended {
         self.note_part(sequence, 1);
     }
 
-    /// One of a number's `parts` has ended.
+    /// Notes that one of a number's `parts` parts has ended.
     pub fn note_part(&mut self, sequence: u32, parts: usize) {
         let place = sequence.wrapping_sub(self.first) as usize;
         if self.after.len() <= place {
@@ -228,7 +228,7 @@ pub struct Merge {
     /// The sequence number that is being taken, and its sender, once it is known.
     sequence: u32,
     current: Option<usize>,
-    /// What has ended, where no order is kept.
+    /// The sequence numbers that have ended, if no order is kept.
     ended: Ended,
     clock: OrderClock,
 }
@@ -255,7 +255,7 @@ impl Merge {
         self.clock.end(wires);
     }
 
-    /// What it has counted.
+    /// The counters of the unit.
     pub fn counts(&self) -> OrderCounts {
         self.clock.counts()
     }
@@ -301,7 +301,7 @@ impl Merge {
     }
 }
 
-/// What draws must have in common for their quads to reach the ROP in any order.
+/// The state that draws must have in common for their quads to reach the ROP in any order.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Opaque {
     /// Whether it is the lesser depth that wins.

@@ -23,7 +23,7 @@ fn stamp(number: u32, inclusive: bool) -> Stamp {
     (number + 1) << 3 | u32::from(inclusive) << 2
 }
 
-/// What a draw's quads leave in the stamps of a copy.
+/// The marks that a draw's quads leave in the stamps of a copy.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Marks {
     /// Number in the pass of the segment's first primitive.

@@ -154,7 +154,7 @@ impl<T: Copy + Default> Tags<T> {
         (self.keys[place] != EMPTY).then(|| self.keys[place])
     }
 
-    /// What is kept with the line in a place.
+    /// The data that is kept with the line in a place.
     #[inline(always)]
     pub fn data(&mut self, place: usize) -> &mut T {
         &mut self.data[place]
@@ -187,7 +187,7 @@ impl<T: Copy + Default> Tags<T> {
         self.counts = counts;
     }
 
-    /// What was counted.
+    /// The counters.
     pub fn counts(&self) -> CacheCounts {
         self.counts
     }

@@ -62,7 +62,7 @@ knob::knobs! {
 }
 
 impl TextureConfig {
-    /// What an operation costs by [`Request::rate`], in operations on texels of 8-bit components.
+    /// The cost of an operation by [`Request::rate`], in operations on texels of 8-bit components.
     pub fn costs(&self) -> [u32; Request::RATES] {
         [1, 1, self.filter_single, self.filter_halves, self.filter_pair, self.filter_full, self.load_full]
     }
@@ -71,9 +71,9 @@ impl TextureConfig {
 /// A quad on its way through the latency-covering FIFO.
 #[derive(Clone, Copy, Debug)]
 struct Entry {
-    /// It can be filtered when all misses before this number are back,
+    /// The quad can be filtered when all misses before this number are back, and cycle `from` has come.
     needs: u32,
-    /// and not before this cycle.
+    /// The first cycle in which the quad can be filtered.
     from: Cycle,
     /// Filter operations.
     operations: u32,
@@ -84,9 +84,9 @@ struct Entry {
 /// A line of the first-level cache.
 #[derive(Clone, Copy, Debug, Default)]
 struct Line {
-    /// Its sectors that are there or on their way, a bit each;
+    /// The sectors that are there or on their way, a bit each.
     asked: u8,
-    /// each is there when all misses before its number are back.
+    /// A number for each sector: the sector is valid when all misses before this number are back.
     needs: [u32; 8],
 }
 
@@ -100,12 +100,12 @@ struct Place {
     missed: u32,
 }
 
-/// What has been looked up for the load or store of the warp at the head of the input.
+/// The lines and pieces that have been looked up for the load or store of the warp at the head of the input.
 #[derive(Clone, Debug, Default)]
 struct Coalesced {
     lines: Vec<u32>,
     pieces: Vec<u32>,
-    /// Of a load, the sectors of each line of the cache that any invocation reads, where lines have several.
+    /// For a load, the sectors that any invocation reads of each line of the cache. Empty unless lines have several sectors.
     sectors: Vec<(u64, u8)>,
     noted: bool,
 }
@@ -138,7 +138,7 @@ stats::counters! {
     }
 }
 
-/// What a texture unit serves.
+/// The core that a texture unit serves.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct TextureUser {
     /// The cluster of its warps.
@@ -160,16 +160,16 @@ pub struct Texture {
     output: Out<WarpToken>,
     memory: MemoryPort,
     tags: Tags<Line>,
-    /// Of a sector's number by that of a half of a piece of [`LINE`] bytes.
+    /// Shift from the number of half a piece of [`LINE`] bytes to the number of its sector.
     sector_shift: u32,
     fills: FillCounts,
-    /// Of a line's bytes by [`LINE`].
+    /// Shift from the number of a piece of [`LINE`] bytes to the number of its cache line.
     line_shift: u32,
     misses: Misses,
     fifo: VecDeque<Entry>,
     place: Place,
     coalesced: Coalesced,
-    /// Of a line's number by that of a piece.
+    /// Shift from the number of a piece of [`LINE`] bytes to the number of the piece that an access reads.
     piece_shift: u32,
     /// When the filters are free, in cycles times their rate.
     free_at: u64,
@@ -177,7 +177,7 @@ pub struct Texture {
     epoch: u32,
     items: u64,
     counts: TextureCounts,
-    /// What an operation costs by the rate of its request.
+    /// The cost of an operation by the rate of its request.
     costs: [u32; Request::RATES],
 }
 
@@ -213,12 +213,12 @@ impl Texture {
         }
     }
 
-    /// What it has done.
+    /// The counters of the unit.
     pub fn counts(&self) -> TextureCounts {
         self.counts
     }
 
-    /// What its cache has done.
+    /// The counters of its cache.
     pub fn cache(&self) -> CacheCounts {
         self.tags.counts()
     }
@@ -275,7 +275,7 @@ impl Texture {
         Some((run, address, count * sector as u32))
     }
 
-    /// What a load of a warp reads of each line of the cache, where lines have several sectors.
+    /// Notes the sectors that a load of a warp reads of each line of the cache, if lines have several sectors.
     fn note_sectors(&mut self, card: &Card, warp: &Warp) {
         self.coalesced.noted = true;
         for (part, item) in warp.items.iter().enumerate() {

@@ -1,8 +1,8 @@
-//! What travels between units: small plain structs of indices into the work that the [`Card`](super::Card) holds.
+//! The tokens that travel between units: small plain structs of indices into the work that the [`Card`](super::Card) holds.
 
 use bytemuck::{Pod, Zeroable};
 
-/// What a token is: data, or one of the marks that travel in order with the data.
+/// The kind of a token: data, or one of the marks that travel in order with the data.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Pod, Zeroable)]
 #[repr(transparent)]
 pub struct Kind(pub u16);
@@ -128,7 +128,7 @@ pub struct DepthBounds {
 #[derive(Clone, Copy, Debug, Pod, Zeroable)]
 #[repr(C)]
 pub struct Question {
-    /// What the asker calls it.
+    /// The asker's number of the question.
     pub ticket: u32,
     /// Index in the groups of the owner.
     pub group: u32,
@@ -150,7 +150,7 @@ pub struct Answer {
 pub struct TileToken {
     /// Its number, row by row.
     pub tile: u32,
-    /// Of a fence, its slot; of a tile, whether more of the pass follows.
+    /// For a fence, its slot. For a tile, whether more of the pass follows.
     pub slot: u16,
     /// Data, fence, or end.
     pub kind: Kind,
@@ -164,7 +164,7 @@ pub struct WarpToken {
     pub warp: u32,
 }
 
-/// What fragment dispatch tells vertex fetch, where vertices follow fragments.
+/// The message of fragment dispatch to vertex fetch, where vertices follow fragments.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Pod, Zeroable)]
 #[repr(C)]
 pub struct Packing {
@@ -209,7 +209,7 @@ pub struct Ack {
     pub kind: Kind,
 }
 
-/// What moving one thing over a channel costs in bytes, where a token stands for more than itself.
+/// The bytes that one item takes on a channel, where a token stands for more than itself.
 pub mod bytes {
     /// A quad between rasteriser, cores and ROPs: position, coverage, depth and where its attributes are.
     pub const QUAD: u32 = 16;

@@ -1,4 +1,4 @@
-//! What caches would have asked of memory during functional warming of a segment.
+//! The requests that caches would have sent to memory during functional warming of a segment.
 
 /// A touch of memory by a cache.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

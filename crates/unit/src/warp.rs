@@ -20,7 +20,7 @@ knob::choices! {
     }
 }
 
-/// What a warp runs.
+/// The kind of program that a warp runs.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Program {
     /// Quads of fragments.
@@ -37,7 +37,7 @@ impl Program {
     pub const ALL: [Program; 3] = [Program::Vertex, Program::Compute, Program::Fragment];
 }
 
-/// What has a cost of its own in a warp: a quad, a vertex, or four invocations of a workgroup.
+/// A part of a warp with a cost of its own: a quad, a vertex, or four invocations of a workgroup.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Item {
     /// Where its cost and requests are: of a quad the tile in its segment; else 0.
@@ -55,7 +55,7 @@ pub struct Item {
 /// A warp.
 #[derive(Clone, Debug, Default)]
 pub struct Warp {
-    /// What it runs.
+    /// The kind of program that it runs.
     pub program: Program,
     /// Slot of its segment or workgroups.
     pub slot: u16,
@@ -65,7 +65,7 @@ pub struct Warp {
     pub items: Vec<Item>,
     /// How its parts' paths become what it executes.
     pub execution: Execution,
-    /// What it executes.
+    /// The steps that it executes.
     pub steps: Vec<Step>,
     /// Which parts make the request of each step, where paths are followed; else none, and the parts' own steps say it.
     takes: Vec<u64>,
@@ -249,7 +249,7 @@ impl Warp {
         self.asked.front().copied().unwrap_or(self.step)
     }
 
-    /// What a step ends with for a part, whose own cost that is.
+    /// The request that ends a step for a part with this cost.
     #[inline(always)]
     pub fn then<'a>(&self, step: u32, part: usize, cost: impl FnOnce() -> &'a Cost) -> RequestKind {
         let step = step as usize;

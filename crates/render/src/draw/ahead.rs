@@ -47,9 +47,9 @@ enum Half {
 
 /// Memory of draws whose geometry is computed ahead.
 pub struct Ahead {
-    /// Of the thread that computes geometry alone. Two threads that use the same would wait for each other when work is counted. The thread of
-    /// the fragments may wait for a draw of this one, which must come to its end: it shares no work, since while it waited for its share
-    /// it could take up a row that waits, by others, for the first.
+    /// The workers of the thread that computes geometry alone. Two threads that use the same workers would wait for each other when work is
+    /// counted. The fragments' thread may wait for a draw of this thread, which therefore must end. So this thread shares no work: while it
+    /// waited for its share, it could take up a row of draws that waits, through others, for the first thread.
     workers: Workers,
     slots: Vec<Mutex<Slot>>,
 }
@@ -83,7 +83,7 @@ struct Row<'a> {
     broken: AtomicBool,
 }
 
-/// What there is to do for geometry.
+/// The next task for a thread that computes geometry.
 enum Task {
     Draw(usize),
     /// Slots have to be free.
@@ -210,7 +210,7 @@ impl Slot {
         Ok(Half::Made(settings, made))
     }
 
-    /// What is left of a draw.
+    /// Draws the fragments of a draw, after its geometry if that is not done yet.
     fn finish(
         &mut self,
         call: &DrawCall<'_>,

@@ -1,4 +1,4 @@
-//! What a survey counts: what primitives are expected to cover, without traversal, and which tiles it looks at.
+//! The counts of a survey: the pixels that primitives are expected to cover, without traversal, and the tiles that it looks at.
 //!
 //! A primitive covers that share of the pixel centres in its box which its area has of the box. A convex shape of n centres in w columns and h rows,
 //! anywhere on a grid of square cells of side s, meets (n + (s - 1) (w + h) + (s - 1)²) / s² cells on average (Santaló, Integral Geometry and

@@ -66,7 +66,7 @@ pub struct Part {
 /// Consecutive primitives and what becomes of them. Memory is kept from segment to segment, but where work is recorded.
 #[derive(Default)]
 pub struct Batch {
-    /// What of the segment's stream it takes.
+    /// The parts of the segment's stream that the batch takes.
     pub(super) parts: Vec<Part>,
     /// Primitives before this batch in the segment.
     pub first_primitive: u32,
@@ -96,7 +96,7 @@ pub struct Batch {
     references: Vec<u32>,
     /// Quads that the triangles may touch, roughly and not less than half.
     pub quads_estimate: u64,
-    /// What the triangles are expected to cover, where that is wanted.
+    /// The areas that the triangles are expected to cover. Empty unless a survey asks for them.
     pub areas: Areas,
     pub funnel: Funnel,
 }
@@ -139,7 +139,7 @@ pub fn cut(topology: Topology, pieces: &[Piece], batches: &mut Vec<Batch>) -> us
     n
 }
 
-/// What a batch needs beside itself.
+/// The inputs that all batches of a segment share.
 pub struct Input<'a, 'f> {
     pub frame: &'a PreparedDraw<'f>,
     pub stream: &'a Stream,

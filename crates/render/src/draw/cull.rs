@@ -59,7 +59,7 @@ struct AttributeKey {
     vertices: (u32, u32),
 }
 
-/// What is known of the contents of buffers, and room to find more.
+/// Known ranges of the contents of buffers, and memory to find more.
 #[derive(Default)]
 pub struct Boxes {
     /// Least and greatest index; none where there are none.
@@ -85,7 +85,7 @@ pub struct Seen {
     pub culling: Culling,
 }
 
-/// What is known of an input.
+/// An input and its known range.
 type Given = (InputRegister, Range);
 
 impl Candidate<'_> {
@@ -158,7 +158,7 @@ impl Candidate<'_> {
         Some(self.frame.clip.rejects(ends))
     }
 
-    /// What is known of the inputs that are of vertices; none: nothing.
+    /// The known ranges of the inputs that come from vertices. None if nothing is known.
     fn vertices(&self, boxes: &mut Boxes) -> Option<Vec<Given>> {
         let Candidate { call, frame, .. } = self;
         let ends = match call.index {
@@ -195,7 +195,7 @@ impl Candidate<'_> {
         Some(given)
     }
 
-    /// What is known of the inputs that are of instances, for all of a draw.
+    /// Appends the known ranges of the inputs that come from instances, over all instances of a draw.
     fn instance_ranges(&self, boxes: &mut Boxes, all: std::ops::Range<u64>, given: &mut Vec<Given>) {
         // Instance numbers beyond 32 bits begin again.
         let Ok(last) = u32::try_from(all.end - 1) else { return };
@@ -264,7 +264,7 @@ impl Candidate<'_> {
     }
 }
 
-/// What is known by a key, or is found now. In tests both, so that contents which changed unnoticed are seen.
+/// The value that is remembered for a key, or that is found now. Tests do both, so that contents which changed unnoticed are seen.
 fn remembered<K: Copy + Eq + std::hash::Hash, V: Copy + PartialEq + std::fmt::Debug>(
     known: &mut HashMap<K, V>,
     key: K,

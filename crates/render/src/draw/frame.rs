@@ -127,7 +127,7 @@ impl AsMut<Blocks<4>> for BlockRoom {
     }
 }
 
-/// What a thread keeps from task to task.
+/// Memory that a thread keeps from task to task.
 #[derive(Default)]
 pub struct Worker {
     pub blocks: BlockRoom,
@@ -136,7 +136,7 @@ pub struct Worker {
     pub pending: Pending,
     pub weights: FragmentWeights,
     pub recorder: Recorder,
-    /// How much was recorded of the last tile.
+    /// The amount that was recorded of the last tiles.
     pub room: Room,
     /// Counts of the current segment, if it has drawn any of it.
     pub drawn: Option<Drawn>,

@@ -31,7 +31,7 @@ const RECORDED_QUAD: u64 = 48;
 /// Quads of a recorded segment, roughly.
 const SEGMENT_QUADS: u64 = 1 << 20;
 
-/// What the stages of a segment hand on.
+/// The results that the stages of a segment hand on.
 #[derive(Default)]
 pub struct Stages {
     pub stream: Stream,
@@ -43,7 +43,7 @@ pub struct Stages {
     pub pieces: Vec<Piece>,
     /// The tiles that the current segment draws.
     pub touched: Vec<u32>,
-    /// What is recorded of each of them; where nothing is, of one or of each that is drawn by another thread, and they are empty.
+    /// The record of each tile. Without recording there is an empty record, or one for each tile that another thread draws.
     pub records: Vec<TileRecord>,
 }
 
@@ -54,7 +54,7 @@ impl Stages {
     }
 }
 
-/// What the geometry half of a segment came to.
+/// The result of the geometry half of a segment.
 pub struct Geometry {
     /// Memory that threads claim for it.
     pub growth: Meter,

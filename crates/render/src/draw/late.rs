@@ -1,4 +1,4 @@
-//! What is left of a batch of fragments after its program: discard, masks, and the tests of depth and stencil that could not be made before.
+//! The work on a batch of fragments after its program: discard, masks, and the tests of depth and stencil that could not be made before.
 
 use gfx::interpolate::{self, Place};
 use gfx::rop;

@@ -133,7 +133,7 @@ pub struct DrawCall<'a> {
     pub vertex_buffers: &'a [Option<BufferRange>],
     /// Indices; none: not indexed.
     pub index: Option<&'a IndexRange>,
-    /// What is drawn.
+    /// The range of vertices or indices, and of instances, that is drawn.
     pub range: Range,
     /// Resources of the vertex stage.
     pub vertex_resources: Resources<'a>,
@@ -151,11 +151,11 @@ pub struct DrawCall<'a> {
     pub count_samples: bool,
     /// A statistics query is open: the program sees how many fragments the machine shades.
     pub counted: bool,
-    /// What is needed of it. Without colours, fragment shaders run for coverage, depth and what they write to memory alone.
+    /// The results that are needed. Without colours, fragment shaders run for coverage, depth and what they write to memory alone.
     pub need: Need,
     /// Whether areas are wanted ([`Drawn::areas`]); they are in any case in a survey.
     pub areas: bool,
-    /// What the work depends on.
+    /// The key on which the recorded work depends.
     pub key: RenderKey,
     /// Whether work is recorded.
     pub record: bool,
@@ -165,25 +165,25 @@ pub struct DrawCall<'a> {
     pub reach: &'a Arc<Reach>,
     /// Number of its state in the pass.
     pub state: u32,
-    /// What may be left out.
+    /// The work that may be left out.
     pub skips: Skips,
-    /// What is known of buffers, for tests of bounds ahead of vertex shading; none: nothing is tested (something counts vertices or
-    /// primitives).
+    /// Known ranges of buffers, for tests of bounds ahead of vertex shading. None: nothing is tested, because something counts vertices or
+    /// primitives.
     pub boxes: Option<&'a Mutex<Boxes>>,
     /// Where work is counted.
     pub ledger: &'a Ledger,
 }
 
-/// What a draw leaves beside the image.
+/// The results of a draw beside the image.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Drawn {
     /// Samples that passed all tests.
     pub samples_passed: u64,
-    /// What was thrown away where.
+    /// The numbers of items that each stage threw away.
     pub funnel: Funnel,
     /// Fragments whose colours were not computed ([`Skips::overwritten`]); the funnel has them as shaded and written.
     pub overwritten: u64,
-    /// What primitives are expected to cover, where that is wanted.
+    /// The areas that primitives are expected to cover. Empty unless a survey asks for them.
     pub areas: Areas,
 }
 

@@ -86,7 +86,7 @@ pub struct RenderPass {
     pub(super) attachments: Attachments,
     pub(super) images: Images,
     pub(super) scratch: Option<Box<Scratch>>,
-    /// Those of the last draw.
+    /// The settings of the last draw.
     pub(super) settings: Option<Arc<Settings>>,
 }
 

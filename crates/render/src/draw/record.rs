@@ -39,7 +39,7 @@ pub fn shaded(quad: &mut work::Quad, kept: u16, cost: &QuadCost, payload: u32) {
     (quad.kept, quad.cost, quad.first_request, quad.payload) = (kept, cost.cost, cost.first_request, payload);
 }
 
-/// What is recorded of a tile.
+/// The recorded work of a tile.
 #[derive(Default)]
 pub struct TileRecord {
     /// The tile's work.
@@ -48,8 +48,8 @@ pub struct TileRecord {
     visits: Vec<(u32, u32, u32)>,
 }
 
-/// How much was recorded of tiles: the most, of which a 64th is forgotten with each tile that has less. Neighbours differ, and where a list has to
-/// grow it is copied.
+/// The size of the records of recent tiles. It is the maximum, less a 64th for each later tile that has less: neighbours differ, and a list that
+/// has to grow is copied.
 #[derive(Default)]
 pub struct Room {
     blocks: usize,

@@ -1,5 +1,5 @@
-//! What is the same for draws of one pass with the same pipeline and state: most draws differ from the one before in their vertices, in
-//! their indices, and in what they read, and in nothing else.
+//! Settings that draws of one pass with the same pipeline and state share. Most draws differ from the draw before only in their vertices,
+//! their indices, and the resources that they read.
 
 use std::sync::Arc;
 
@@ -16,14 +16,14 @@ use work::{Needless, RenderKey, Shade};
 use super::super::needs::Need;
 use super::{DrawCall, DrawError, Skips};
 
-/// What traversal and tests of a quad take, in steps.
+/// The cost of traversal and tests of a quad, in steps.
 const QUAD_STEPS: u64 = 3;
 
-/// What blending a quad takes beside, in steps for each sample of a pixel, where its format is none of four bytes: each texel is unpacked, blended as
-/// floats and packed.
+/// The additional cost of blending a quad in a format that has not four bytes, in steps for each sample of a pixel: each texel is unpacked, blended
+/// as floats and packed.
 const BLEND_STEPS: u64 = 24;
 
-/// What a quad costs beside its shader, in steps.
+/// The cost of a quad without its shader, in steps.
 fn quad_steps(targets: &[FrameTarget], samples: u32) -> u64 {
     let slow = |target: &&FrameTarget| {
         let format = target.state.format();
@@ -50,7 +50,7 @@ pub struct FrameTarget {
     pub payload_second: Option<usize>,
 }
 
-/// What all of this depends on, beside the attachments of the pass.
+/// The key of settings: all that they depend on, except the attachments of the pass.
 struct Key {
     /// Kept, so that no other pipeline can have its place in memory.
     pipeline: Arc<RenderPipeline>,
@@ -153,7 +153,7 @@ pub struct Settings {
     /// Coverage may shrink in the fragment stage.
     pub shrinks: bool,
     pub targets: Vec<FrameTarget>,
-    /// What a quad costs beside its shader, in steps.
+    /// The cost of a quad without its shader, in steps.
     pub quad_steps: u64,
     /// Words of depth in a payload.
     pub depth_payload: usize,
@@ -164,9 +164,9 @@ pub struct Settings {
     pub repeats: bool,
     /// Shade what the early test rejects too: for its cost, or because its fragments are counted.
     pub shade_covered: bool,
-    /// What costs have beside what counts always.
+    /// The parts of costs that are recorded in addition to what always counts.
     pub extra: Extra,
-    /// What is recorded though it changes no picture.
+    /// The kinds of work that are recorded although they change no picture.
     pub needless: Needless,
     pub skips: Skips,
 }

@@ -13,7 +13,7 @@ use crate::parallel;
 /// Entries that one task reads.
 const TASK: usize = 16 * 1024;
 
-/// What a segment's stream is read from.
+/// The source of a segment's stream.
 #[derive(Clone, Copy)]
 pub struct StreamSource<'a> {
     /// Indices, or none: vertices are numbered from `first`.

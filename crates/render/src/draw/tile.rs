@@ -34,7 +34,7 @@ pub struct TileJob<'a> {
     pub colors: [Option<TileMut<'a>>; MAX_COLORS],
     /// Depth attachment.
     pub depth: Option<TileMut<'a>>,
-    /// What is recorded, if anything is.
+    /// The record of the tile. It stays empty without recording.
     pub record: &'a mut TileRecord,
 }
 
@@ -45,7 +45,7 @@ impl<'a> TileJob<'a> {
     }
 }
 
-/// What all tiles of a segment share.
+/// The inputs that all tiles of a segment share.
 pub struct SegmentInput<'a, 'f> {
     pub frame: &'a PreparedDraw<'f>,
     pub pieces: &'a [Piece],

@@ -1,4 +1,4 @@
-//! What was stopped is drawn again: by the renderer's thread, with the sums of one thread.
+//! A pass that was stopped is drawn again by the renderer's thread, with the sums of one thread.
 
 use std::sync::Arc;
 use std::sync::atomic::Ordering::Release;
@@ -59,7 +59,7 @@ impl Flight {
         self.failed.store(false, Release);
     }
 
-    /// What it takes to draw it again.
+    /// The initial contents and the draws that are needed to draw it again.
     pub(super) fn kept_draws(&self) -> (Vec<Option<Start>>, Vec<Vec<QueuedDraw>>) {
         let mut painter = lock(&self.painter);
         (std::mem::take(&mut painter.starts), std::mem::take(&mut painter.done))

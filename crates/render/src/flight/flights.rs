@@ -72,7 +72,7 @@ impl Flights {
         Departure { flight, draws: Vec::with_capacity(TURN), depth }
     }
 
-    /// What the first pass in flight came to; waits for its end. The caller adds it to the sums.
+    /// The outcome of the first pass in flight. Waits for its end. The caller adds it to the sums.
     ///
     /// # Errors
     /// If a draw could not be done.
@@ -90,7 +90,7 @@ impl Drop for Flights {
     }
 }
 
-/// What the renderer's thread has of a pass in flight whose commands it still reads.
+/// The renderer's handle of a pass in flight whose commands it still reads.
 pub(in super::super) struct Departure {
     flight: Arc<Flight>,
     /// Draws that were not handed on yet.

@@ -99,11 +99,11 @@ impl Away {
     }
 }
 
-/// What an attachment of a pass begins with.
+/// The initial contents of an attachment of a pass.
 pub(in super::super) enum Source {
     /// These tiles.
     Tiles(TileSurface),
-    /// What a pass in flight leaves, with a part of it cleared.
+    /// The contents that a pass in flight leaves, with a part of them cleared.
     Behind(Away, Clearing),
 }
 

@@ -15,7 +15,7 @@ use std::io;
 use notes::Notes;
 use trace::{Trace, TraceError};
 
-/// What is asked of a frame.
+/// The results of a frame that are wanted.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Want {
     /// Nothing of its own: only what later frames read of it.
@@ -26,7 +26,7 @@ pub enum Want {
     All,
 }
 
-/// What has to be done of a pass.
+/// The part of a pass that has to be done.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Need {
     /// Nothing is drawn.
@@ -53,7 +53,7 @@ enum Thing {
     Queries(u32),
 }
 
-/// What a step is.
+/// The kind of a step.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
 enum Kind {
     Pass,
@@ -69,17 +69,17 @@ enum Kind {
 #[derive(Clone, Debug, Default, PartialEq, Eq, Hash)]
 struct Step {
     kind: Kind,
-    /// What it overwrites whole, whether anything is drawn or not.
+    /// The things that it overwrites whole, whether anything is drawn or not.
     fresh: BTreeSet<Thing>,
-    /// What is read to find its extent: arguments of indirect commands.
+    /// The things that are read to find its extent: arguments of indirect commands.
     extent: BTreeSet<Thing>,
-    /// What is read for coverage, depth and side effects.
+    /// The things that are read for coverage, depth and side effects.
     reads: BTreeSet<Thing>,
-    /// What is read beside that for colours.
+    /// The further things that are read for colours.
     color_reads: BTreeSet<Thing>,
-    /// What is written without colours,
+    /// The things that are written even if no colours are needed.
     writes: BTreeSet<Thing>,
-    /// and with them.
+    /// The further things that are written with colours.
     color_writes: BTreeSet<Thing>,
 }
 
@@ -137,7 +137,7 @@ impl<const BITS: u32> Answers<BITS> {
 }
 
 impl Needs {
-    /// What is needed of a pass, by its number in the trace.
+    /// The part of a pass that is needed, by the pass's number in the trace.
     pub fn pass(&self, number: u32) -> Need {
         self.passes.get(number).map_or(Need::Colors, |need| NEEDS[need as usize])
     }
@@ -173,7 +173,7 @@ impl Dependencies {
         self.frames
     }
 
-    /// What has to be run for what is wanted of each frame.
+    /// The steps that have to be run for the wanted results of each frame.
     ///
     /// # Errors
     /// If what was noted cannot be read.

@@ -1,4 +1,4 @@
-//! What passes, dispatches and copies read and write, in their order. Sequences are long: it is not kept in memory.
+//! Notes of what passes, dispatches and copies read and write, in their order. Sequences are long, so the notes are not kept in memory.
 
 use std::collections::{BTreeSet, HashMap};
 use std::io;

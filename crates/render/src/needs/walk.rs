@@ -44,7 +44,7 @@ struct Open {
     occlusion: Option<u32>,
 }
 
-/// What the memory of notes is claimed for.
+/// The purpose for which the memory of notes is claimed.
 const NOTES: &str = "what passes read and write";
 
 /// Takes notes.

@@ -38,31 +38,31 @@ pub(super) struct Lists {
     /// Bytes of an entry, and of a triangle with those vertices that are kept with it, on average.
     entry: f64,
     triangle: f64,
-    /// What is binned before tiles are drawn: all of the pass, or what fits.
+    /// The rounds of the pass. In each, a part of the pass is binned and then drawn: all of it, or what fits.
     pub rounds: Vec<Round>,
 }
 
-/// What is binned and then drawn.
+/// A part of a pass that is binned and then drawn.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Round {
-    /// Windows,
+    /// The windows of the round.
     windows: Range<usize>,
-    /// and the first of their cells.
+    /// The first cell of these windows.
     first: usize,
     /// Triangles, and entries of lists.
     triangles: f64,
     entries: f64,
 }
 
-/// What is followed of lists: first lines, with bytes.
+/// The followed parts of lists: their first lines, with bytes.
 pub(super) struct Followed {
-    /// In the order in which they are written,
+    /// Lines in the order in which they are written.
     pub written: Vec<(u32, u64)>,
-    /// and in which they are read.
+    /// Lines in the order in which they are read.
     pub read: Vec<(u32, u64)>,
 }
 
-/// What there is to draw in a screen tile.
+/// The work of a screen tile.
 #[derive(Clone, Debug, Default)]
 struct TileWork {
     owner: Option<u8>,

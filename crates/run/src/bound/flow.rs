@@ -3,7 +3,7 @@
 use super::{Bound, Roofs};
 use work::profile::{Cell, Window};
 
-/// What an item of a draw takes, in cycles of the unit.
+/// The cycles that an item of a draw takes in each unit.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Rates {
     /// Cycles of a router for a primitive.
@@ -30,9 +30,9 @@ pub(super) struct Rates {
     /// Least cycles of the depth test for a block with covered quads, and of colour for a block with shaded quads.
     pub depth_block: f64,
     pub color_block: f64,
-    /// Latency in shaders from a vertex to the end of its fragments,
+    /// Latency in shaders from a vertex to the end of its fragments.
     pub latency: f64,
-    /// and the part of fragments in it.
+    /// The part of fragments in `latency`.
     pub shaded: f64,
 }
 
@@ -40,9 +40,9 @@ pub(super) struct Rates {
 #[derive(Clone, Debug, Default)]
 pub(super) struct Pipeline {
     windows: Vec<Passed>,
-    /// The last window whose triangles have left the queue before setup when geometry begins the next,
+    /// The number of windows whose triangles have left the queue before setup when geometry begins the next window.
     setup: usize,
-    /// and the last whose quads have left the cores when the rasteriser does.
+    /// The number of windows whose quads have left the cores when the rasteriser begins the next window.
     shaded: usize,
 }
 
@@ -83,7 +83,7 @@ impl Pipeline {
         if self.setup == 0 { 0.0 } else { self.windows[self.setup - 1].rasterized }
     }
 
-    /// What was drawn last has been shaded, and has gone, only then.
+    /// Sets the times at which the last window is shaded and gone.
     pub fn hold(&mut self, shaded: f64, gone: f64) {
         if let Some(last) = self.windows.last_mut() {
             (last.shaded, last.written) = (shaded, later(shaded, gone));
@@ -125,13 +125,13 @@ const RASTERIZER: usize = 5;
 /// Cycles of each unit of a pipeline.
 pub(super) type Work = [f64; UNITS.len()];
 
-/// What a cell takes of traversal, if so large a part of its groups of quads is not thrown away by hierarchical Z.
+/// The cycles that a cell takes in traversal. `open` is the part of its groups of quads that hierarchical Z does not throw away.
 pub(super) fn traversal(cell: &Cell, rates: &Rates, open: f64) -> f64 {
     let [tested, blocks] = [f64::from(cell.tested) * rates.test, f64::from(cell.blocks) * rates.block];
     later(later(f64::from(cell.groups) * open * rates.group, tested), blocks)
 }
 
-/// What a cell takes of the units of a pipeline.
+/// The cycles that a cell takes in each unit of a pipeline.
 pub(super) fn work_of(cell: &Cell, rates: &Rates) -> Work {
     let (triangles, groups, shaded) = (f64::from(cell.triangles), f64::from(cell.groups), f64::from(cell.shaded));
     [

@@ -17,14 +17,14 @@ use stats::{FrameCounts, Group, Node, Tree, counter};
 use work::profile::Profiler;
 use work::{Event, Funnel};
 
-/// What estimates of phases add up to, over a frame or over all.
+/// The sum of the estimates of phases, over a frame or over all frames.
 #[derive(Clone, Debug, Default)]
 pub struct Estimated {
     /// Cycles.
     pub cycles: f64,
-    /// What was counted.
+    /// The counts of the stages.
     pub funnel: Funnel,
-    /// What went through the second-level cache and DRAM.
+    /// The traffic of the second-level cache and of DRAM.
     pub memory: Traffic,
     /// Lookups of the first-level texture caches by fragments, and misses.
     pub textures: [f64; 2],

@@ -25,13 +25,13 @@ pub(super) fn drawn_by(block: u32, copies: f64, pipelines: u32) -> impl Iterator
     (0..before(block + 1) - before(block)).map(move |at| (block + at) % pipelines)
 }
 
-/// What composing a pass takes.
+/// The cost of composing a pass.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Composed {
     /// Cycles in all, and those of the units without memory.
     pub cycles: f64,
     pub units: f64,
-    /// What it does to the second level.
+    /// The traffic of the second level.
     pub traffic: Traffic,
 }
 

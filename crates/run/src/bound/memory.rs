@@ -5,16 +5,16 @@ use machine::config::MemoryKind;
 use work::LINE;
 use work::profile::Sampled;
 
-/// What some accesses do to the second-level cache and DRAM, in counts of the whole.
+/// The traffic that accesses cause in the second-level cache and in DRAM, scaled to all of memory.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Traffic {
-    /// Lookups of the second-level cache,
+    /// Lookups of the second-level cache.
     pub lookups: f64,
-    /// and those that miss it.
+    /// Lookups that miss the second-level cache.
     pub misses: f64,
-    /// Bytes read from DRAM,
+    /// Bytes read from DRAM.
     pub read: f64,
-    /// and those written.
+    /// Bytes written to DRAM.
     pub written: f64,
 }
 
@@ -33,7 +33,7 @@ impl Traffic {
         Traffic { lookups: n * self.lookups, misses: n * self.misses, read: n * self.read, written: n * self.written }
     }
 
-    /// What is left without a part.
+    /// The traffic that is left without `part`.
     pub(super) fn without(&self, part: &Traffic) -> Traffic {
         Traffic {
             lookups: self.lookups - part.lookups,
@@ -76,11 +76,11 @@ pub(super) struct Shared {
     ways: usize,
     /// There is none: all goes to memory.
     ideal: bool,
-    /// Set after set: lines,
+    /// The lines, set after set.
     lines: Vec<u64>,
-    /// when each was last used, 0 where there is none,
+    /// The time of each line's last use; 0 where there is no line.
     used: Vec<u32>,
-    /// and its sectors.
+    /// The sectors of each line.
     sectors: Vec<Sectors>,
     clock: u32,
 }

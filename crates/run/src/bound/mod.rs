@@ -62,17 +62,17 @@ const BLOCKS: u32 = TILE / BLOCK;
 /// Cycles in crossbar, slice, return path and the asking unit, one each.
 const HOPS: f64 = 4.0;
 
-/// What DRAM sustains of what its refreshes leave, in streams with some turns of the bus and misses of rows.
+/// The part of the bandwidth left by refreshes that DRAM sustains, in streams with some turns of the bus and misses of rows.
 const STREAMING: f64 = 0.93;
 
-/// What the median error in cycles does not exceed, and what nine of ten errors do not exceed, in per cent: of generated scenes on the baseline
-/// with every sort class (`docs/data/fidelity.md`).
+/// Bounds in per cent of the median error in cycles, and of nine of ten errors: for generated scenes on the baseline with every sort class
+/// (`docs/data/fidelity.md`).
 pub const STATED_ERRORS: [u32; 2] = [10, 34];
 
 /// Cycles of a phase.
 #[derive(Clone, Debug, PartialEq)]
 pub struct PhaseEstimate {
-    /// What it is.
+    /// The kind of the phase.
     pub kind: PhaseKind,
     /// Number of the pass or dispatch in the trace.
     pub number: u32,
@@ -84,7 +84,7 @@ pub struct PhaseEstimate {
     pub limit: &'static str,
     /// Each unit's own time.
     pub units: Vec<(&'static str, f64)>,
-    /// What it does to the second-level cache and DRAM.
+    /// The traffic of the second-level cache and of DRAM.
     pub memory: Traffic,
     /// Lookups of the first-level texture caches by fragments, and misses.
     pub textures: [f64; 2],
@@ -108,7 +108,7 @@ impl FrameEstimate {
     }
 }
 
-/// What a phase touches in memory.
+/// The memory that a phase touches.
 struct Touched<'p> {
     sampled: &'p Sampled,
     touches: &'p [Touch],
@@ -353,7 +353,7 @@ impl<'c> Bound<'c> {
         PhaseEstimate { kind, number, label, cycles: most + latency, limit, units: roofs.units, memory, textures }
     }
 
-    /// What a touch that no first-level cache has does to the second level.
+    /// The second level's traffic of a touch that no first-level cache serves.
     fn plain(&mut self, touch: &Touch, shift: u8) -> Traffic {
         if !self.shared.follows(touch.line, shift) {
             return Traffic::default();

@@ -174,7 +174,7 @@ impl Bound<'_> {
         PhaseEstimate { kind, number, label, cycles, limit, units: roofs.units, memory, textures }
     }
 
-    /// What a pass leaves of an attachment in memory, of its raw size.
+    /// The part of an attachment's raw size that a pass leaves in memory.
     pub(super) fn left(&self, attachment: &AttachmentProfile) -> f64 {
         let c = self.config;
         let composed = self.sorted == Sorted::Images && c.card.pipelines > 1;
@@ -300,7 +300,7 @@ impl Bound<'_> {
         ways.iter().map(|&n| f64::from(n)).sum::<f64>() + trips
     }
 
-    /// What the units take for an item of a draw; adds what its geometry takes in all.
+    /// The cycles that the units take for an item of a draw. Adds the cycles that its geometry takes in all.
     fn rates(
         &self,
         roofs: &mut Roofs,

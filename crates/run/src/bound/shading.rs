@@ -1,10 +1,10 @@
-//! What shaders take of cores and texture units.
+//! The time that shaders take in cores and texture units.
 
 use super::Bound;
 use work::Class;
 use work::profile::{PIECE, ShaderProfile};
 
-/// What a run of a shader takes of a core and its texture unit, in cycles, and how long a warp is under way.
+/// The cycles that a run of a shader takes in a core and its texture unit, and the time that a warp is under way.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Shading {
     pub core: f64,
@@ -12,23 +12,23 @@ pub(super) struct Shading {
     pub latency: f64,
 }
 
-/// How requests of warps fare in the first-level cache.
+/// The misses of warps' requests in the first-level cache, and their costs.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Requests {
-    /// The part of them that miss a line or more,
+    /// The part of the requests that miss one line or more.
     pub missed: f64,
-    /// the part of which a missing line comes from DRAM,
+    /// The part of the requests for which a missing line comes from DRAM.
     pub slow: f64,
-    /// and how long a line takes on average.
+    /// The mean time of a missing line.
     pub latency: f64,
-    /// Misses per lookup of a line,
+    /// Misses per lookup of a line.
     pub line: f64,
-    /// and how long each occupies the port to memory, on which the lookups behind it wait.
+    /// The time that each miss occupies the port to memory. Later lookups wait for it.
     pub port: f64,
 }
 
-/// How long a request waits, on average, behind those before it that are waited for `latency` cycles each, where `rate` of these come
-/// a cycle, at random: what is left of the last one's time.
+/// The mean time that a request waits behind earlier requests, which take `latency` cycles each and come at random with a rate of `rate` per
+/// cycle. It is the rest of the last request's time.
 fn behind(rate: f64, latency: f64) -> f64 {
     if rate * latency < 1e-3 { 0.5 * rate * latency * latency } else { latency - (1.0 - libm::exp(-rate * latency)) / rate }
 }
@@ -46,7 +46,7 @@ impl Bound<'_> {
         [core, texture]
     }
 
-    /// What shader runs (quads, vertices, packets of four invocations) take.
+    /// The cost of shader runs (quads, vertices, packets of four invocations).
     pub(super) fn shading(&self, cost: &ShaderProfile, invocations: f64, registers: u32, requests: &Requests) -> Shading {
         if cost.runs == 0 {
             return Shading::default();

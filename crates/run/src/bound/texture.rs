@@ -1,4 +1,4 @@
-//! What first-level texture caches miss, with the warps under way that share them.
+//! The misses of first-level texture caches, with the warps under way that share them.
 //!
 //! A core has warps under way at all steps of their program at once. In its own time, counted in requests of bundles of quads, bundle
 //! `i` asks for its request `s` at `i K + s W`: `K` requests a bundle, `W` bundles at once. Two lookups of a line by one quad's
@@ -30,16 +30,16 @@ pub(super) struct Sharing {
     pub followed: f64,
 }
 
-/// What is missed.
+/// The misses of first-level caches.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Missed {
-    /// How likely the lookup is missed that begins an episode of a class; of those that are not here it is certain.
+    /// The probability that the first lookup of an episode misses, by the episode's class. For classes beyond the list it is 1.
     classes: Vec<f64>,
-    /// Misses per lookup,
+    /// Misses per lookup.
     pub rate: f64,
-    /// a bundle's request,
+    /// Misses per request of a bundle.
     pub bundle: f64,
-    /// and inside of episodes in all: the second-level cache has these.
+    /// All misses inside of episodes. The second-level cache has their lines.
     pub inner: f64,
 }
 
@@ -78,7 +78,7 @@ fn pushed_out(load: f64, ways: u32) -> f64 {
     (1.0 - below).clamp(0.0, 1.0)
 }
 
-/// What a pass's fragments miss.
+/// The misses of a pass's fragments.
 pub(super) fn missed(lines: &LineProfile, sharing: &Sharing) -> Missed {
     let touched = lines.lookups[1] as f64;
     if touched == 0.0 || sharing.bundles <= 0.0 {

@@ -1,4 +1,4 @@
-//! What a pass moves between the first-level caches and the second level.
+//! The traffic of a pass between the first-level caches and the second level.
 
 use super::binned::{Followed, Lists};
 use super::images::{copy, drawn_by};
@@ -9,7 +9,7 @@ use machine::class::Sorted;
 use work::LINE;
 use work::profile::{AttachmentProfile, BLOCK_CACHES, FIRST, Touch, Toucher, WHOLE};
 
-/// What a pass does to the second-level cache.
+/// The traffic that a pass causes in the second-level cache.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct PassTraffic {
     pub all: Traffic,
@@ -47,8 +47,8 @@ struct Blocks<'p> {
 }
 
 impl Bound<'_> {
-    /// What a pass does to the second-level cache. Of a tile-based machine geometry comes first, with lists that are written; then they are
-    /// read as tiles are drawn.
+    /// The traffic that a pass causes in the second-level cache. On a tile-based machine geometry comes first, with lists that are written. The
+    /// lists are read as tiles are drawn.
     pub(super) fn traffic(
         &mut self,
         color: &[AttachmentProfile],

@@ -50,7 +50,7 @@ impl Interval {
     }
 }
 
-/// What each unit has to do, in cycles, in the order of `units`; several entries of one unit are summed up.
+/// The cycles of work of each unit, in the order of `units`. Several entries of one unit are summed up.
 pub fn signature(work: impl Iterator<Item = (&'static str, f64)>, units: &mut Vec<&'static str>) -> Vec<f64> {
     let mut signature = vec![0.0; units.len()];
     for (unit, cycles) in work {
@@ -69,7 +69,7 @@ pub fn signature(work: impl Iterator<Item = (&'static str, f64)>, units: &mut Ve
 /// Clusters of frames: the first frame alone, and those of the others.
 #[derive(Debug)]
 pub struct Clusters {
-    /// Of each frame, the group that it is in.
+    /// The group of each frame.
     groups: Table<u32>,
     /// The clusters: the first is that of the first frame, where there is one.
     parts: Vec<Part>,
@@ -82,7 +82,7 @@ struct Part {
     places: Range<u32>,
 }
 
-/// What is estimated of a cluster's frames, by which its drawn frame stands for it.
+/// The estimates of a cluster's frames. They say how much its drawn frame stands for.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Share {
     /// Frames of the cluster.
@@ -94,7 +94,7 @@ pub struct Share {
 }
 
 impl Share {
-    /// How much the drawn frame stands for: the estimates of its cluster, by its own.
+    /// The weight of the drawn frame: the estimates of its cluster, divided by its own.
     pub fn weight(&self) -> f64 {
         if self.own > 0.0 { self.sum / self.own } else { self.frames as f64 }
     }
@@ -193,7 +193,7 @@ impl Clusters {
 /// A way through all frames in order, which finds the cluster of each.
 struct Walk<'c> {
     parts: &'c [Part],
-    /// Of each group the clusters that are not behind, the last first.
+    /// The clusters of each group that are not behind, the last first.
     left: Vec<Vec<usize>>,
     /// Frames of each group that are behind.
     behind: Vec<u32>,

@@ -56,7 +56,7 @@ impl Default for Sampling {
 /// Caches of which misses are estimated.
 const ESTIMATED: [&str; 2] = ["texture", "l2"];
 
-/// What is estimated over all frames.
+/// The estimates over all frames.
 #[derive(Clone, Debug)]
 pub struct Sampled {
     /// Frames of the sequence.
@@ -69,7 +69,7 @@ pub struct Sampled {
     pub margins: Vec<Margin>,
 }
 
-/// What an interval is of.
+/// The quantity that an interval is about.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Quantity {
     /// A count.
@@ -90,9 +90,9 @@ impl std::fmt::Display for Quantity {
 /// An estimate with its interval.
 #[derive(Clone, Debug)]
 pub struct Margin {
-    /// What it is of.
+    /// The quantity that it is about.
     pub of: Quantity,
-    /// What the statistics over all frames have.
+    /// The value in the statistics over all frames.
     pub value: f64,
     /// Half the interval's width.
     pub margin: f64,
@@ -154,7 +154,7 @@ impl<'t> Sampler<'t> {
         Ok(Sampler { trace, options, dependencies, survey, time: watch.clock() })
     }
 
-    /// What is known of all frames.
+    /// The survey of all frames.
     pub fn survey(&self) -> &Survey {
         &self.survey
     }
@@ -218,11 +218,11 @@ impl<'t> Sampler<'t> {
     }
 }
 
-/// What samples take, in seconds.
+/// The time of samples, in seconds.
 struct Trial {
-    /// What all share: commands are read, and what later frames read is drawn.
+    /// The time of work that all samples share: commands are read, and images that later frames read are drawn.
     shared: f64,
-    /// What each takes: it is rendered with its work recorded, simulated, and put into a cluster.
+    /// The time of each sample: it is rendered with its work recorded, simulated, and put into a cluster.
     each: f64,
 }
 

@@ -1,12 +1,12 @@
 //! Ridge regression (Hoerl and Kennard, 1970): what is known of some frames, as a linear function of counts that all have.
 
-/// How much a coefficient costs, against the squares of the deviations of one frame: of a count by its mean, about 3 % of it.
+/// The penalty of a coefficient, against the squares of the deviations of one frame. For a count divided by its mean, it is about 3 %.
 const PENALTY: f64 = 1e-3;
 
 /// A known value is not extrapolated below this share of the smallest.
 const LEAST: f64 = 0.25;
 
-/// What is known of the counts of all frames.
+/// Sums over the counts of all frames.
 pub(super) struct Summary<const N: usize> {
     frames: u64,
     first: [f64; N],
@@ -39,7 +39,7 @@ impl<const N: usize> Summary<N> {
 pub(super) struct Ridge<const N: usize> {
     /// The means of the counts over all frames.
     means: [f64; N],
-    /// Those that change.
+    /// The counts that change from frame to frame.
     kept: Vec<usize>,
     /// The counts of the frames of which values are known.
     known: Vec<[f64; N]>,
@@ -99,7 +99,7 @@ impl<const N: usize> Ridge<N> {
         Law { coefficients: solved, least }
     }
 
-    /// What a law says of a frame of such counts.
+    /// The value that a law predicts for a frame with these counts.
     pub fn value(&self, law: &Law, counts: &[f64; N]) -> f64 {
         let counted = law.coefficients[1..].iter().enumerate().map(|(at, by)| self.input(counts, at + 1) * by);
         (law.coefficients[0] + counted.sum::<f64>()).max(law.least)

@@ -1,4 +1,4 @@
-//! What shaders take of a frame: how often the programs of each pipeline run in it, and what a run takes.
+//! The time of a frame's shaders: how often the programs of each pipeline run in it, and the time of a run.
 //!
 //! What a run takes is measured in the frames that are recorded. Of pipelines that none of these uses it is known how many instructions their
 //! programs have.
@@ -18,13 +18,13 @@ const RUNS: usize = 4;
 /// Screen tiles for each one that a survey looks at ([`Areas::visible`]).
 const TILES: f64 = 4.0;
 
-/// How often the programs of pipelines run in some frames that follow each other.
+/// The numbers of runs of the pipelines' programs in consecutive frames.
 pub(super) struct Runs {
     /// The pipelines of each frame, frame after frame: their numbers and runs.
     rows: Table<f64>,
-    /// Of the frame that is read.
+    /// The runs of the frame that is being read.
     open: BTreeMap<u64, [f64; RUNS]>,
-    /// What is known of the pipelines before they run.
+    /// The programs of the pipelines, known before they run.
     programs: BTreeMap<u64, Programs>,
 }
 
@@ -77,7 +77,7 @@ pub(super) type Shaded = [f64; SHADED];
 /// How many numbers that are.
 pub(super) const SHADED: usize = 7;
 
-/// What a run of each of a pipeline's programs takes of a core and of its texture unit.
+/// The time that a run of each of a pipeline's programs takes in a core and in its texture unit.
 #[derive(Clone, Copy, Default)]
 struct Taken {
     vertex: [f64; 2],
@@ -85,7 +85,7 @@ struct Taken {
     packet: [f64; 2],
 }
 
-/// What runs of all pipelines take.
+/// The costs of the runs of all pipelines.
 pub(super) struct Costs {
     of: BTreeMap<u64, Taken>,
     cores: f64,
@@ -93,7 +93,7 @@ pub(super) struct Costs {
     quads: f64,
 }
 
-/// What is measured of a pipeline: its shaders' costs, and their registers.
+/// The measurements of a pipeline: its shaders' costs, and their registers.
 #[derive(Default)]
 struct Measured {
     vertex: (ShaderProfile, u32),
@@ -187,7 +187,7 @@ impl<'r> Walk<'r> {
         Walk { runs, costs, next: 0, rows: Vec::new() }
     }
 
-    /// What the shaders of the next frame take. The frame has used `used` pipelines.
+    /// The time of the shaders of the next frame, which has used `used` pipelines.
     ///
     /// # Errors
     /// If what is kept of them cannot be read.

@@ -59,7 +59,7 @@ pub enum Count {
     Dram(Counter<DramCounts>),
     /// Bytes of DRAM both ways.
     DramBytes,
-    /// What all caches of a kind count.
+    /// A counter over all caches of a kind.
     Cache(String, Counter<CacheCounts>),
 }
 
@@ -160,7 +160,7 @@ impl Count {
     }
 }
 
-/// What is estimated of a frame, in the order of [`Count::by`].
+/// The estimates of a frame, in the order of [`Count::by`].
 const ESTIMATES: [fn(&PhaseEstimate) -> f64; 8] = [
     |phase| phase.cycles,
     |phase| phase.memory.read,
@@ -177,7 +177,7 @@ const ESTIMATES: [fn(&PhaseEstimate) -> f64; 8] = [
 pub struct Survey {
     /// The trace's own numbers of the frames.
     pub numbers: Range<u32>,
-    /// Of each frame its signature, then its estimates.
+    /// A row for each frame: its signature, then its estimates.
     rows: Table<f64>,
     /// Host time of profiles and estimates, rendering left out.
     pub time: Duration,
@@ -200,7 +200,7 @@ fn recorded(first: u32, frames: u32) -> FrameSet {
 /// Parts that a sequence is cut into, which are rendered side by side.
 const PARTS: u32 = 2;
 
-/// What a survey calls for its frames.
+/// The functions that a survey calls for its frames.
 #[derive(Clone, Copy)]
 pub struct Observers<'t> {
     /// Gets what they show.
@@ -303,7 +303,7 @@ struct Read {
     first: u32,
     /// The counts of its frames, and how many pipelines each has used.
     counts: Table<f64>,
-    /// How often it has used them.
+    /// The numbers of runs of the pipelines.
     runs: Runs,
     /// Frames that are recorded: their numbers and profiles. They are few.
     profiles: Vec<(u32, Box<FrameProfile>)>,
@@ -413,13 +413,13 @@ fn predict(
     Ok(rows)
 }
 
-/// What regression goes by: what is counted, and what shaders take.
+/// The regressors: the counts of a frame, and the time of its shaders.
 const REGRESSORS: usize = COUNTS + SHADED;
 
 /// How many numbers [`takes`] gives.
 const TAKES: usize = 9 + SHADED;
 
-/// What units take for what is counted in a frame, in cycles: work divided by a rate, without anything that is learnt.
+/// The cycles that units take for the counts of a frame: work divided by a rate, without anything that is learnt.
 fn takes(config: &Config, regressors: &[f64; REGRESSORS]) -> [f64; TAKES] {
     let [draws, passes, samples, indices, _, primitives, clipped, triangles, _, quads, _, _, _, moved, shown, ..] = *regressors;
     let pipelines = f64::from(config.card.pipelines);
@@ -497,7 +497,7 @@ impl Survey {
         self.numbers.start + frame as u32
     }
 
-    /// What is known of a frame: its signature, then its estimates.
+    /// The row of a frame: its signature, then its estimates.
     ///
     /// # Errors
     /// If it cannot be read.
@@ -583,7 +583,7 @@ impl Drawn<'_> {
         each.map(|((frames, sums), own)| Share { frames, sum: sums[at], own: own[at] }).collect()
     }
 
-    /// How much each drawn frame stands for, of what a count is in proportion to.
+    /// The weight of each drawn frame, for the quantity that a count is in proportion to.
     pub fn weights(&self, count: &Count) -> Vec<f64> {
         self.shares(count).iter().map(Share::weight).collect()
     }

@@ -11,7 +11,7 @@ pub enum Fault {
     Order {
         /// Number of the event, from 0.
         event: u64,
-        /// What is wrong.
+        /// The damage that was found.
         what: &'static str,
     },
     /// A workgroup does not fit a core.
@@ -19,11 +19,11 @@ pub enum Fault {
     Resources {
         /// The dispatch.
         dispatch: u32,
-        /// What is short.
+        /// The resource that is short.
         what: &'static str,
-        /// How much a workgroup needs.
+        /// The amount that a workgroup needs.
         asked: u64,
-        /// How much there is.
+        /// The amount that a core has.
         has: u64,
         /// The knob that says so.
         key: &'static str,

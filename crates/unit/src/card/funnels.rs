@@ -4,7 +4,7 @@ use std::ops::{Index, IndexMut};
 
 use work::Funnel;
 
-/// What each segment in flight has counted, by its slot, and what all before them have.
+/// The counts of each segment in flight, by its slot, and the sum of the counts of all segments before.
 ///
 /// A unit counts for the segment whose token it holds. So the funnel of a draw is its own, whatever else is in the machine.
 #[derive(Clone, Debug, Default)]
@@ -26,7 +26,7 @@ impl Funnels {
         own
     }
 
-    /// What all segments have counted.
+    /// The sum of the counts of all segments.
     pub fn total(&self) -> Funnel {
         self.slots.iter().fold(self.retired, |mut sum, own| {
             sum += *own;

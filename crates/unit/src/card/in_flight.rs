@@ -41,7 +41,7 @@ pub struct Work {
     pub colors: Vec<Option<ColorState>>,
     /// The colour targets that the draw writes, in their order.
     pub outputs: Vec<Output>,
-    /// What its quads leave in the stamps of a copy, where pipelines have copies.
+    /// The marks that its quads leave in the stamps of a copy, if pipelines have copies.
     pub marks: Marks,
 }
 
@@ -72,17 +72,17 @@ pub struct Output {
     pub surface: usize,
     /// How it is written.
     pub state: ColorState,
-    /// Whether the stored colours are needed ([`ColorState::reads`]),
+    /// Whether the stored colours are needed ([`ColorState::reads`]).
     pub reads: bool,
-    /// and whether they are blended with ([`ColorState::blends`]).
+    /// Whether the stored colours are blended with ([`ColorState::blends`]).
     pub blends: bool,
     /// Where its colours are in a quad's payload.
     pub payload: u8,
-    /// See [`Target::words`],
+    /// The words of a fragment, as [`Target::words`].
     pub words: u8,
-    /// [`Target::packed`],
+    /// Whether these are stored texels, as [`Target::packed`].
     pub packed: bool,
-    /// and [`Target::second`].
+    /// The second source colour, as [`Target::second`].
     pub second: Option<u8>,
 }
 
@@ -95,7 +95,7 @@ impl Output {
     }
 }
 
-/// What is known of a block's test before it is made.
+/// The result of a block's test, as far as it is known before the test is made.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Ahead {
     /// Nothing.
@@ -124,7 +124,7 @@ pub struct Group {
     pub block: u32,
     /// For each quad the samples still alive.
     pub live: [u16; 4],
-    /// What hierarchical Z knows of the early test.
+    /// The result of the early test, as far as hierarchical Z knows it.
     pub ahead: Ahead,
 }
 

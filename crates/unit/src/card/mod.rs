@@ -1,4 +1,4 @@
-//! What tokens point into: the work in flight, the frame buffer, and the pools of what is too large for a token.
+//! The data that tokens point into: the work in flight, the frame buffer, and pools of items that are too large for a token.
 //!
 //! A unit reads what belongs to the card as a whole, and reads and writes what belongs to a token that it holds. Nothing here
 //! carries information from one unit to another except behind a token; that would bring back the order of ticks.
@@ -59,7 +59,7 @@ pub struct Card {
     pub passes: Passes,
     /// The machine's own surfaces.
     pub frame: FrameBuffers,
-    /// What they hold.
+    /// The images that these surfaces hold, as far as follows from the events.
     pub holdings: Holdings,
     /// The state that the machine's sort class adds.
     pub class_state: ClassState,
@@ -69,9 +69,9 @@ pub struct Card {
     pub bins: Vec<TileList>,
     /// The vertices that these share.
     pub kept: KeptVertices,
-    /// What the command processor has begun in this frame.
+    /// The phases that the command processor has begun in this frame.
     pub phases: Phases,
-    /// What was thrown away where, on this machine.
+    /// The numbers of items that each stage of this machine threw away.
     pub funnel: Funnels,
     /// Events that the command processor has not read yet; never empty before the last.
     pub events: VecDeque<Event>,
@@ -87,7 +87,7 @@ pub struct Card {
     pub disordered: Vec<(u32, String)>,
     /// Why the run must stop.
     pub fault: Option<Fault>,
-    /// What is noted of blocks, where a user asks for maps.
+    /// Notes on blocks, if a user asks for maps.
     pub notes: Option<Box<Notes>>,
 }
 

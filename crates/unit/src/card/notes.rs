@@ -1,5 +1,5 @@
-//! What only a machine knows of the blocks of a frame: where quads are rejected, where lines miss, when a block is drawn. It is noted where a
-//! user asks for maps, and changes nothing that is counted.
+//! Notes on the blocks of a frame that only a machine can make: where quads are rejected, where lines miss, when a block is drawn. They are made
+//! if a user asks for maps, and change nothing that is counted.
 
 use super::PassState;
 use num::Cycle;

@@ -98,9 +98,9 @@ pub struct PassState {
     pub order: PassOrder,
     /// The pass's signature without its draws, where tiles are looked for that are in memory already and this pass's may be.
     pub signature: Option<Signature>,
-    /// Whether a draw of it up to now may have raised depths, and lowered them.
+    /// Whether a draw of the pass up to now may have raised depths.
     pub raised: bool,
-    /// See `raised`.
+    /// Whether a draw of the pass up to now may have lowered depths.
     pub lowered: bool,
 }
 

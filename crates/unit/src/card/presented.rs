@@ -18,6 +18,6 @@ pub struct Presented {
     pub bytes: Arc<[u8]>,
     /// When the command processor handed it over.
     pub at: Cycle,
-    /// What is laid over its lines.
+    /// The sprites that are laid over its lines.
     pub sprites: Arc<[Sprite]>,
 }

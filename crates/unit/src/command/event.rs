@@ -1,4 +1,4 @@
-//! What each event of the stream begins.
+//! The work that each event of the stream begins.
 
 use std::sync::Arc;
 

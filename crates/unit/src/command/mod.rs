@@ -158,7 +158,7 @@ enum State {
     Over,
 }
 
-/// How far a pass is from its end.
+/// The stage of a pass's end.
 #[derive(Clone, Debug)]
 enum EndStage {
     /// Pipelines drain: their reports of its end still to come.
@@ -319,12 +319,12 @@ impl Command {
         matches!(self.state, State::Over)
     }
 
-    /// How long each pipeline has waited, at the ends of passes, for the others.
+    /// The time that each pipeline has waited, at the ends of passes, for the others.
     pub fn waits(&self) -> &PassWaits {
         &self.waits
     }
 
-    /// What it has counted.
+    /// The counters of the unit.
     pub fn counts(&self) -> CommandCounts {
         self.counts
     }

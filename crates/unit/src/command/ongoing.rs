@@ -7,7 +7,7 @@
 use super::Command;
 use work::Reach;
 
-/// What is under way.
+/// The kind of work that is under way.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Doing {
     /// A pass.
@@ -24,9 +24,9 @@ pub(super) struct Ongoing {
     /// Its number.
     number: u32,
     doing: Doing,
-    /// What it may touch: of a pass, up to its last draw.
+    /// The memory that it may touch. For a pass: up to its last draw.
     reach: Reach,
-    /// Of a dispatch, runs of workgroups in flight.
+    /// For a dispatch, the runs of workgroups in flight.
     runs: u32,
 }
 

@@ -16,7 +16,7 @@ use num::Cycle;
 use sim::{Tick, Wires};
 use work::{EndFrame, Event, Load, Pass, Surface, SurfaceKey};
 
-/// How far apart the buffers lie in memory: behind all surfaces and the copies that pipelines have of them.
+/// The distance between the buffers in memory: they lie behind all surfaces and the copies that pipelines have of them.
 const BUFFER: u64 = 1 << 46;
 
 /// The command processor's state of the display.

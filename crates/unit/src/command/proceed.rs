@@ -1,4 +1,4 @@
-//! What is under way goes on: draws, dispatches, transfers, resolves, the ends of passes.
+//! Continues the work under way: draws, dispatches, transfers, resolves, the ends of passes.
 
 use std::collections::VecDeque;
 

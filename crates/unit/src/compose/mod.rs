@@ -98,9 +98,9 @@ pub struct ComposePorts {
     pub start: In<Piece>,
     /// It is composed, as far as this unit goes.
     pub done: Out<Ack>,
-    /// To and from all composition units.
+    /// Blocks to all composition units.
     pub sender: Sender<BlockToken>,
-    /// See `sender`.
+    /// Blocks from all composition units.
     pub receiver: Receiver<BlockToken>,
     /// Memory.
     pub memory: MemoryPort,
@@ -134,16 +134,19 @@ pub struct Compose {
     misses: Misses,
     reads: VecDeque<Operation>,
     writes: VecDeque<Operation>,
-    /// What is to be done for the current pass, if there is one.
+    /// The steps of the current pass that are still to be done.
     steps: VecDeque<Step>,
     planes: Vec<Plane>,
     active: bool,
     /// Since when.
     since: Cycle,
-    /// Of the current step: blocks of each run that are still to be asked for, and those asked for.
+    /// Blocks to be sent in the current step that are still to be asked for.
     to_send: std::ops::Range<u32>,
+    /// Blocks to be composed in the current step that are still to be asked for.
     to_compose: std::ops::Range<u32>,
+    /// Blocks to be sent that were asked for.
     sends: VecDeque<Asked>,
+    /// Blocks to be composed that were asked for.
     composes: VecDeque<Asked>,
     /// Whether the next block to be asked for is one to be composed, where there are both.
     turn: bool,
@@ -181,12 +184,12 @@ impl Compose {
         }
     }
 
-    /// What it has counted.
+    /// The counters of the unit.
     pub fn counts(&self) -> ComposeCounts {
         self.counts
     }
 
-    /// What sorting costs: samples of whole frame buffers.
+    /// The cost of sorting: samples of whole frame buffers.
     pub fn sorting(&self) -> SortCounts {
         self.sorting
     }

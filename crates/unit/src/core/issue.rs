@@ -1,4 +1,4 @@
-//! What a core does between its dealings with other units: warps issue, wait for their latencies, and reach the ends of their
+//! The work of a core between its exchanges with other units: warps issue, wait for their latencies, and reach the ends of their
 //! steps.
 //!
 //! Other units see nothing of this until a warp comes to the end of its step, and it is known how long that takes at least. So a
@@ -25,14 +25,14 @@ const MOST_AFTER: i64 = 1 << 30;
 /// Waits between instructions of a warp are counted in parts of a cycle.
 pub(super) const CYCLE: u32 = 256;
 
-/// What does not change between the core's dealings with others.
+/// State that does not change between the core's exchanges with other units.
 #[derive(Clone, Debug)]
 pub(super) struct Fixed {
     /// Warps that issue in a cycle.
     issue: u32,
-    /// Instructions of a class that its lanes take in a cycle in which they take any,
+    /// Instructions of a class that its lanes take in a cycle in which they take any.
     room: [u32; Class::COUNT],
-    /// and cycles until they take the next. One of both is 1.
+    /// Cycles until the lanes of a class take the next instruction. Either this or `room` is 1.
     interval: [Cycle; Class::COUNT],
     /// Lanes of each class, and whether neither they nor a warp are a multiple of the other: then what they take differs from cycle to cycle.
     lanes: [u64; Class::COUNT],
@@ -76,8 +76,8 @@ impl Fixed {
         self.age[place as usize] = born;
     }
 
-    /// How long a warp waits after an instruction of each class of a step, in parts of a cycle; whether these are the latencies; and how
-    /// many of 256 instructions are issued beside the one before them.
+    /// The time that a warp waits after an instruction of each class of a step, in parts of a cycle; whether these are the latencies; and the
+    /// number of instructions, of 256, that are issued beside the instruction before them.
     ///
     /// A step takes a warp as long as its longest chain, or as the issue of its instructions. Where the chain is shorter than all
     /// instructions one after another, all waits are shorter by the same factor: a compiler puts instructions that do not need each other
@@ -166,16 +166,16 @@ pub(super) struct Issue {
     quiet_until: Cycle,
     /// The class of each place's run, where one is at work.
     class: [u8; PLACES],
-    /// Instructions left of each place's run,
+    /// Instructions left of each place's run.
     run: [i32; PLACES],
-    /// the wait after each, in parts of a cycle,
+    /// The wait after each instruction of the run, in parts of a cycle.
     wait: [i32; PLACES],
-    /// and parts of a cycle from its end, the last wait included, to the step's last instruction: what both make is how long the step
-    /// takes at least. The most there is where a warp is not at work.
+    /// Parts of a cycle from the end of the run, its last wait included, to the step's last instruction. Together with the run this is the least
+    /// time that the step still takes. The largest number where no warp is at work.
     after: [i32; PLACES],
-    /// What each place has waited too little so far, in parts of a cycle.
+    /// The parts of a cycle that each place has waited too little so far.
     late: [u32; PLACES],
-    /// How many cycles each waits after the instruction that it has just issued.
+    /// The cycles that each place waits after the instruction that it has just issued.
     cycles: [u32; PLACES],
     /// The waits of a step by class; those of a place where they are not the latencies.
     waits: Vec<[u32; Class::COUNT]>,
@@ -399,8 +399,8 @@ impl Issue {
         (class, places & self.next_is[class])
     }
 
-    /// Of the places that are ready, those that issue in a cycle, one after another in their turn: as many as schedulers and lanes
-    /// take. A warp issues in order: one whose next instruction finds no free lane waits.
+    /// The ready places that issue in a cycle, chosen round robin: as many as schedulers and lanes take. A warp issues in order: a warp whose
+    /// next instruction finds no free lane waits.
     #[inline(always)]
     fn chosen(&mut self, fixed: &Fixed, now: Cycle) -> u64 {
         if fixed.scheduling == Scheduling::Oldest {
@@ -451,8 +451,8 @@ impl Issue {
         chosen
     }
 
-    /// One cycle: warps whose latency is over are ready, and schedulers and lanes issue what they take. Returns whether any was
-    /// issued.
+    /// Simulates one cycle: warps whose latency is over become ready, and schedulers and lanes issue what they can. Returns whether an
+    /// instruction was issued.
     #[inline(always)]
     fn step(&mut self, fixed: &Fixed, now: Cycle) -> bool {
         let slot = now % WHEEL;
@@ -606,7 +606,7 @@ impl Issue {
         }
     }
 
-    /// How long places wait that have issued an instruction. Returns those that do; the others issue a second one.
+    /// Sets the waits of the places that have issued an instruction. Returns the places that wait; the others issue a second instruction.
     #[inline(always)]
     fn count_waits(&mut self, fixed: &Fixed, places: u64) -> u64 {
         let mut waits = places;

@@ -155,7 +155,7 @@ pub struct CorePorts {
     pub constant: Option<(Out<WarpToken>, In<WarpToken>)>,
 }
 
-/// What a warp has asked the texture unit where that has loads from uniform buffers too: a bit for each request, the oldest in the lowest.
+/// The requests of a warp to a texture unit that also serves loads from uniform buffers: a bit for each request, the oldest in the lowest.
 #[derive(Clone, Copy, Debug, Default)]
 struct Mixed {
     memory: u128,
@@ -170,7 +170,7 @@ impl Mixed {
         self.requests += 1;
     }
 
-    /// What the next answer is to, as numbers.
+    /// The numbers of memory requests and of constant requests (0 or 1 each) that the next answer serves.
     fn answer(&mut self) -> [u8; 2] {
         let answered = [self.memory, self.constant].map(|bits| (bits & 1) as u8);
         self.memory >>= 1;

@@ -28,7 +28,7 @@ stats::counters! {
     }
 }
 
-/// What a step of a warp asks.
+/// The kinds of requests that a step of a warp makes.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Asks {
     pub memory: bool,
@@ -36,7 +36,7 @@ pub(super) struct Asks {
     pub constant: bool,
 }
 
-/// What the parts of a warp ask at the end of its current step.
+/// The kinds of requests that the parts of a warp make at the end of its current step.
 #[cold]
 pub(super) fn asks(card: &Card, cluster: usize, number: u32) -> Asks {
     let warp = &card.warps[cluster][number];

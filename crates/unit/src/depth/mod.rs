@@ -170,12 +170,12 @@ impl Depth {
         }
     }
 
-    /// What the cache's tags count.
+    /// The counters of the cache's tags.
     pub fn cache(&self) -> CacheCounts {
         self.cache.cache()
     }
 
-    /// What the cache moved.
+    /// The counters of what the cache moved.
     pub fn counts(&self) -> BlockCounts {
         self.cache.counts()
     }
@@ -523,7 +523,7 @@ fn forget_renewed(cache: &mut BlockCache, kept: &mut Vec<(usize, u32)>, frame: &
     }
 }
 
-/// What a group that passes writes of its block.
+/// The quads of its block that a passing group writes whole, and those that it writes in part.
 fn written(work: &Work, group: &Group, samples: u32) -> Quads {
     let all = u16::MAX >> (16 - 4 * samples.clamp(1, 4));
     let mut quads = Quads::default();

@@ -1,4 +1,5 @@
-//! What pipelines ask that draw here and own nothing: the depths of this ROP's pixels, as they are when the question is answered.
+//! Questions of pipelines that draw here without owning pixels: they ask for the depths of this ROP's pixels, as they are when the question is
+//! answered.
 
 use std::collections::VecDeque;
 

@@ -1,4 +1,4 @@
-//! What comes to fetch, in each of its four modes: segments, runs of primitives, and those that were routed or brought.
+//! The input of fetch in each of its four modes: segments, runs of primitives, and primitives that were routed or brought.
 
 use super::super::card::{Card, is_newer};
 use super::super::index_runs::Walk;

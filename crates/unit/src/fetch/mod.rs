@@ -98,7 +98,7 @@ knob::knobs! {
     }
 }
 
-/// What vertex fetch is given.
+/// The input of vertex fetch.
 #[derive(Clone)]
 pub enum FetchInput {
     /// Whole segments, from the command processor.
@@ -215,7 +215,7 @@ pub struct Fetch {
     /// The number of the open batch. Those of all batches in flight are the numbers before it, without gaps.
     number: u32,
     in_flight: u32,
-    /// What is to be announced to assembly, in order.
+    /// The batches that are to be announced to assembly, in order.
     gathered: VecDeque<Gathered>,
     /// The batches that are closed and not yet on a core.
     closed: VecDeque<Gathered>,
@@ -271,7 +271,7 @@ impl Fetch {
         }
     }
 
-    /// What the attribute cache counts.
+    /// The counters of the attribute cache.
     pub fn cache(&self) -> CacheCounts {
         self.tags.counts()
     }

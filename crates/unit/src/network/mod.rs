@@ -150,7 +150,7 @@ knob::knobs! {
 #[repr(C)]
 pub struct Parcel {
     payload: [u32; 3],
-    /// What it weighs on a link.
+    /// The bytes that it takes on a link.
     pub bytes: u16,
     /// The sender.
     pub from: u8,

@@ -8,7 +8,7 @@ use super::traffic::{MapLink, NetworkMap};
 use super::{MAX_ENDS, NetworkConfig, Topology};
 use sim::{In, Link, Out, Token, UnitId, Wiring};
 
-/// What units and channels of a network are called in the statistics. The first two are the machine's fields.
+/// The names of a network's units and channels in the statistics. The first two are fields of the machine.
 #[derive(Clone, Copy, Debug)]
 pub struct Names {
     /// Routers.

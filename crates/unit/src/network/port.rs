@@ -59,7 +59,7 @@ impl Routed {
 }
 
 impl<T: Token> Sender<T> {
-    /// One with a channel to each receiver.
+    /// A sender with a channel to each receiver.
     pub fn direct(outputs: Vec<Out<T>>) -> Sender<T> {
         Sender::new(ToNetwork::Direct(outputs))
     }
@@ -90,7 +90,7 @@ impl<T: Token> Sender<T> {
         }
     }
 
-    /// What it has waited for.
+    /// The counters of the unit's waits.
     pub fn counts(&self) -> SenderCounts {
         self.counts
     }
@@ -216,7 +216,7 @@ struct Entry<T> {
     next: u32,
 }
 
-/// What has arrived, by sender.
+/// The tokens that have arrived, by sender.
 #[derive(Clone, Debug)]
 struct Arrived<T> {
     eject: In<Parcel>,
@@ -291,7 +291,7 @@ impl<T: Token> Arrived<T> {
 }
 
 impl<T: Token> Receiver<T> {
-    /// One with a channel from each sender.
+    /// A receiver with a channel from each sender.
     pub fn direct(inputs: Vec<In<T>>) -> Receiver<T> {
         Receiver(FromNetwork::Direct(inputs))
     }

@@ -11,7 +11,7 @@ pub enum Stall {
     None,
     /// Nothing has come.
     NoInput,
-    /// What has come is not next in order.
+    /// The tokens that have come are not next in order.
     OutOfOrder,
     /// The network does not take what is to be sent.
     NetworkFull,

@@ -14,7 +14,7 @@ pub(super) const EXPAND: u8 = 0xfe;
 /// The table's entry for receivers that this router never sees anything for.
 const NOWHERE: u8 = 0xff;
 
-/// What a link begins or ends at.
+/// The place at which a link begins or ends.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub(super) enum End {
     Sender(u16),

@@ -34,13 +34,13 @@ stats::counters! {
 pub struct Traffic {
     /// Links.
     pub links: u64,
-    /// What they carried.
+    /// The traffic that they carried.
     pub carried: LinkCounts,
-    /// What links carried of what they could have, on average.
+    /// The mean utilisation of the links: the bytes carried, divided by the bytes that they could have carried.
     pub mean: f64,
-    /// What the busiest link carried of what it could have.
+    /// The utilisation of the busiest link.
     pub hottest: f64,
-    /// Its channel and its ends.
+    /// The channel and the ends of the busiest link.
     pub hot_spot: String,
 }
 
@@ -90,7 +90,7 @@ impl Traffic {
         tree
     }
 
-    /// What [`Traffic::tree`] has written; zeros where it has not.
+    /// The traffic that [`Traffic::tree`] has written into a tree. Zeros if the tree has none.
     pub fn read(tree: &Tree) -> Traffic {
         let number = |name| tree.number(name).unwrap_or(0.0);
         Traffic {

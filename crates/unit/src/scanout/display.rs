@@ -27,7 +27,7 @@ use sim::{In, Out, Tick, Wires};
 use stats::Heading;
 use work::Surface;
 
-/// What the screen showed in one refresh.
+/// The picture that the screen showed in one refresh.
 #[derive(Clone, Debug)]
 pub struct Refresh {
     /// Its number, from 0.
@@ -72,7 +72,7 @@ impl Refresh {
         self.lines().flat_map(of).collect()
     }
 
-    /// What sprites count on it: a pair that meets in both parts of a torn picture is one.
+    /// The sprite counters of the picture. A pair that collides in both parts of a torn picture counts once.
     pub(super) fn sprite_counts(&self) -> SpriteCounts {
         let register = self.collisions().iter().fold(0, |bits, (_, found)| bits | found.bit());
         let shown = self.parts.iter().map(|(_, frame)| frame.sprites.len() as u64).max().unwrap_or(0);
@@ -204,7 +204,7 @@ impl Screen {
         self.origin + self.refresh * self.period
     }
 
-    /// What happens next by the clock, and when.
+    /// The cycle of the next event of the display's clock.
     fn next(&self) -> Cycle {
         let lines = self.begun.filter(|_| self.sending).unwrap_or(self.lines);
         self.begins() + if self.sending { lines * self.line_cycles } else { 0 }

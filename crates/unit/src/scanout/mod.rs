@@ -127,13 +127,13 @@ impl Scanout {
         }
     }
 
-    /// What a free-running display has counted.
+    /// The counters of a free-running display.
     #[cfg(test)]
     pub(super) fn display_counts(&self) -> Option<DisplayCounts> {
         self.display.as_ref().map(|display| display.counts)
     }
 
-    /// What it has shown and what has not been taken: refreshes, tears, dry lines.
+    /// The refreshes, tears and dry lines that have not been taken yet.
     #[cfg(test)]
     #[expect(clippy::type_complexity, reason = "for tests alone")]
     pub(super) fn shown(&self) -> (&[Refresh], &[(u64, u32)], &[(u64, u32)]) {
@@ -166,7 +166,7 @@ impl Scanout {
     }
 }
 
-/// What a free-running display has shown.
+/// The output of a free-running display.
 #[derive(Clone, Debug, Default)]
 pub struct Shown {
     /// The refreshes, in order.

@@ -103,7 +103,7 @@ impl Default for Scene {
     }
 }
 
-/// What the unit has done.
+/// The results of the unit.
 #[derive(Debug, PartialEq)]
 struct Written {
     /// When the mark was reported.

@@ -181,7 +181,7 @@ fn loaded(config: &CommandConfig, of: Features, events: &[Event]) -> (CommandCir
     (circuit, card)
 }
 
-/// What the command processor has done.
+/// The results of the command processor.
 #[derive(Debug, PartialEq)]
 struct Commanded {
     /// When pieces came to vertex fetch.

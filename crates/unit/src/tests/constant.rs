@@ -41,7 +41,7 @@ fn config() -> ConstantConfig {
     }
 }
 
-/// What the cache has done: when warps were answered, and its counts.
+/// The results of the cache: when warps were answered, and its counts.
 #[derive(Debug, PartialEq)]
 struct Read {
     times: Vec<Cycle>,

@@ -14,7 +14,7 @@ use work::*;
 
 sim::circuit! {
     struct CoreCircuit for Card {
-        /// Of vertices, workgroups and fragments; so are the sinks.
+        /// The sources of vertices, workgroups and fragments. The sinks have the same order.
         sources: Vec<Source<WarpToken>>,
         core: One<Core>,
         texture: One<Echo<WarpToken>>,

@@ -35,7 +35,7 @@ fn squares(edges: &[u16]) -> Segment {
 /// When a pipeline gets what: the kind, the number, the first primitive and how many.
 type Got = (Cycle, u16, u32, u32, u32);
 
-/// What three pipelines get of a segment and the fence behind it, which of its primitives all of them draw, and what is counted.
+/// The items of a segment and the fence behind it that three pipelines get, the primitives that all of them draw, and the counts.
 fn dealt(config: &AssemblyConfig, most: Option<u32>, segment: &Segment) -> (Vec<Vec<Got>>, Vec<bool>, Funnel) {
     settle(
         || {

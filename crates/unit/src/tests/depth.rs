@@ -23,7 +23,7 @@ use work::{Attachment, Draw, Funnel};
 
 sim::circuit! {
     struct DepthCircuit for Card {
-        /// Of early and late tests; so are the sinks, interpolation and colour units.
+        /// The sources of early and late tests. The sinks, interpolation and colour units, have the same order.
         groups: Vec<Source<GroupToken>>,
         end: One<Source<Ack>>,
         depth: One<Depth>,
@@ -79,7 +79,7 @@ impl Default for Scene {
     }
 }
 
-/// What the unit has done.
+/// The results of the unit.
 #[derive(Debug, PartialEq)]
 struct Tested {
     /// When groups came to interpolation, and when the mark behind them did.

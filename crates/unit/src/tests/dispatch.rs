@@ -37,7 +37,7 @@ fn config() -> DispatchConfig {
     }
 }
 
-/// What the unit has done.
+/// The results of the unit.
 #[derive(Debug, PartialEq)]
 struct Dispatched {
     /// When warps came to each core.

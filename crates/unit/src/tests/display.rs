@@ -45,7 +45,7 @@ fn config() -> ScanoutConfig {
 #[derive(Debug, PartialEq)]
 struct Seen {
     counts: DisplayCounts,
-    /// Of each refresh, the first lines and frames of its parts.
+    /// The first lines and the frames of the parts of each refresh.
     refreshes: Vec<Vec<(u32, u32)>>,
     tears: Vec<(u64, u32)>,
     dry: Vec<(u64, u32)>,

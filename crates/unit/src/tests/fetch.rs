@@ -21,9 +21,9 @@ sim::circuit! {
         fetch: One<Fetch>,
         core: Vec<Sink<WarpToken>>,
         batches: One<Sink<VertexBatch>>,
-        /// What assembly gives back, and how many indices it has taken.
+        /// The messages of assembly: batches that it gives back, and the number of indices that it has taken.
         told: Vec<Source<WarpToken>>,
-        /// What each pipeline tells of its fragments.
+        /// The messages of each pipeline about its fragments.
         packed: Vec<Source<Packing>>,
         ideal: Option<Ideal>,
     }
@@ -62,7 +62,7 @@ const MISS: Cycle = round_trip(LINE as u32);
 /// Vertices of a batch.
 const WIDTH: u32 = 4;
 
-/// What vertex fetch has done.
+/// The results of vertex fetch.
 #[derive(Debug, PartialEq)]
 struct Fetched {
     /// When batches came to each core.

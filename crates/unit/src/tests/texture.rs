@@ -52,7 +52,7 @@ fn config() -> TextureConfig {
 /// Cycles from the request for a line to its answer.
 const MISS: Cycle = round_trip(LINE as u32);
 
-/// What the unit has done.
+/// The results of the unit.
 #[derive(Debug, PartialEq)]
 struct Textured {
     /// When warps were answered.

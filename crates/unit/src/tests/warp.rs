@@ -1,4 +1,4 @@
-//! What a warp executes of the paths of its parts.
+//! The instructions that a warp executes on the paths of its parts.
 
 use crate::warp::{Execution, Item, Program, Warps};
 use work::{Class, Cost, CostTable, InFlight, Point, RequestKind, Span, Step};

@@ -39,7 +39,7 @@ pub(super) struct HierarchicalZ {
 }
 
 impl HierarchicalZ {
-    /// What is certain of a block that was looked up as `bounds`.
+    /// The bounds that are certain of a block that was looked up as `bounds`.
     #[inline(always)]
     fn certain(&self, bounds: Bounds) -> Bounds {
         Bounds { min: if self.min_valid { bounds.min } else { 0 }, max: if self.max_valid { bounds.max } else { u32::MAX } }

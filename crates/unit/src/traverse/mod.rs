@@ -132,13 +132,13 @@ struct Place {
     /// Whether the block has been tested, and what is known of it then.
     tested: bool,
     ahead: Ahead,
-    /// Those of its quads that hierarchical Z hides, a bit each, where it tests quads.
+    /// The quads of the block that hierarchical Z hides, a bit each, if it tests quads.
     hidden: u64,
     /// Blocks of the bounding box still to be found empty.
     empty: u32,
     /// Whether the triangle goes to all pipelines, each of which draws its own tiles of it.
     shared: bool,
-    /// Of a triangle that is traversed together with others, where its next block is; none without one.
+    /// For a triangle that is traversed together with others, the position of its next block. None if no block is left.
     next: Option<BlockAt>,
 }
 
@@ -162,18 +162,18 @@ pub struct Traverse {
     hierarchical: HierarchicalZ,
     /// The pass that `hierarchical` belongs to.
     pass: u32,
-    /// The pass by which `hierarchical` was told the depths ([`DepthStart::began`](super::card::DepthStart)).
+    /// The pass that set the depths of `hierarchical` ([`DepthStart::began`](super::card::DepthStart)).
     began: Option<u32>,
     counts: TraverseCounts,
     items: u64,
 }
 
-/// What a hierarchical Z buffer knows: [`Traverse::depth_bounds`].
+/// The contents of a hierarchical Z buffer: [`Traverse::depth_bounds`].
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct DepthsKnown {
-    /// Bounds of what is stored in each block.
+    /// Bounds of the depths that are stored in each block.
     pub bounds: Vec<[u32; 2]>,
-    /// Of what will be.
+    /// Bounds of the depths that each block will have when all that went through here is tested.
     pub outer: Vec<[u32; 2]>,
     /// Whether the lower and the upper ones of `bounds` hold.
     pub valid: [bool; 2],
@@ -221,7 +221,7 @@ impl Traverse {
         self.territory
     }
 
-    /// What it has counted.
+    /// The counters of the unit.
     pub fn counts(&self) -> TraverseCounts {
         self.counts
     }
@@ -334,7 +334,7 @@ impl Traverse {
         work.depth.as_ref().filter(|_| work.draw.hierarchical_z && self.config.hierarchical_z)
     }
 
-    /// Of the current block, those of its quads that hierarchical Z hides, a bit each.
+    /// The quads of the current block that hierarchical Z hides, a bit each.
     #[inline(always)]
     fn hidden_quads(
         &mut self,
@@ -373,7 +373,7 @@ impl Traverse {
         }
     }
 
-    /// What is certain of the early test of a block that is drawn; notes how far its depths can go then.
+    /// The result of the early test of a block that is drawn, as far as it is certain. Notes how far its depths can go then.
     // Off by default, and not to be in the way.
     #[inline(never)]
     fn look_ahead(&mut self, work: &Work, triangle: &Triangle, block: &Block, number: u32) -> Ahead {

@@ -47,7 +47,7 @@ impl Traverse {
         visits.partition_point(|visit| at(visit) < (y, x)) as u32
     }
 
-    /// Of a triangle's visits the one that its tile is in, if it is there.
+    /// The triangle's visit of this unit's tile, if there is one.
     pub(super) fn bin_visits<'a>(&self, card: &Card, work: &'a Work, triangle: &Triangle) -> &'a [Visit] {
         let visits = work.visits(triangle);
         if self.past_bin(card, work, triangle) { &[] } else { &visits[self.place.visit as usize..][..1] }

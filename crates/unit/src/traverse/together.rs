@@ -106,8 +106,8 @@ impl Traverse {
         complete
     }
 
-    /// Of the triangles that are traversed together, takes the one in hand whose next block is the first on the screen; of several that
-    /// have it, the first one. A triangle without more blocks ends before any other goes on.
+    /// Continues with the triangle whose next block is the first on the screen, among those that are traversed together. If several have this
+    /// block, the first of them. A triangle without more blocks ends before any other goes on.
     pub(super) fn choose(&mut self, card: &Card) {
         self.place.next = self.skip_foreign(card);
         let order = |place: &Place| (place.next, place.triangle);

@@ -60,11 +60,11 @@ pub struct DrawProfile {
     pub registers: [u32; 2],
     /// Words that a fragment's varyings have.
     pub varyings: u64,
-    /// Primitives,
+    /// Primitives.
     pub primitives: u64,
-    /// of these clipped,
+    /// Primitives that are clipped.
     pub clipped: u64,
-    /// and triangles that cover samples.
+    /// Triangles that cover samples.
     pub triangles: u64,
     /// Screen tiles of these triangles, summed up.
     pub visits: u64,
@@ -80,15 +80,15 @@ pub struct DrawProfile {
     pub quads: u64,
     /// Cost of the quads shaded.
     pub fragment: ShaderProfile,
-    /// Depth or stencil is in use, and can be written.
+    /// Whether depth or stencil is in use.
     pub depth: bool,
-    /// See `depth`.
+    /// Whether depth or stencil can be written.
     pub writes_depth: bool,
     /// Tests come before shading.
     pub early: bool,
-    /// Colour targets written,
+    /// Colour targets that are written.
     pub targets: u64,
-    /// and of these those that are blended.
+    /// Colour targets that are blended.
     pub blended: u64,
 }
 
@@ -103,9 +103,9 @@ const WINDOW: [u32; 3] = [32, 128, 256];
 pub struct Window {
     /// The draw, among those of the pass.
     pub draw: u32,
-    /// Primitives, and triangles of these that cover samples.
+    /// Primitives of the window.
     pub primitives: u32,
-    /// See `primitives`.
+    /// Triangles of these primitives that cover samples.
     pub triangles: u32,
     /// Whether a segment begins with it.
     pub begins: bool,
@@ -122,15 +122,15 @@ pub struct Cell {
     pub triangles: u32,
     /// Blocks in the bounds of these triangles.
     pub tested: u32,
-    /// Blocks covered in part,
+    /// Blocks of which a part is covered.
     pub blocks: u32,
-    /// those of them that are not hidden whole,
+    /// Covered blocks that are not hidden whole.
     pub seen: u32,
-    /// and the groups of up to four quads of these.
+    /// Groups of up to four quads in the blocks that are not hidden whole.
     pub groups: u32,
-    /// Quads shaded,
+    /// Quads that are shaded.
     pub shaded: u32,
-    /// and blocks with any.
+    /// Blocks with shaded quads.
     pub pins: u32,
 }
 
@@ -143,9 +143,9 @@ pub struct AttachmentProfile {
     pub block_bytes: u64,
     /// It has several samples per pixel.
     pub multisampled: bool,
-    /// How wide its texels are, and samples of a pixel.
+    /// The width class of its texels.
     pub texel: TexelClass,
-    /// See `texel`.
+    /// Samples of a pixel.
     pub samples: u32,
     /// It is read from memory, not cleared.
     pub loads: bool,
@@ -171,19 +171,19 @@ pub enum PhaseProfile {
         size: [u32; 2],
         /// Its draws, in order.
         draws: Vec<DrawProfile>,
-        /// Runs of their primitives, in order,
+        /// Runs of the draws' primitives, in order.
         windows: Vec<Window>,
-        /// and what these have to do where.
+        /// The work of the windows in each screen tile.
         cells: Vec<Cell>,
         /// Colour attachments.
         color: Vec<AttachmentProfile>,
         /// Depth attachment.
         depth: Option<AttachmentProfile>,
-        /// Distinct blocks of 8 x 8 pixels with covered samples, those that are hidden whole left out, and with shaded quads,
+        /// Distinct blocks of 8 x 8 pixels: those with covered samples that are not hidden whole, and those with shaded quads.
         blocks: [u64; 2],
-        /// and misses of these behind caches as large as [`BLOCK_CACHES`] says.
+        /// Misses of these blocks behind caches of the sizes of [`BLOCK_CACHES`].
         block_misses: [[u64; BLOCK_CACHES.len()]; 2],
-        /// Of some of these blocks: copies that are drawn into where as many pipelines as [`APART`] says draw apart.
+        /// For some of these blocks: the copies that are drawn into, for each number of pipelines in [`APART`] that draw apart.
         copies: [u64; APART.len()],
         /// What its fragments look up.
         lines: Box<LineProfile>,

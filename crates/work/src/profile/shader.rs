@@ -13,9 +13,9 @@ pub struct ShaderProfile {
     pub chain: [u64; Class::COUNT],
     /// Texture requests.
     pub textures: u64,
-    /// Their filter operations by [`Request::rate`],
+    /// Filter operations of texture requests by [`Request::rate`].
     pub operations: [u64; Request::RATES],
-    /// and lines looked up.
+    /// Lines that texture requests look up.
     pub texture_lines: u64,
     /// Steps before which a run waits for requests, where it goes on until it needs a result.
     pub stops: u64,
@@ -31,11 +31,11 @@ pub struct ShaderProfile {
     pub access_lines: u64,
     /// Pieces of [`PIECE`] bytes that they have in common with those beside them, counted once for [`TOGETHER`] runs.
     pub access_pieces: u64,
-    /// Loads from uniform buffers,
+    /// Loads from uniform buffers.
     pub constants: u64,
-    /// their lines,
+    /// Lines of the loads from uniform buffers.
     pub constant_lines: u64,
-    /// and their pieces, as those of accesses.
+    /// Pieces of the loads from uniform buffers, counted as those of accesses.
     pub constant_pieces: u64,
 }
 

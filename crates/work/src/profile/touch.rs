@@ -31,9 +31,9 @@ pub enum Toucher {
     Color,
     /// A resolve, a block of it.
     Resolve,
-    /// A transfer or scan-out that reads,
+    /// A transfer or scan-out that reads.
     Read,
-    /// or one that writes.
+    /// A transfer or a resolve that writes.
     Write,
 }
 

@@ -10,7 +10,7 @@ fn drawn(scene: &Scene, cull: Cull, record: bool) -> Image {
     scene.draw_as(How { record, count: true, key: RenderKey { cull, ..RenderKey::default() }, ..USUAL })
 }
 
-/// What the tests of all draws came to.
+/// The results of the tests of all draws.
 fn culled(image: &Image) -> Culling {
     image.draws.iter().fold(Culling::default(), |sum, draw| Culling {
         tests: sum.tests + draw.culling.tests,

@@ -42,7 +42,7 @@ struct Scene {
     reference: u32,
     /// Vertex ranges drawn one after the other.
     draws: Vec<std::ops::Range<u32>>,
-    /// What the fragment shader's only binding holds, if it has one.
+    /// The contents of the fragment shader's only binding, if it has one.
     storage: Option<Arc<Words>>,
     limits: Limits,
 }

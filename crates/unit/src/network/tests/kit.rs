@@ -10,7 +10,7 @@ use stats::Tree;
 pub const ALL: [Topology; 6] =
     [Topology::PointToPoint, Topology::Bus, Topology::Crossbar, Topology::Ring, Topology::Mesh, Topology::Butterfly];
 
-/// What is sent here: the sender, and the number of the token among those of its source.
+/// A token of these tests: the sender, and the number of the token among those of its source.
 pub type Item = [u32; 2];
 
 /// A token to be sent.
@@ -75,7 +75,7 @@ impl Unit<()> for Source {
     }
 }
 
-/// What a sink takes.
+/// The order in which a sink takes tokens.
 #[derive(Clone, Debug)]
 pub enum Taste {
     /// Whatever has come, from senders in turn.
@@ -246,7 +246,7 @@ pub fn is_over(rig: &Rig) -> bool {
     rig.wires().resident() == 0 && rig.tally().1.iter().all(|&resident| resident == 0)
 }
 
-/// What a run leaves behind.
+/// The outcome of a run.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Outcome {
     pub cycles: Cycle,

@@ -1,4 +1,4 @@
-//! What holds on every network whatever the traffic: nothing lost, order kept, no one stuck, the same under every clock.
+//! Laws of every network under any traffic: no token is lost, order is kept, no sender gets stuck, and every clock gives the same.
 
 use super::kit::{ALL, Case, Order, Taste, config, hops, is_over};
 use crate::network::{Arbitration, LinkCounts, NetworkConfig, Topology};

@@ -1,4 +1,4 @@
-//! How much a network carries, and where it is hot.
+//! The throughput of a network, and its hot spots.
 
 use super::kit::{ALL, Case, Order, Outcome, config};
 use crate::network::{Arbitration, NetworkConfig, Topology};
