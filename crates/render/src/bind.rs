@@ -46,7 +46,7 @@ enum Held {
 #[derive(Default)]
 pub(super) struct ResolvedBindings {
     held: Vec<Held>,
-    /// Where a binding is an array: the end of each binding's objects. Else each has one.
+    /// The end of each binding's objects, if a binding is an array. Empty if each binding has one object.
     ends: Vec<usize>,
     immediates: Vec<u32>,
 }

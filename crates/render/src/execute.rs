@@ -73,9 +73,9 @@ pub struct Options {
     pub begins: Option<FrameSet>,
     /// The commands that have to be run. None: all commands.
     pub needs: Option<Arc<Needs>>,
-    /// Whether passes that are recorded end with what the blocks of their attachments take in memory.
+    /// Whether recorded passes end with the memory that the blocks of their attachments take.
     pub stored: bool,
-    /// Whether segments carry what their primitives are expected to cover by their areas.
+    /// Whether segments carry the number of pixels that their primitives are expected to cover, from their areas.
     pub areas: bool,
     /// Whether frames end with the picture that is shown; if not, with its size and format only.
     pub pictures: bool,
@@ -321,7 +321,7 @@ pub(super) struct Renderer<'t, 's> {
     copied_at: u32,
     /// Whether passes may be in flight at all.
     may_fly: bool,
-    /// When a pass landed, the sums were over a limit: a command since its departure should have been refused.
+    /// Whether the sums were over a limit when a pass landed: a command since its departure should have been refused.
     overtaken: bool,
     scope: Scope,
     /// The bundle that is recorded.

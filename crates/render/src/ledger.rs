@@ -140,7 +140,7 @@ impl Ledger {
         Ledger { steps, quads, bytes, ..self.with_sums([0; 7]) }
     }
 
-    /// Whether as much may still be done as any number of passes in flight can do, beside one command of the renderer's own.
+    /// Whether the limits leave room for the work of any number of passes in flight, beside one command of the renderer's own.
     pub fn has_room(&self) -> bool {
         let far = |meter: &Meter, large: u64| meter.spent() <= meter.limit().get() / 4 && meter.limit().get() / 4 >= large;
         far(&self.steps, MANY_STEPS) && far(&self.bytes, LARGE) && far(&self.quads, 0)

@@ -261,7 +261,7 @@ impl RenderPipeline {
         self.programs.get(1)
     }
 
-    /// Whether the fragment stage has to run where nobody wants its colours: it decides which samples are covered, or writes memory.
+    /// Whether the fragment stage has to run even if its colours are not needed: it decides which samples are covered, or writes memory.
     pub fn shades_for_coverage(&self) -> bool {
         let decides = |i: &Interface| i.side_effects || i.discards || i.writes_sample_mask;
         !self.early || self.alpha_to_coverage || self.fragment().is_some_and(|program| decides(program.interface()))

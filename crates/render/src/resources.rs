@@ -168,7 +168,7 @@ pub struct Texture {
     pub address: u64,
     /// Counts changes of the contents.
     pub version: u64,
-    /// Where it is shown, the display ignores its alpha.
+    /// Whether the display ignores its alpha when it is shown.
     pub opaque: bool,
     /// Images by (level, layer) that passes have touched.
     pub images: NumberMap<(u32, u32), ImageState>,

@@ -69,7 +69,7 @@ pub type Pictures<'p> = dyn Fn(Frame) -> Result<()> + Sync + 'p;
 pub struct Ended {
     /// Its number.
     pub frame: u32,
-    /// Whether a survey is through with it, by which frames are chosen; else it leaves.
+    /// Whether the survey that chooses frames is done with this frame. Otherwise the frame leaves the replay.
     pub surveyed: bool,
     /// How many end in this way, if that is known.
     pub of: Option<u64>,
@@ -82,11 +82,11 @@ pub type Progress<'p> = dyn Fn(Ended) + Sync + 'p;
 pub struct FrameSink<'s> {
     /// Is given the frames.
     pub taker: Box<Taker<'s>>,
-    /// Whether the taker keeps them: then they count as memory in use.
+    /// Whether the receiver keeps the frames. If so, they count as memory in use.
     pub keeps: bool,
-    /// Whether frames report their draws, of a machine that is simulated.
+    /// Whether the frames of a simulated machine report their draws.
     pub per_draw: bool,
-    /// Whether it is estimated what limits the phases of the first frames of a machine that is simulated.
+    /// Whether the limits of the phases are estimated for the first frames of a simulated machine.
     pub limits: bool,
     /// Is given the pictures of all frames, where some are sampled.
     pub pictures: Option<&'s Pictures<'s>>,

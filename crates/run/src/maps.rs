@@ -51,7 +51,7 @@ pub enum Kind {
     EarlyZ,
     /// Lines that miss.
     Misses,
-    /// When it was drawn.
+    /// The time at which it was drawn.
     When,
 }
 
@@ -122,7 +122,7 @@ pub struct Map {
 pub struct Surface {
     /// The texture, with its level and layer where they are not 0.
     pub name: String,
-    /// Whether it is what the frame shows.
+    /// Whether the frame shows this surface.
     pub shown: bool,
     /// Width in pixels.
     pub width: u32,

@@ -28,7 +28,7 @@ pub struct Consumer<'c> {
     pub memory: ConsumerMemory,
     /// Whether it needs more of a draw than its counts.
     pub recorded: bool,
-    /// Whether it needs what blocks of attachments take in memory when a pass ends.
+    /// Whether it needs the memory that blocks of attachments take when a pass ends.
     pub stored: bool,
     /// Reads all events. One that returns an error gets no more of them; the others do.
     pub run: Box<dyn FnOnce(Work) -> Result<()> + Send + 'c>,

@@ -50,7 +50,7 @@ pub struct Timeline {
     unit_bank: Vec<usize>,
     channel_bank: Vec<usize>,
     interval: Cycle,
-    /// Whether the interval was given: then it stays.
+    /// Whether the user gave the interval. If so, it does not change.
     fixed: bool,
     due: Cycle,
     last: Option<Reading>,

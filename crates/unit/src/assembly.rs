@@ -120,7 +120,7 @@ pub enum Mode {
     Runs {
         /// Whether a mark for the end of each sequence number is sent on, so that later units can restore the order.
         marks: bool,
-        /// Whether primitives are counted here; not where one may come to several pipelines.
+        /// Whether primitives are counted here. They are not where a primitive may come to several pipelines.
         counts: bool,
     },
 }
@@ -139,7 +139,7 @@ pub struct Assembly {
     /// The geometry unit that gets the open batch, once one has been chosen, and the one whose turn is next.
     open: Option<usize>,
     turn: usize,
-    /// Where the next run of primitives ends that a pipeline was dealt.
+    /// The end of the next run of primitives that was dealt to a pipeline.
     end: u32,
     mode: Mode,
     /// Entries of the streams of segments that are assembled; entries taken since the start, and how many of these have been

@@ -86,7 +86,7 @@ pub(super) fn distinct(work: &Work, triangle: u32) -> impl Iterator<Item = u32> 
     (0..3).filter(move |&n| !own[..n].contains(&own[n])).map(move |n| own[n])
 }
 
-/// Where binning counts.
+/// The heading of binning in the statistics.
 pub const BINNING: Heading = Heading::new("binning", "Sort-middle-binned: the lists of tiles.");
 
 stats::counters! {
@@ -115,7 +115,7 @@ stats::counters! {
     }
 }
 
-/// Where triangles, with their vertices, and lists lie in memory: above all that traces use.
+/// The first address of triangles, with their vertices, and of lists in memory: above all memory that traces use.
 const TRIANGLES: u64 = 1 << 40;
 const LISTS: u64 = 1 << 41;
 

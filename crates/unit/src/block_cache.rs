@@ -13,7 +13,7 @@ use sim::{Tick, Wires};
 use stats::Heading;
 use work::BLOCK;
 
-/// Where the caches of the ROPs count.
+/// The heading of the ROPs' caches in the statistics.
 pub const ROP: Heading = Heading::new(
     "rop.NAME[i]",
     "What the depth and colour caches of the ROPs moved, and those of early tests; the last is of `depth` only.",
@@ -78,7 +78,7 @@ struct Operation {
 pub struct Policy {
     /// Which set is a block's.
     pub sets: BlockSets,
-    /// Whether memory takes parts of a block that is stored raw: what has not been written of it is never read to be written back.
+    /// Whether memory takes parts of a block that is stored raw. If so, unwritten parts are never read just to be written back.
     pub masked: bool,
 }
 
@@ -97,7 +97,7 @@ pub struct BlockCache {
     memory: MemoryPort,
     compression: Compression,
     counts: BlockCounts,
-    /// Where writing back has got to, and before it the reading of what is absent from blocks that are to be written back.
+    /// The position of writing back. Before it, the parts that are missing in the blocks to be written back are read.
     flushing: usize,
     completing: usize,
 }
@@ -430,7 +430,7 @@ impl BlockCache {
         left
     }
 
-    /// Whether a pinned block's data are there.
+    /// Whether the data of a pinned block have arrived.
     #[inline(always)]
     pub fn ready(&mut self, place: usize) -> bool {
         let needs = self.tags.data(place).needs;

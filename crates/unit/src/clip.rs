@@ -54,7 +54,7 @@ pub struct Clip {
     done: u32,
     /// The cycle from which on the unit is free.
     busy_until: u64,
-    /// Whether how primitives end is counted here, or where they come from.
+    /// Whether this unit counts how primitives end. Otherwise the unit before it does.
     counts: bool,
     items: u64,
 }

@@ -143,7 +143,7 @@ pub struct Color {
     items: u64,
 }
 
-/// Where colour units count.
+/// The heading of colour units in the statistics.
 pub const BLENDING: Heading = Heading::new("blending.color[i]", "What the colour units blended.");
 
 stats::counters! {
@@ -462,7 +462,7 @@ fn quads(frame: &FrameBuffers, work: &Work, group: &Group, output: &Output, mask
     quads
 }
 
-/// Where a copy is blended over nothing, to be put over what is behind it later: empties the samples that are blended first.
+/// Empties the samples that are blended first. For a copy that is blended over nothing, and put over what is behind it later.
 #[cold]
 fn empty(copy: &mut FrameBuffers, work: &Work, group: &Group, surface: usize) {
     let FrameBuffers { stores, stamps } = copy;

@@ -49,7 +49,7 @@ knob::knobs! {
     }
 }
 
-/// Where constant caches count.
+/// The heading of constant caches in the statistics.
 pub const CONSTANTS: Heading = Heading::new("shading.constant[i]", "Constant caches.");
 
 stats::counters! {

@@ -29,7 +29,7 @@ pub fn offset(pipeline: usize, pipelines: usize) -> u64 {
     if pipelines > 1 { behind(pipeline) } else { 0 }
 }
 
-/// Where a pipeline draws: in its own copy where there are copies.
+/// The frame buffers in which a pipeline draws: its own copy if there are copies.
 #[inline(always)]
 pub fn own<'a>(frame: &'a mut FrameBuffers, copies: &'a mut [FrameBuffers], pipeline: u8) -> &'a mut FrameBuffers {
     match copies.get_mut(usize::from(pipeline)) {

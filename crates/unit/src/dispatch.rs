@@ -49,7 +49,7 @@ pub struct DispatchPorts {
     pub shaded: Vec<In<WarpToken>>,
     /// Where shaded quads go.
     pub output: Outlet,
-    /// Where it tells which core its quads go to, if batches of vertices follow them.
+    /// The channel on which it reports the core of its quads, if batches of vertices follow them.
     pub begun: Option<Out<Packing>>,
     /// Its state is what the network makes the unit wait for.
     pub probe: StallProbe,

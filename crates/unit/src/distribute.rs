@@ -56,13 +56,13 @@ pub struct Distribute {
     done: u32,
     /// Rasterisers that the current triangle, or the mark, has still to be sent to; there is none if this is empty.
     pending: u64,
-    /// Whether a copy of the current triangle is on its way: over a shared link it brings the others with it.
+    /// Whether a copy of the current triangle is on its way. Over a shared link this copy serves all receivers.
     shared: bool,
     counts: SortCounts,
     facing: FacingCounts,
 }
 
-/// Where distribution counts which way triangles face.
+/// The heading under which distribution counts the facing of triangles.
 pub const FACING: Heading =
     Heading::new("facing.distribute[i]", "Which way triangles face that are distributed, of cards that sort triangles.");
 

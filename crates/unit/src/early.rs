@@ -41,7 +41,7 @@ use num::Cycle;
 use sim::{Counted, In, Out, Tick, Unit, Wires};
 use stats::Heading;
 
-/// Where the statistics have what these units count.
+/// The heading of these units in the statistics.
 pub const EARLY_TESTS: Heading = Heading::new("early.early[i]", "Sort-last-fragment: early depth tests, where there are any.");
 
 stats::counters! {

@@ -56,7 +56,7 @@ pub struct TileSignatures {
 }
 
 impl TileSignatures {
-    /// Whether there are none.
+    /// Whether there are no signatures.
     fn is_empty(&self) -> bool {
         self.tiles.is_empty() && self.before.is_empty()
     }
@@ -97,7 +97,7 @@ impl Store {
         BLOCK * BLOCK * self.surface.samples * self.surface.format.block_bytes()
     }
 
-    /// Where the surface lies in memory: the first address, and the first one after it.
+    /// The memory of the surface: its first address, and the first address after it.
     fn range(&self) -> (u64, u64) {
         let first = self.surface.address;
         (first, first + self.blocks.len() as u64 * u64::from(self.block_bytes()))

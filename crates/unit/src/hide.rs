@@ -78,7 +78,7 @@ impl Hide {
         self.counts
     }
 
-    /// Whether a group's quads replace whatever was there in all attachments, and nothing but their coverage decides where.
+    /// Whether a group's quads replace the contents of all attachments, and only their coverage decides where.
     fn opaque(card: &Card, token: GroupToken, pipeline: usize) -> bool {
         let group = &card.groups[pipeline][token.group];
         let work = card.work(group.slot);

@@ -28,7 +28,7 @@ impl Misses {
         self.capacity - self.issued.wrapping_sub(self.frontier)
     }
 
-    /// Whether any is in flight.
+    /// Whether any miss is in flight.
     #[inline(always)]
     pub fn any(&self) -> bool {
         self.issued != self.frontier

@@ -78,7 +78,7 @@ pub fn begin(store: &mut Store, attachment: &Attachment, of: Use, flags: bool) {
     *cleared = of == Use::Empty;
 }
 
-/// Whether a pass wants what it draws into an attachment.
+/// Whether a pass keeps what it draws into an attachment.
 fn wanted(attachment: &Option<Attachment>) -> bool {
     attachment.is_some_and(|attachment| attachment.store || attachment.resolve.is_some())
 }

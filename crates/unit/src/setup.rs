@@ -81,7 +81,7 @@ impl Setup {
     }
 }
 
-/// Whether nothing of a triangle is drawn, which is found out here.
+/// Whether a triangle ends here, because setup finds that nothing of it is drawn.
 #[inline(always)]
 fn ends(card: &Card, token: TriangleToken) -> bool {
     let work = card.work.get(usize::from(token.slot)).and_then(Option::as_ref);

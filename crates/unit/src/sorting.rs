@@ -105,7 +105,7 @@ impl OrderClock {
 /// The time that each pipeline has waited, at the ends of passes, for the others to end theirs.
 #[derive(Clone, Debug, Default)]
 pub struct PassWaits {
-    /// When each reported last.
+    /// The cycle of each pipeline's last report.
     ended: Vec<Cycle>,
     waited: Vec<u64>,
 }
@@ -208,7 +208,7 @@ impl Ended {
         }
     }
 
-    /// Whether all before a number have.
+    /// Whether all numbers before `sequence` have ended.
     pub fn before(&self, sequence: u32) -> bool {
         self.first.wrapping_sub(sequence) as i32 >= 0
     }
@@ -304,7 +304,7 @@ impl Merge {
 /// The state that draws must have in common for their quads to reach the ROP in any order.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Opaque {
-    /// Whether it is the lesser depth that wins.
+    /// Whether the lesser depth wins.
     less: bool,
     /// The targets that are written with it, a bit each.
     targets: u32,

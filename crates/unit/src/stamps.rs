@@ -107,7 +107,7 @@ pub struct PassOrder {
     pub writes_depth: bool,
     /// Which depths win: those that are less, or greater; none: the later primitive wins.
     pub nearer: Option<Ordering>,
-    /// Whether primitives' numbers are not used: where depth does not decide, the value that is there stays.
+    /// Whether primitives' numbers are not used. If so, the present value stays where depth does not decide.
     pub unnumbered: bool,
     /// Primitives of the segments so far.
     pub(super) primitives: u32,

@@ -17,8 +17,8 @@ pub struct Tags<T> {
     folded: bool,
     clock: u64,
     counts: CacheCounts,
-    /// Where lines were found last, by [`Tags::hint`]: what is looked up again, as almost everything is, is there without a look at
-    /// the ways of its set.
+    /// The places where lines were found last, by [`Tags::hint`]. A line that is looked up again, as almost all lines are, is found without a
+    /// search of the ways of its set.
     hints: Vec<u16>,
 }
 

@@ -110,7 +110,7 @@ struct Coalesced {
     noted: bool,
 }
 
-/// Where texture units count.
+/// The heading of texture units in the statistics.
 pub const TEXTURES: Heading = Heading::new("shading.texture[i]", "Texture units.");
 
 stats::counters! {
@@ -127,7 +127,7 @@ stats::counters! {
     }
 }
 
-/// Where first-level caches count what they read.
+/// The heading under which first-level caches count what they read.
 pub const FILLS: Heading = Heading::new("shading.fills[i]", "First-level caches of textures and data, by texture unit.");
 
 stats::counters! {

@@ -40,7 +40,7 @@ impl Program {
 /// A part of a warp with a cost of its own: a quad, a vertex, or four invocations of a workgroup.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Item {
-    /// Where its cost and requests are: of a quad the tile in its segment; else 0.
+    /// The place of its cost and requests. For a quad, the tile in its segment; else 0.
     pub source: u32,
     /// Its next memory request.
     pub request: u32,
@@ -78,7 +78,7 @@ pub struct Warp {
     pub asked: VecDeque<u32>,
     /// The steps whose requests the constant cache has still to look at, in order.
     pub constants_asked: VecDeque<u32>,
-    /// Whether some step of some part is an access to workgroup memory or a load from a uniform buffer, which do not go the way of others.
+    /// Whether a step of a part is an access to workgroup memory or a load from a uniform buffer. These take another path than other requests.
     pub apart: bool,
     /// Whether all parts take the same path.
     pub uniform: bool,
@@ -304,7 +304,7 @@ impl Warps {
         self.warps.len() - self.free.len()
     }
 
-    /// Whether none is held.
+    /// Whether the pool holds no warp.
     pub fn is_empty(&self) -> bool {
         self.len() == 0
     }

@@ -75,7 +75,7 @@ struct Row<'a> {
     finished: AtomicUsize,
     /// Slots that have no draw, a bit each. The first is taken, so that few are in use, and in caches, where draws wait for no other thread.
     free: AtomicU32,
-    /// Where draws whose geometry is there are: by number modulo the slots, the number and its slot.
+    /// The slots of draws whose geometry is ready. Entry `number % AHEAD` holds the draw's number and its slot.
     ready: [AtomicUsize; AHEAD],
     /// A thread computes geometry alone, or is to do so.
     helped: AtomicBool,
@@ -157,7 +157,7 @@ impl Row<'_> {
         }
     }
 
-    /// Whether another thread is to be asked for geometry. It is, then.
+    /// Whether the caller has to ask another thread for geometry. Notes that it was asked.
     fn asks(&self) -> bool {
         let (next, finished) = (self.next.load(Relaxed), self.finished.load(Relaxed));
         next < self.draws && next <= finished + AHEAD / 2 && !self.helped.swap(true, Acquire)

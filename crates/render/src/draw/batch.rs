@@ -146,7 +146,7 @@ pub struct Input<'a, 'f> {
     pub vertices: &'a Vertices,
     /// Tiles across the attachments and in all.
     pub tiles: (u32, u32),
-    /// Whether `ended` is wanted.
+    /// Whether [`Batch`]es record how primitives end.
     pub record: bool,
     /// Only the bounds of triangles are found here, and the tiles set them up: what is set up is eight times as large as its
     /// vertices' numbers, and writing and reading it back costs more than doing it again in the few tiles it touches.
@@ -202,7 +202,7 @@ impl Batch {
         self.references.len() as u64
     }
 
-    /// Whether it has anything in a tile.
+    /// Whether the batch has a primitive in a tile.
     #[inline(always)]
     pub fn touches(&self, tile: usize) -> bool {
         !self.in_tile(tile).is_empty()

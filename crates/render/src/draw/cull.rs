@@ -145,7 +145,7 @@ impl Candidate<'_> {
         }
     }
 
-    /// Whether all positions lie outside one plane; none: they have no bounds.
+    /// Whether all positions lie outside one plane. None if the positions have no known bounds.
     fn outside(&self, boxes: &mut Boxes, given: &[Given]) -> Option<bool> {
         let program = self.frame.pipeline.vertex();
         if !boxes.encloser.enclose(program, &self.frame.vertex_resources, self.frame.vertex_uniforms, given) {
@@ -282,7 +282,7 @@ fn remembered<K: Copy + Eq + std::hash::Hash, V: Copy + PartialEq + std::fmt::De
     value
 }
 
-/// Whether a draw may be left out without anybody but the picture's maker noticing.
+/// Whether a draw outside the view may be left out: no other result of the trace depends on it.
 pub fn may_cull(call: &DrawCall<'_>, frame: &PreparedDraw<'_>) -> bool {
     let pipeline = frame.pipeline;
     let alone = |program: &Program| !program.interface().subgroups;

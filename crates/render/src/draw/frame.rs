@@ -166,7 +166,7 @@ impl Workers {
         !self.alone
     }
 
-    /// Whether there is one for every thread of the current pool.
+    /// Whether there is a worker for every thread of the current pool.
     pub fn suffice(&self) -> bool {
         self.workers.len() > rayon::current_num_threads()
     }

@@ -153,7 +153,7 @@ pub struct DrawCall<'a> {
     pub counted: bool,
     /// The results that are needed. Without colours, fragment shaders run for coverage, depth and what they write to memory alone.
     pub need: Need,
-    /// Whether areas are wanted ([`Drawn::areas`]); they are in any case in a survey.
+    /// Whether areas are wanted ([`Drawn::areas`]). A survey always wants them.
     pub areas: bool,
     /// The key on which the recorded work depends.
     pub key: RenderKey,

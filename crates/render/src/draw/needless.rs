@@ -15,9 +15,9 @@ use super::batch::{Batch, Input};
 pub struct Late {
     /// Number in its batch; in [`insert`], in its segment.
     pub primitive: u32,
-    /// Where it ends; none: where it is cut.
+    /// The stage in which it ends. None if it ends where it is cut.
     pub end: Option<End>,
-    /// Whether it faces away, by its area before its corners are snapped. What has none does not.
+    /// Whether it faces away, by its area before its corners are snapped. A primitive without area does not face away.
     pub back: bool,
     /// Pixels about it, as those of [`work::Triangle`]; none outside of the attachments.
     pub pixels: [u16; 4],

@@ -172,7 +172,7 @@ pub struct Settings {
 }
 
 impl Settings {
-    /// Whether they are those of a call.
+    /// Whether these are the settings of a call.
     pub fn fit(&self, call: &DrawCall<'_>) -> bool {
         self.key.fits(call)
     }

@@ -372,7 +372,7 @@ impl SegmentInput<'_, '_> {
         &from[v * stride..(v + 1) * stride]
     }
 
-    /// Whether the inputs of a class are the same all over each triangle, whatever its weights are: those are finite then.
+    /// Whether the inputs of a class are the same all over each triangle for all weights. The weights are finite then.
     #[inline(always)]
     fn is_constant(&self, pending: &Pending, class: &VaryingClass) -> bool {
         let names = pending.names.iter().take(pending.owners).zip(pending.triangles.as_slice());

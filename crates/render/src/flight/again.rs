@@ -14,7 +14,8 @@ impl Flight {
         ahead.iter().fold(self.sums, |sums, flight| lock(&flight.painter).landed.added_to(sums))
     }
 
-    /// Whether its draws, none of which has failed, come to more than the limits leave behind the passes ahead: one of these had more than its share.
+    /// Whether the work of its draws, none of which has failed, exceeds what the passes ahead leave of the limits. If so, a pass had more than its
+    /// share.
     pub(super) fn passes_limits(&self, ahead: &[Arc<Flight>]) -> bool {
         let before = self.sums_behind(ahead);
         let painter = lock(&self.painter);

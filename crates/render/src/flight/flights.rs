@@ -59,7 +59,7 @@ impl Flights {
         tiles.unwrap_or_else(|| TileSurface::new(shape))
     }
 
-    /// Whether no other pass can be in flight: there are as many as threads, and one that is being looked up.
+    /// Whether no other pass can be in flight: there is one per thread, and one that is being looked up.
     pub fn is_full(&self) -> bool {
         self.air.len() >= FLIGHTS.min(rayon::current_num_threads() + 1)
     }

@@ -167,7 +167,7 @@ fn copy_row<T>(codes: &[u32], y: u32, out: &mut [T], texel: impl Fn(u32) -> T) {
     }
 }
 
-/// Where the texels of a block's row are behind the first of them, in a tile of one word and one sample: two of each quad.
+/// The position of texel `k` of a block's row behind the first texel, in a tile of one word and one sample. Each quad has two of them.
 #[inline(always)]
 fn in_row(k: usize) -> usize {
     4 * (k / 2) + k % 2

@@ -27,7 +27,7 @@ const QUEUED: usize = 5;
 /// Bytes of a request in addition to what is written.
 const HEADER: f64 = 8.0;
 
-/// Where triangles and lists lie in the cache in miniature, in groups of 256 bytes: above all that traces use.
+/// The first address of triangles and lists in the miniature cache, in groups of 256 bytes: above all memory that traces use.
 const TRIANGLES: u32 = 3 << 28;
 const LISTS: u32 = 7 << 27;
 

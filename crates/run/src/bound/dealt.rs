@@ -40,7 +40,7 @@ pub(super) fn visible(apart: &ApartProfile, pipelines: f64) -> [f64; 2] {
 /// A ROP that takes what pipelines send in the order of batches.
 #[derive(Clone, Copy, Debug, Default)]
 struct Rop {
-    /// When it was done with the last batch, and its work in all.
+    /// The time at which it was done with the last batch.
     done: f64,
     sum: [f64; 3],
 }

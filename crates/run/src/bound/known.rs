@@ -218,8 +218,8 @@ fn value(config: &Config, path: &str) -> Option<Setting> {
     config.no_effect(path).is_none().then_some(setting)
 }
 
-/// Whether estimates hold for a configuration: all of its knobs have values for which they do, or all that no estimate reads are those of
-/// a configuration on which the errors are measured.
+/// Checks that estimates hold for a configuration. They do if all of its knobs have values for which estimates are known to hold, or if all
+/// knobs that no estimate reads have the values of a configuration on which the errors are measured.
 ///
 /// # Errors
 /// The first knob that has another value.

@@ -104,7 +104,7 @@ impl Shared {
         shared
     }
 
-    /// As many places as the part of the whole has that is followed, with nothing in them.
+    /// Empties the cache, and gives it the number of lines that corresponds to the followed part of memory.
     fn clear(&mut self) {
         let part = (self.all >> self.shift.min(63)).max(1);
         self.ways = self.most.min(part);
@@ -139,12 +139,12 @@ impl Shared {
         shift == self.shift || Sampled::follows(line, self.shift)
     }
 
-    /// Whether a line is followed that no profile has.
+    /// Whether a line that is in no profile is followed.
     pub fn follows_any(&self, line: u32) -> bool {
         Sampled::follows(line, self.shift)
     }
 
-    /// Where a line is; or where its set begins.
+    /// The place of a line, or the first place of its set if it is not here.
     #[inline(always)]
     fn find(&self, line: u64) -> Result<usize, usize> {
         let sets = self.lines.len() / self.ways;

@@ -118,7 +118,7 @@ struct Touched<'p> {
 pub struct Bound<'c> {
     config: &'c Config,
     sorted: Sorted,
-    /// Whether what is sorted waits in bins until the pass is complete.
+    /// Whether sorted triangles wait in bins until the pass is complete.
     binned: bool,
     pipelines: f64,
     /// Cycles of an access that the second-level cache has, and of one that it has not, unloaded.

@@ -17,7 +17,7 @@ const ROUNDS: usize = 50;
 pub(super) struct Centers {
     width: usize,
     all: Vec<Vec<f64>>,
-    /// Whether there are no more because all frames are like these.
+    /// Whether there are no more centers because all frames are like these.
     pub alike: bool,
 }
 

@@ -75,15 +75,15 @@ impl fmt::Display for Count {
     }
 }
 
-/// Where DRAM's counters stand.
+/// The path of DRAM's counters in the statistics.
 const DRAM: &str = "memory.dram";
 
-/// Where those of a client stand.
+/// The path of a memory client's counters in the statistics.
 fn client(name: &str) -> String {
     format!("memory.clients.{name}")
 }
 
-/// Where those of a kind of caches stand.
+/// The path of the counters of a kind of caches in the statistics.
 fn caches(name: &str) -> String {
     format!("caches.{name}")
 }
@@ -108,7 +108,7 @@ pub(super) fn traffic(tree: &Tree) -> Vec<Count> {
 }
 
 impl Count {
-    /// Whether the statistics of a machine have it.
+    /// Whether the statistics of a machine have this quantity.
     pub fn is_in(&self, tree: &Tree) -> bool {
         match self {
             Count::Cycles => true,

@@ -24,8 +24,8 @@ pub struct Work {
     pub pass: u8,
     /// The card's epoch when it began.
     pub epoch: u32,
-    /// Where quads may reach the ROP out of order: all sequence numbers before this one must have ended. None: each quad waits for all
-    /// before its own.
+    /// Quads may reach the ROP out of order once all sequence numbers before this one have ended. None: each quad waits for all numbers before
+    /// its own.
     pub order_from: Option<u32>,
     /// For each of the segment's tiles its owner; empty where a tile has several.
     pub owners: Vec<u8>,
@@ -52,7 +52,7 @@ impl Work {
         self.shared.get(primitive as usize).is_some_and(|&shared| shared)
     }
 
-    /// Whether a primitive of the segment goes to all pipelines: vertices of the whole segment are counted where it is dealt then.
+    /// Whether a primitive of the segment goes to all pipelines. If so, the vertices of the whole segment are counted where it is dealt.
     #[inline(always)]
     pub fn has_shared(&self) -> bool {
         !self.shared.is_empty()

@@ -38,7 +38,7 @@ use work::{Attachment, CostTable, Draw, EndFrame, Event, Holdings, Quad, Segment
 /// Pipelines that a set of them, a 64-bit mask, can name.
 pub const MAX_PIPELINES: usize = 64;
 
-/// Whether an epoch began after another one. Work of two passes in flight reaches a cache in any order: the later one decides.
+/// Whether an epoch began after another epoch. Work of two passes in flight reaches a cache in any order: the later epoch decides.
 #[inline(always)]
 pub fn is_newer(epoch: u32, than: u32) -> bool {
     epoch.wrapping_sub(than) as i32 > 0

@@ -94,7 +94,7 @@ pub struct PassState {
     pub blocks_across: u32,
     /// Primitives of the pass, where they are known before it is drawn.
     pub primitives: u64,
-    /// Where pipelines have copies, of what kind its draws are.
+    /// If pipelines have copies, the kind of its draws.
     pub order: PassOrder,
     /// The pass's signature without its draws, where tiles are looked for that are in memory already and this pass's may be.
     pub signature: Option<Signature>,

@@ -40,7 +40,7 @@ impl<T: Copy + Default> Pool<T> {
         self.items.len() - self.free.len()
     }
 
-    /// Whether none is held.
+    /// Whether the pool holds no item.
     pub fn is_empty(&self) -> bool {
         self.len() == 0
     }

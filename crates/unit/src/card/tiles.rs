@@ -11,11 +11,11 @@ pub struct TileEntry {
     pub bytes: u8,
     /// The triangle in its segment.
     pub triangle: u32,
-    /// Where in memory its record is, behind those vertices that are its own.
+    /// The address of its record in memory, behind the vertices that are its own.
     pub address: u64,
 }
 
-/// Where the vertices of triangles in lists are kept in memory, those that triangles share.
+/// The addresses at which vertices that triangles in lists share are kept in memory.
 #[derive(Clone, Debug, Default)]
 pub struct KeptVertices {
     /// By slot of the segment and number of the vertex.

@@ -73,7 +73,7 @@ knob::knobs! {
     }
 }
 
-/// Where the command processor counts.
+/// The heading of the command processor in the statistics.
 pub const COMMANDS: Heading = Heading::new("command", "Passes and draws, and what of them the command processor has left out.");
 
 stats::counters! {
@@ -199,7 +199,7 @@ pub struct Command {
     scanout: bool,
     /// Handing frames to a free-running display.
     present: Option<Present>,
-    /// Whether what may overlap is tracked.
+    /// Whether work that may overlap is tracked.
     tracks: bool,
     pipelines: u32,
     ports: CommandPorts,

@@ -115,13 +115,13 @@ impl AllOngoing {
 }
 
 impl Command {
-    /// Whether what is done so runs beside another thing that is done so.
+    /// Whether work of one kind runs beside work of another kind.
     fn runs_beside(&self, one: Doing, other: Doing) -> bool {
         if one == Doing::Dispatch || other == Doing::Dispatch { self.config.async_compute } else { self.config.overlap }
     }
 
-    /// Whether something that may touch this must wait for what is under way. A draw belongs to the pass that is being read, and does not wait
-    /// for that.
+    /// Whether work that may touch `reach` must wait for work under way. A draw belongs to the pass that is being read, and does not wait for
+    /// that pass.
     pub(super) fn must_wait(&mut self, doing: Doing, reach: &Reach) -> bool {
         let waits = self.ongoing.list.iter().any(|ongoing| {
             Some(ongoing.number) != self.ongoing.pass
@@ -131,7 +131,7 @@ impl Command {
         waits
     }
 
-    /// Whether what is under way must end first, whatever it is.
+    /// Whether all work under way must end first.
     pub(super) fn must_drain(&mut self) -> bool {
         let waits = self.ongoing.others();
         self.held |= waits;

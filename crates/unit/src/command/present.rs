@@ -46,13 +46,13 @@ impl Present {
         Present { swap, buffers, frames: 0, waiting: 0, renamed: Vec::new(), copies: VecDeque::new(), told: false }
     }
 
-    /// Whether all buffers hold frames: that which is shown, those that wait, and none is left to be drawn in. A single buffer is drawn in
-    /// when what it holds is shown.
+    /// Whether no buffer is left to be drawn in: all hold the shown frame or frames that wait. A single buffer is drawn in while its frame is
+    /// shown.
     pub(super) fn waits(&self) -> bool {
         self.waiting > self.buffers.saturating_sub(2)
     }
 
-    /// Where the display reads the next frame.
+    /// The address at which the display reads the next frame.
     fn address(&self, surface: &Surface) -> u64 {
         match (self.swap, u64::from(self.buffers)) {
             (Swap::Copy, _) => surface.address + BUFFER,

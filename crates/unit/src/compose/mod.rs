@@ -59,7 +59,7 @@ knob::knobs! {
     }
 }
 
-/// Where composition counts.
+/// The heading of composition in the statistics.
 pub const COMPOSITION: Heading =
     Heading::new("composition.compose[i]", "Sort-last-image: what each pipeline sends and composes.");
 
@@ -148,7 +148,7 @@ pub struct Compose {
     sends: VecDeque<Asked>,
     /// Blocks to be composed that were asked for.
     composes: VecDeque<Asked>,
-    /// Whether the next block to be asked for is one to be composed, where there are both.
+    /// Whether the next block to be asked for is a block to be composed, if there are blocks of both kinds.
     turn: bool,
     /// When the composer is free, in cycles times `samples_per_cycle`.
     free_at: u64,

@@ -13,7 +13,7 @@ pub struct Step {
     pub receive: Option<(usize, Range<u32>)>,
     /// Whether each block is sent on when it has come and is composed.
     pub forward: bool,
-    /// Whether what comes is the last that was missing: composed with it, blocks are the result.
+    /// Whether the blocks that come are the last that were missing. Composed with them, blocks are the result.
     pub last: bool,
 }
 

@@ -41,8 +41,9 @@ pub(super) struct Fixed {
     width: u64,
     /// Cycles from an instruction to one that needs its result, by class.
     latency: [u32; Class::COUNT],
-    /// Whether an instruction waits for those only whose results it needs; and whether a warp issues two in a cycle.
+    /// Whether an instruction waits only for instructions whose results it needs.
     scoreboard: bool,
+    /// Whether a warp issues two instructions in a cycle.
     dual: bool,
     /// Whether an instruction holds the lanes of its class alone.
     overlap: bool,
@@ -194,7 +195,7 @@ pub(super) struct Issue {
     left: [[u32; Class::COUNT]; PLACES],
     /// `after` without its bound.
     rest: [i64; PLACES],
-    /// Where the instructions of a step have an order, by place what is left of them after the run, the next one last.
+    /// For each place whose step has an order of instructions: the runs that are left after the current one, the next run last.
     orders: Vec<Vec<(Class, u32)>>,
     /// Places whose run is the last instruction of their step.
     last: u64,

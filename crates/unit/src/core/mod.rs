@@ -226,7 +226,7 @@ pub struct Core {
     turns: Option<Box<Turns>>,
 }
 
-/// Where cores count.
+/// The heading of cores in the statistics.
 pub const CORES: Heading = Heading::new("shading.core[i]", "Warp instructions by class.");
 
 stats::counters! {

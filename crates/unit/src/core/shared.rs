@@ -13,7 +13,7 @@ use num::{Cycle, NEVER};
 use stats::Heading;
 use work::{Request, RequestKind};
 
-/// Where workgroup memory counts.
+/// The heading of workgroup memory in the statistics.
 pub const SHARED: Heading = Heading::new("shading.shared[i]", "Workgroup memory.");
 
 stats::counters! {
@@ -59,7 +59,7 @@ pub(super) struct SharedMemory {
     latency: Cycle,
     /// When the banks take the next access.
     free_at: Cycle,
-    /// When accesses are answered, and to which places, in order.
+    /// The cycles at which accesses are answered, and the places of their warps, in order.
     answers: VecDeque<(Cycle, u32)>,
     /// Words of the access, and how many of each bank.
     words: Vec<u32>,

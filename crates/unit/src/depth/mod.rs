@@ -380,7 +380,7 @@ impl Depth {
         }
     }
 
-    /// Whether work is of a pass that must wait for the end of the one before: that empties the cache.
+    /// Whether work belongs to a pass that must wait for the end of the pass before, which empties the cache.
     #[inline(always)]
     fn is_ahead(&self, card: &Card, work: &Work) -> bool {
         card.passes.get(work.pass).is_some_and(|pass| pass.number != self.ended_passes)

@@ -122,7 +122,7 @@ impl Fetch {
         Tick::Moved
     }
 
-    /// Whether a vertex is not among those of the open batch that can be used again.
+    /// Whether the open batch does not have a vertex, or can no longer reuse it.
     #[inline(always)]
     fn forgotten(&self, vertex: u32) -> bool {
         self.shaded.wrapping_sub(self.shaded_at[vertex as usize]) > self.config.reuse.min(self.open)

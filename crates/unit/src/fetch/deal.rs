@@ -22,8 +22,9 @@ pub(super) struct Deal {
     /// Warps of one core after which the pointer goes on, and how many each core has got since.
     warps: u32,
     got: Vec<u32>,
-    /// Where the search begins, and what each pipeline has told.
+    /// The pipeline at which the search begins.
     begins: usize,
+    /// The last message of each pipeline.
     pipelines: Vec<Packing>,
     /// When a batch was dealt last.
     last: Option<Cycle>,

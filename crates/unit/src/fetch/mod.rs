@@ -112,7 +112,7 @@ pub enum FetchInput {
 }
 
 impl FetchInput {
-    /// Whether they are runs.
+    /// Whether the input is runs of primitives.
     #[inline(always)]
     fn in_runs(&self) -> bool {
         !matches!(self, FetchInput::Segments(_))
@@ -202,7 +202,7 @@ pub struct Fetch {
     begun: bool,
     /// Segments or runs taken in ahead.
     runs: IndexRuns,
-    /// Where vertices are reused within their batch, the primitive that is read.
+    /// The primitive that is read, if vertices are reused within their batch.
     reading: Reading,
     /// Whether the vertices of the input are counted here.
     counts: bool,
@@ -221,7 +221,7 @@ pub struct Fetch {
     closed: VecDeque<Gathered>,
     deal: Deal,
     epoch: u32,
-    /// When the way to the cores is free, where it has a width.
+    /// The cycle from which the path to the cores is free, if it has a width.
     way_free: Cycle,
     items: u64,
 }

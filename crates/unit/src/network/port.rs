@@ -167,7 +167,7 @@ impl<T: Token> Sender<T> {
         }
     }
 
-    /// Whether [`Sender::send_all`] can be called in this cycle; never where no one transfer reaches all.
+    /// Whether [`Sender::send_all`] can be called in this cycle. Never if no single transfer reaches all receivers.
     #[inline(always)]
     pub fn can_send_all(&mut self, wires: &mut Wires) -> bool {
         let ToNetwork::Routed(routed) = &self.to else { return false };

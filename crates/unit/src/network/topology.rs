@@ -99,7 +99,7 @@ impl Shape {
         stage as usize * (self.nodes / self.radix) + within
     }
 
-    /// Where a router sends what is for a receiver.
+    /// The next end on the path from a router to a receiver.
     fn step(&self, router: usize, receiver: usize) -> End {
         let node = self.of_receiver(receiver);
         let arrived = End::Receiver(receiver as u16);

@@ -1,4 +1,4 @@
-//! Where the traffic was: the busiest link against the mean.
+//! The distribution of traffic: the busiest link against the mean.
 
 use sim::{CHANNELS, ChannelCounts};
 use stats::{Group, Tree};
@@ -12,7 +12,7 @@ pub(super) struct MapLink {
     pub to: String,
 }
 
-/// Where the links of a network are. Their channels count for themselves; this finds the busiest of them.
+/// The channels of a network's links. Channels count for themselves; this finds the busiest of them.
 #[derive(Clone, Debug)]
 pub struct NetworkMap {
     link_bytes: u32,

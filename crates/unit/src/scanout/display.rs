@@ -80,7 +80,7 @@ impl Refresh {
     }
 }
 
-/// Where a free-running display counts.
+/// The heading of a free-running display in the statistics.
 pub const DISPLAY: Heading =
     Heading::new("display", "What a free-running display has shown (`scanout.mode`), and what became of frames.");
 

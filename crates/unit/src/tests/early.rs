@@ -31,7 +31,7 @@ sim::circuit! {
     }
 }
 
-/// Where the groups come from, and what is known.
+/// The groups, and the depths that are known.
 struct Scene {
     /// Cycles to the owner and back; none: the pipeline has a copy.
     latency: Option<u32>,

@@ -25,7 +25,7 @@ sim::circuit! {
 
 const PIECE: Piece = Piece { slot: 0, kind: Kind::DATA };
 
-/// When an attachment of four samples is resolved, whose blocks lie so in memory; and what that moves.
+/// The cycle in which an attachment of four samples is resolved, and the traffic. `blocks` are the states of its blocks in memory.
 fn resolved(config: &ResolveConfig, blocks: &[BlockState]) -> (Cycle, ClientCounts) {
     resolved_by(config, (1, 0), false, blocks)
 }

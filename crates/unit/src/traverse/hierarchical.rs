@@ -45,7 +45,7 @@ impl HierarchicalZ {
         Bounds { min: if self.min_valid { bounds.min } else { 0 }, max: if self.max_valid { bounds.max } else { u32::MAX } }
     }
 
-    /// Whether all of a triangle in a block is hidden behind what `bounds` say of it.
+    /// Whether the bounds of a block prove that all of a triangle in it is hidden.
     #[inline(always)]
     pub fn hides(&self, bounds: Bounds, state: &DepthStencilState, work: &Work, triangle: &Triangle, at: (u32, u32)) -> bool {
         let (low, high) = triangle.depth.block_range((at.0 * BLOCK) as i32, (at.1 * BLOCK) as i32, BLOCK as i32);

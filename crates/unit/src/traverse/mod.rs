@@ -92,7 +92,7 @@ knob::knobs! {
     }
 }
 
-/// Where traversal counts.
+/// The heading of traversal in the statistics.
 pub const TRAVERSAL: Heading = Heading::new(
     "hierarchical.traverse[i]",
     "What traversal finds out: blocks that hierarchical Z accepts, where that is on, and triangles that nothing is drawn of, where \
@@ -129,8 +129,9 @@ struct Place {
     visit: u32,
     block: u32,
     quad: u32,
-    /// Whether the block has been tested, and what is known of it then.
+    /// Whether the block has been tested.
     tested: bool,
+    /// The result of the block's early test, as far as it is known.
     ahead: Ahead,
     /// The quads of the block that hierarchical Z hides, a bit each, if it tests quads.
     hidden: u64,

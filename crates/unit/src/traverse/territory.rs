@@ -4,7 +4,7 @@ use super::Traverse;
 use crate::card::{Card, Work};
 use work::{BLOCK, TILE, Triangle, Visit};
 
-/// Where a rasteriser finds blocks, and whose they are.
+/// The part of the screen in which a rasteriser finds blocks, and the pipelines that own these blocks.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Territory {
     /// In the tiles that its pipeline owns.

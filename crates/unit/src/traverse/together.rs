@@ -91,7 +91,7 @@ impl Traverse {
         self.place = first;
     }
 
-    /// Where batches are gathered, begins the triangles of one; false while some that come here are not there.
+    /// Begins the triangles of a batch, where batches are gathered. Returns false until all of its triangles that come here are there.
     pub(super) fn begin_gathered(&mut self, wires: &mut Wires, card: &Card, moved: &mut bool) -> bool {
         let Some(mut gather) = self.gather.take() else { return true };
         let complete = gather.fill(wires, &self.input, card, moved);

@@ -31,7 +31,7 @@ pub(super) struct Pace {
     total: u64,
     made: u64,
     needed: u64,
-    /// Whether `needed` has the tests of the current block.
+    /// Whether `needed` includes the tests of the current block.
     asked: bool,
     /// The cycle up to which `made` counts, and the tests of it that no triangle has taken.
     counted: Cycle,
@@ -82,7 +82,7 @@ impl Pace {
         self.asked = false;
     }
 
-    /// Whether all tests are made; none is asked for any more but the last.
+    /// Whether all tests are made. From now on no test is asked for but the last.
     pub(super) fn ends(&mut self) -> bool {
         self.needed = self.total;
         self.made == self.total

@@ -137,7 +137,7 @@ fn clipped_neighbours_cover_every_sample_of_a_mesh_once() {
     }
 }
 
-/// Whether the plane `o + s a + t b` shows at all samples of a pixel, surely: in `f64`, and with a margin.
+/// Whether the plane `o + s a + t b` is certain to show at all samples of a pixel: in `f64`, and with a margin.
 fn visible(o: [f32; 4], a: [f32; 4], b: [f32; 4], [px, py]: [u32; 2], (width, height): (u32, u32)) -> bool {
     let [o, a, b] = [o, a, b].map(|v| v.map(f64::from));
     [(0.0, 0.0), (1.0, 0.0), (0.0, 1.0), (1.0, 1.0)].iter().all(|(dx, dy)| {
