@@ -163,7 +163,7 @@ impl ResolvedBindings {
                 }
             }
         }
-        // Those that are not set read as zeros.
+        // Immediates that are not set read as zeros.
         let words = |at: usize| self.immediates.get(at).copied().unwrap_or(0);
         signer.words(&(0..immediates).map(words).collect::<Vec<u32>>());
     }

@@ -282,7 +282,7 @@ pub(super) fn walk(
         });
     }
     if let Err(Fault::Reason(_) | Fault::Trace(_) | Fault::Described(_)) = result {
-        // What is wrong with an earlier command comes first.
+        // The error of an earlier command comes first.
         result = each(Step::Stopped).and(result);
     }
     match result {
@@ -626,7 +626,7 @@ impl<'t, 's> Renderer<'t, 's> {
             end.shown = Some(surface);
             self.ledger.bytes.charge(bytes)?;
             match &self.shown {
-                // What is shown again as it was is one picture.
+                // A surface that is shown again unchanged is the same picture.
                 Some((at, key, known, bytes)) if (*at, *key, *known) == (address, surface.key, version) => {
                     end.reference = bytes.clone();
                 }

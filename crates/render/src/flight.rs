@@ -65,7 +65,7 @@ const NAP: Duration = Duration::from_micros(100);
 const LOOKS: u32 = 100;
 
 fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
-    // What a task leaves when it panics is not read: the panic is handed on.
+    // The data of a task that panics are not read: the panic is handed on.
     mutex.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
@@ -370,7 +370,7 @@ impl Flight {
         if let Some(panic) = panic {
             resume_unwind(panic);
         }
-        // What has failed before it comes first; what it has drawn on is not there.
+        // The failure of a pass before it comes first: the contents that this pass was drawn on do not exist.
         let failure = ahead.iter().find_map(|flight| lock(&flight.painter).failure.clone());
         if failure.is_some() {
             lock(&self.painter).failure = failure;

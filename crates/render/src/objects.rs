@@ -238,7 +238,7 @@ impl Renderer<'_, '_> {
                     AnyPipeline::Render(pipeline) => self.res.render_pipelines.get(pipeline.0).map(|_| ())?,
                     AnyPipeline::Compute(pipeline) => self.res.compute_pipelines.get(pipeline.0).map(|_| ())?,
                 }
-                // What the shaders ask for is known when the pipeline is compiled; draws and dispatches check what is bound against it.
+                // The bindings that shaders need are known when the pipeline is compiled. Draws and dispatches check their resources against them.
                 self.res.bind_group_layouts.add(id.0, None, self.claim("a bind group layout", 0)?)?;
             }
             &Command::CreateQuerySet { id, kind, count } => {

@@ -183,7 +183,7 @@ impl RenderPipeline {
             let options = shader::Options { constants: &stage.constants, outputs, ..Default::default() };
             shader::compile(module, kind, stage.entry.as_deref(), &options).map_err(|e| e.to_string())
         };
-        // What nobody stores or reads is not computed: so the fragment stage comes first.
+        // Outputs that are neither stored nor read are not computed. So the fragment stage is compiled first.
         let written = |(location, target): (usize, &Option<ColorTarget>)| {
             let coverage = location == 0 && desc.multisample.alpha_to_coverage;
             target.filter(|t| t.write_mask & 15 != 0 || coverage).map(|_| location as u32)
@@ -342,7 +342,7 @@ fn connect(vertex: &Interface, fragment: &Interface) -> Result<(Vec<Varying>, us
         else {
             continue;
         };
-        // What the fragment program does not read, the vertex program was compiled without.
+        // The vertex program was compiled without the outputs that the fragment program does not read.
         if !used {
             continue;
         }

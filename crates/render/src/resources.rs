@@ -416,7 +416,7 @@ impl QuerySet {
         let QueryKind::PipelineStatistics(mask) = self.kind else {
             return Err("a pipeline statistics query in a set of another kind".into());
         };
-        // What is inside the view volume leaves the clipper, also where culling throws it away afterwards.
+        // Primitives inside the view volume leave the clipper, even if culling throws them away afterwards.
         let clipped = funnel.primitives_in - funnel.culled_frustum;
         let all = [funnel.vertices_shaded, funnel.primitives_in, clipped, funnel.fragments_shaded, compute];
         let chosen = (0..all.len()).filter(|bit| mask >> bit & 1 != 0).map(|bit| all[bit]);

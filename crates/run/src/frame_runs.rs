@@ -209,7 +209,7 @@ impl<'e> Outlet<'e> {
             state = self.wait(state);
         }
         if state.next == run {
-            // Those that waited are in front of it.
+            // The frames that waited are in front of it.
             state.advance();
             state.put(frame);
         } else {
@@ -342,7 +342,7 @@ fn consume<'r>(
     sink: FrameSink<'r>,
     done: impl FnOnce(Option<Totals>, [Duration; 2]) + Send + 'r,
 ) {
-    // One more holds what the clones begin with.
+    // One more machine holds the state that the clones begin with.
     let machines = most as u64 + u64::from(matches!(begin, Begin::Warmed(_)));
     let memory = ConsumerMemory {
         images: machines * Machine::images(config),

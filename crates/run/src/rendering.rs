@@ -258,7 +258,7 @@ fn render(
             results.push(joined);
         }
         let rendered = renderer.join().map_err(|_| anyhow!("the renderer stopped on an internal error. {OUR_FAULT}"))?;
-        // What the renderer says comes first: a machine that lost its input has nothing to add.
+        // The renderer's error comes first: a machine that lost its input has nothing to add.
         let time = rendered?;
         let named = |error: anyhow::Error| match error.downcast_ref() {
             Some(MachineError::Limit(_)) => error.context(trace.file().display().to_string()),

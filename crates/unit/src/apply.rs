@@ -171,7 +171,7 @@ impl Place<'_> {
             }
         }
 
-        // What the caches have of it.
+        // The blocks that the caches hold.
         if let Some((state, surface)) = tested.filter(|_| looked_up) {
             let written = state.writes_depth() || state.writes_stencil();
             let told = units.depth[self.pipeline].visit(frame, (surface, self.at), written, pass.number, memory);

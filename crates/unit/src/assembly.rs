@@ -225,7 +225,7 @@ impl Assembly {
                             budget.take(count);
                             self.next += count;
                             self.items += u64::from(count);
-                            // Those that go to all pipelines are counted where they are dealt.
+                            // Primitives that go to all pipelines are counted where they are dealt.
                             let counted = counts && !card.work(slot).is_shared(first);
                             card.funnel[slot].primitives_in += if counted { u64::from(count) } else { 0 };
                             did = Tick::Moved;

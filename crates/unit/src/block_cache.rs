@@ -360,7 +360,7 @@ impl BlockCache {
         let mut absent = 0;
         // A block that is not read waits for nothing.
         let mut needs = self.misses.frontier();
-        // What is compressed, or lies where another copy has it, has to be read before a part of it is written.
+        // A block that is compressed, or that lies in another copy's memory, has to be read before a part of it is written.
         let raw = matches!(store.blocks[block as usize], BlockState::Stored(_));
         match store.stored(block) {
             Some((_, bytes))

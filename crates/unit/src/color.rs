@@ -272,7 +272,7 @@ impl Color {
         let Card { frame, class_state: ClassState { copies, .. }, passes, .. } = card;
         let frame = own(frame, copies, self.pipeline);
         let pass = passes.current().expect("tiles are drawn in a pass");
-        // More of the pass follows: all of it is needed again. What is resolved is read from memory, stored or not.
+        // More of the pass follows: all blocks are needed again. A surface that is resolved is read from memory, stored or not.
         let keep = |surface: usize| {
             let index = pass.color.iter().position(|&index| index == Some(surface));
             let attachment = index.and_then(|index| pass.pass.color[index]);
@@ -372,7 +372,7 @@ impl Color {
             self.fifo.push_back(entry);
             did = Tick::Moved;
             if matches!(token.kind, Kind::TILE | Kind::PASS) {
-                // What is in the cache belongs to the tile or pass that ends.
+                // The blocks in the cache belong to the tile or pass that ends.
                 self.ending = true;
             }
             if entry.last {

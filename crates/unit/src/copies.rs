@@ -135,7 +135,7 @@ pub fn merge(copies: &mut [FrameBuffers], pass: &PassState, into: usize, from: u
                 compare_depths(theirs.surface.format, theirs.codes[at], mine.codes[at])
             };
             let take = a >> 3 == 0 || pass.order.wins(b, a, depths);
-            // What is in front lets what is behind shine through, if anything is there yet.
+            // The sample in front lets the sample behind shine through, if there is one yet.
             let through = a >> 3 != 0 && if take { b } else { a } & PARTIAL != 0;
             if !take && !through {
                 continue;

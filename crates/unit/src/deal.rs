@@ -204,7 +204,7 @@ impl Unit<Card> for Deal {
     fn tick(&mut self, wires: &mut Wires, card: &mut Card) -> Tick {
         let mut did = Tick::Starved;
         loop {
-            // 1. What is on its way to several pipelines.
+            // 1. Send the item that is on its way to several pipelines.
             if let Some(run) = self.run {
                 let left = self.send(wires, self.pending, run);
                 if left != self.pending {

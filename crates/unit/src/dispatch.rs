@@ -344,7 +344,7 @@ impl Dispatch {
             }
         }
 
-        // 2. What is shaded leaves in order.
+        // 2. Shaded groups leave in order.
         did = did.or(self.drain(wires, card));
 
         // 3. Pack quads.

@@ -289,7 +289,7 @@ impl Unit<Card> for Distribute {
                 let work = card.work(run.slot);
                 let of = &work.segment.triangles[triangle as usize];
                 self.facing.back += u64::from(of.back);
-                // Those of primitives that go to all pipelines are counted where they are dealt.
+                // Triangles of primitives that go to all pipelines are counted where they are dealt.
                 let counted = !work.is_shared(of.primitive);
                 card.funnel[run.slot].triangles_setup += u64::from(counted);
                 self.done += 1;

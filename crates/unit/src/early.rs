@@ -311,7 +311,7 @@ impl Unit<Card> for Early {
         // 1. Depths come, and requests for them go.
         let mut did = Tick::moved_or(self.exchange(wires), Tick::Starved);
 
-        // 2. What has its depths is tested and goes on.
+        // 2. Groups that have their depths are tested and go on.
         did = did.or(self.drain(wires, card));
 
         // 3. The next ones ask for theirs.

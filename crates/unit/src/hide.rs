@@ -144,7 +144,7 @@ impl Unit<Card> for Hide {
         let mut did = Tick::Starved;
         let pipeline = usize::from(self.pipeline);
 
-        // 1. What is released goes on, without the quads that are not seen.
+        // 1. Released groups go on, without the quads that are not seen.
         let mut budget = Budget::new(self.rate);
         while self.released > 0 {
             let Some(&token) = self.held.front() else { break };

@@ -85,7 +85,7 @@ impl Order {
 
             // 2. The end of a number.
             if token.kind.is_end() {
-                // Of a number that all pipelines draw, each sends the end of its part.
+                // If all pipelines draw a number, each sends the end of its part.
                 let parts = if token.kind == Kind::PART_END { self.input.senders() } else { 1 };
                 self.ended.note_part(token.sequence, parts);
                 self.input.take(wires, from);

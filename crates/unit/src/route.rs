@@ -203,7 +203,7 @@ impl Route {
                 self.sorting.sent += u64::from(pending != 0);
                 did = Tick::Moved;
             }
-            // 2. What it weighs.
+            // 2. Find its bytes on the network.
             let work = if data { card.work[usize::from(token.slot)].as_ref() } else { None };
             let attributes = work.map_or(0, |work| work.draw.attributes.iter().map(|fetch| fetch.bytes).sum::<u32>());
             let (retained, immediate) = (bytes::MARK + 12, bytes::MARK + 3 * attributes);
@@ -379,7 +379,7 @@ impl Route {
 
 impl Unit<Card> for Route {
     fn tick(&mut self, wires: &mut Wires, card: &mut Card) -> Tick {
-        // 1. What memory has brought.
+        // 1. Take the lines that memory has brought.
         let mut did = Tick::Starved;
         while let Some(tag) = self.ports.position.answer(wires) {
             self.misses.answer(tag);

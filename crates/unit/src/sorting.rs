@@ -237,7 +237,7 @@ impl Merge {
     /// A merge at the beginning of the order. The state of `probe` is what it waits for.
     pub fn new(keep: Keep, probe: StallProbe, input: &Receiver<TriangleToken>) -> Merge {
         let alone = input.senders() == 1;
-        // Of a single sender there is nothing to be put in order, and its marks may have numbers of their own.
+        // The tokens of a single sender are in order, and its marks may have numbers of their own.
         let keep = if alone { Keep::Always } else { keep };
         let (ended, clock) = (Ended::default(), OrderClock::new(probe));
         Merge { keep, alone, sequence: 0, current: alone.then_some(0), ended, clock }
@@ -319,7 +319,7 @@ pub fn any_order(work: &Work) -> Option<Opaque> {
         Compare::Greater | Compare::GreaterEqual => false,
         _ => return None,
     };
-    // What is discarded after an early test leaves its depth, and not its colours.
+    // A fragment that is discarded after an early test leaves its depth, but not its colours.
     let discards = |quad: &Quad| quad.kept & quad.coverage != quad.coverage;
     let early = work.early && work.draw.fragment.is_some();
     if early && work.segment.tiles.iter().any(|tile| tile.quads.iter().any(discards)) {

@@ -303,7 +303,7 @@ impl Texture {
             Some(place) => {
                 let line = *self.tags.data(place);
                 if wanted & !line.asked == 0 {
-                    // What is still on its way is waited for like a miss of one's own.
+                    // A sector that is still on its way is waited for like a miss of this request.
                     let mut left = wanted;
                     while left != 0 {
                         let needs = line.needs[left.trailing_zeros() as usize];
@@ -426,7 +426,7 @@ impl Texture {
         let mut pieces = self.config.accesses_per_cycle;
         while let Some(token) = wires.front(&self.input) {
             let warp = &card.warps[self.user.cluster][token.warp];
-            // What an earlier pass or dispatch has written is not in the cache any more.
+            // Lines that an earlier pass or dispatch may have written are dropped.
             let epoch = card.epoch_of(warp.program, warp.slot);
             if is_newer(epoch, self.epoch) {
                 self.epoch = epoch;
@@ -466,7 +466,7 @@ impl Texture {
                 let (request, lines) = Self::request(card, warp, &item, at, self.place.line);
                 for &line in lines {
                     if !texture {
-                        // What another invocation of the warp has asked for comes with it. Atomics are done one by one.
+                        // A line that another invocation of the warp has asked for comes with that request. Atomics are done one by one.
                         if kind != RequestKind::Atomic && self.coalesced.lines.contains(&line) {
                             self.place.line += 1;
                             did = Tick::Moved;

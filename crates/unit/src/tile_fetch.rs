@@ -133,7 +133,7 @@ impl TileFetch {
                 if !wires.try_push(&self.ports.read, TileToken { tile, slot, kind }) {
                     return did.or(Tick::Blocked);
                 }
-                // What follows lies where this was.
+                // The next round's triangles lie where these were.
                 self.tags.clear();
                 wires.take(&self.ports.input);
                 did = Tick::Moved;

@@ -185,7 +185,7 @@ impl Row<'_> {
 }
 
 fn lock(slot: &Mutex<Slot>) -> MutexGuard<'_, Slot> {
-    // What a task leaves when it panics is made anew.
+    // After a panic of a task, its data are made anew.
     slot.lock().unwrap_or_else(PoisonError::into_inner)
 }
 

@@ -24,7 +24,7 @@ fn of(fragments: f64, bounds: Bounds) -> Areas {
         let apart = side - 1.0;
         (fragments + apart * around + apart * apart) / (side * side)
     };
-    // None is without a fragment.
+    // Every quad has a fragment.
     let quads = cells(2.0).min(fragments);
     let fixed = |v: f64| (v * 256.0).round() as u64;
     Areas { fragments: fixed(fragments), quads: fixed(quads), blocks: fixed(cells(8.0).min(quads)), visible: 0 }

@@ -112,7 +112,7 @@ impl Images {
         call.ledger.quads.add(drawn.funnel.quads_rasterized);
         call.ledger.quads.verify()?;
         if call.need == Need::Survey {
-            // Of some tiles only.
+            // The counts are those of some tiles only.
             drawn.funnel = Funnel::default();
         } else {
             each(batches, Batch::count_uncovered);

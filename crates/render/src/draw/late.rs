@@ -22,7 +22,7 @@ impl TileRun<'_, '_, '_> {
             allowed &= (0..LANES).fold(0, |all, lane| all | u64::from(rop::alpha_to_coverage(alpha[lane], 1) & 1) << lane);
         }
         self.counts.fragments_discarded += u64::from((alive & !allowed).count_ones());
-        // What is recorded of the quads.
+        // Record the quads.
         if RECORD {
             for (coverage, allowed) in self.pending.coverage.iter_mut().zip(quads(allowed)) {
                 *coverage &= allowed;

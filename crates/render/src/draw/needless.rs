@@ -47,7 +47,7 @@ impl Batch {
             PrimitiveKind::of(frame.topology) == PrimitiveKind::Triangle && primitive.polygon_mode == PolygonMode::Fill;
         let margin = if filled { 0 } else { SUBPIXEL / 2 };
         let drawn = frame.setup.bounds;
-        // What the scissor rectangle leaves nothing of is looked for where the attachments are.
+        // A primitive of which the scissor rectangle leaves nothing is looked for in the area of the attachments.
         let within = match outcome {
             Outcome::Scissor | Outcome::Frustum => [0, 0, frame.width as i32, frame.height as i32],
             _ => [drawn.x0, drawn.y0, drawn.x1, drawn.y1].map(i32::from),

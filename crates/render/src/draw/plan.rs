@@ -159,7 +159,7 @@ impl Planner {
             }
             let count = (all - self.primitive).min(room);
             let (start, len, hub) = entries_of(self.topology, self.primitive, count);
-            // What the primitive before this one has read: all but what the first one here adds.
+            // The entries that the primitive before this one has read: all except those that the first primitive here adds.
             let repeated = if self.primitive == 0 { 0 } else { repeated_entries(self.topology) };
             let piece = Piece {
                 instance: self.instance as u32,

@@ -247,7 +247,7 @@ impl Batch {
                 self.funnel.clipped += 1;
                 let first = self.corners.len();
                 let made = self.make_vertices(input, v, polygon);
-                // Of the reasons for which no part is drawn the one that is furthest down the pipeline is the primitive's.
+                // If no part is drawn, the primitive's reason is the part's reason that is furthest down the pipeline.
                 let mut reason = Outcome::Degenerate;
                 for corners in setup::fan(&self.made_screen[(made & !MADE) as usize..]) {
                     let screen = corners.map(|i| self.made_screen[(made & !MADE) as usize + i]);

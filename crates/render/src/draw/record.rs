@@ -74,7 +74,7 @@ impl TileRecord {
             }
         } else {
             if S == 1 && left.count_ones() > FEW {
-                // The list gets 16 quads, which takes no call to copy them. Those of most blocks are all covered.
+                // The list gets 16 quads, which takes no call to copy them. Most blocks have all their quads covered.
                 quads.extend_from_slice(&WHOLE);
                 if block.samples[0] != !0 {
                     let mut n = 0;
@@ -159,7 +159,7 @@ pub fn draw(call: &DrawCall<'_>, frame: &PreparedDraw<'_>, has_depth: bool, cull
             outputs: interface.outputs.iter().map(|slot| slot.components).sum(),
         }
     };
-    // Who takes the first for the position gets one that is read.
+    // Attributes that are read come first: consumers that take the first attribute for the position get one that is read.
     let attributes = pipeline.attributes.iter().chain(&pipeline.unread).map(|attribute| {
         let address = call.vertex_buffers.get(attribute.buffer).and_then(Option::as_ref).map_or(0, |b| b.address);
         AttributeFetch {

@@ -187,7 +187,7 @@ impl Stream {
             }
         };
         if let ([group], true) = (&*self.groups, self.entries.len() <= TASK) {
-            // One instance: all pieces are numbered from one index.
+            // There is a single instance: all pieces are numbered from one index.
             number(group, &mut self.entries);
             self.used.clear();
             self.used.extend(self.marks.chunks_mut(64).map(bits));

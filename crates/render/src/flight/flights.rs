@@ -135,7 +135,7 @@ impl Departure {
             let lost = lost(attached.keeps, attached.shape.format);
             let (value, known) = match (kept(attached.keeps, attached.shape.format).any(), depth) {
                 (false, _) => ([0; 4], ALL),
-                // Of colours it is not looked at which draws write them.
+                // For colours, it is not checked which draws write them.
                 (true, false) => ([0; 4], [0; 4]),
                 (true, true) => {
                     (std::array::from_fn(|w| attached.value[w] & !lost[w]), std::array::from_fn(|w| self.depth[w] | lost[w]))

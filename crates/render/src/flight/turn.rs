@@ -90,10 +90,10 @@ impl Flight {
             Ok(drawn) => landed.add(drawn.funnel, drawn.overwritten),
             Err(_) => self.failed.store(true, Relaxed),
         };
-        // One that has failed before its first draw has no images.
+        // A pass that has failed before its first draw has no images.
         let Some(pass) = pass.as_mut().filter(|_| goes_on()) else { return done.extend(draws) };
         if ahead {
-            // Of all of them, since it is not said when each has its turn: what passes with the most passes with less.
+            // Set the largest amount alive of all draws, since the order of their turns is not known: a limit that allows the most allows less.
             let draws: Vec<&QueuedDraw> = draws.iter().flatten().collect();
             ledger.set_alive(draws.iter().map(|draw| draw.alive).max().unwrap_or(0));
             let calls = |number: usize, work: &mut dyn FnMut(&DrawCall<'_>)| draws[number].lend(shared, ledger, work);

@@ -180,7 +180,7 @@ impl Dependencies {
     pub fn needs(&self, want: impl Fn(u32) -> Want) -> io::Result<Needs> {
         let mut live: HashSet<Thing> = HashSet::new();
         let (mut passes, mut dispatches, mut pictures) = (Answers::default(), Answers::default(), Answers::default());
-        // What follows the last frame's end belongs to a frame that does not end.
+        // Commands after the last frame's end belong to a frame that does not end.
         let mut frame = self.frames;
         self.notes.backwards(|step| {
             if step.kind == Kind::Present {

@@ -80,7 +80,7 @@ impl Walker {
     /// The end of a trace: one that shows nothing is a frame.
     fn finish(&mut self, renderer: &Renderer<'_, '_>) -> Result<(), Fault> {
         if self.frame == 0 {
-            // What is shown is not known here: all that there is.
+            // The shown texture is not known here: take all textures.
             let textures = renderer.res.textures.iter();
             let reads = textures.flat_map(|(id, texture)| (0..texture.image.levels).map(move |level| Thing::Level(id, level)));
             let reads = reads.collect();
@@ -326,7 +326,7 @@ fn copy(res: &Resources, command: &Command) -> Result<Option<Step>, String> {
         Ok(whole.then_some(Thing::Buffer(buffer.0)).into_iter().collect())
     };
     let (read, written, fresh) = match command {
-        // What an upload leaves is there whatever was drawn: only where it leaves nothing of it does that matter.
+        // The data of an upload are there no matter what was drawn. Earlier contents matter only if the upload leaves part of them.
         Command::ClearBuffer { buffer, offset, size } => {
             let length = res.buffers.get(buffer.0)?.words.len();
             (None, None, whole(*buffer, *offset, size.unwrap_or(length.saturating_sub(*offset)))?)

@@ -294,7 +294,7 @@ impl Bound<'_> {
                 let mut work = tile.work.map(|cycles| cycles * part);
                 let entries = tile.entries * part;
                 let fetch = entries * entry;
-                // What reads lists stands in front of setup.
+                // The unit that reads lists stands in front of setup.
                 let setup = work[0];
                 work[0] = setup.max(fetch);
                 let whole = |blocks: f64| (blocks * part).min(f64::from(BLOCKS * BLOCKS) / subtiles);

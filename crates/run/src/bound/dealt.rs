@@ -127,7 +127,7 @@ impl Bound<'_> {
             let draw = &draws[window.draw as usize];
             let [shown, open] = seen[window.draw as usize];
             let quad = QUAD + 4.0 * draw.payload as f64;
-            // 1. What the window takes of a pipeline, and of each ROP.
+            // 1. The work of the window in a pipeline, and in each ROP.
             let mut work: Work = [0.0; UNITS.len()];
             let mut behind = vec![[0.0; 3]; pipelines];
             let mut parts = vec![([0.0; UNITS.len()], [0.0; 2]); pipelines];
@@ -232,7 +232,7 @@ impl Bound<'_> {
                     let mut end = done[at].written();
                     let mut begin = 0.0;
                     if ordered {
-                        // What the pipeline cannot hold of a batch is shaded when its turn has come.
+                        // Quads of a batch beyond those that the pipeline can hold are shaded when the batch's turn has come.
                         let over = drawn + quads - held;
                         if over > 0.0 {
                             end = later(end, opened + over * slowest / quads.max(over) + rate.shaded);

@@ -278,7 +278,7 @@ mod tests {
             let read = sources.match_indices(&field).any(|(at, field)| word(at, field));
             let held = HELD.iter().any(|(held, ..)| held == path);
             let slight = SLIGHT.contains(&path.as_str());
-            // What is held may be read for the values for which estimates hold.
+            // A knob that is held may be read for the values for which estimates hold.
             let once = if held { !slight } else { read != slight };
             assert!(
                 once,
@@ -313,7 +313,7 @@ mod tests {
         for name in ["attila", "geforce2-ultra"] {
             with(name, &[]).expect_err(name);
         }
-        // What is known of tiny as a whole is not known of its values one by one.
+        // Estimates hold for `tiny` as a whole, but are not known to hold for its values one by one.
         for change in ["fetch.misses=8", "fetch.cache_lines=16"] {
             with("four-pipelines", &[change]).expect_err(change);
         }
@@ -323,7 +323,7 @@ mod tests {
                  on activations; use --fidelity cycle"
                 .to_owned())
         );
-        // What has no effect is not asked for.
+        // Knobs without effect are not checked.
         assert_eq!(
             with("four-pipelines", &["memory.dram.t_faw=400", "memory.kind=ideal", "route.mode=immediate", "bin.hide=true"]),
             Ok(())

@@ -280,7 +280,7 @@ impl<'c> Bound<'c> {
 
     /// Cycles of the copy engine for a transfer that reads `read` and writes `written` bytes, from the first request on.
     fn copied(&self, read: f64, written: f64, latency: f64) -> f64 {
-        // What goes and what comes have wires of their own.
+        // Requests and answers have wires of their own.
         let port = read.max(written) / f64::from(self.config.memory.port_width);
         port.max(self.in_flight(read, self.config.command.copy_misses, latency))
     }

@@ -51,7 +51,7 @@ impl Bound<'_> {
         let shown = self.shown(draws);
         let images = self.sorted == Sorted::Images;
         let copies = if images { self.copies_of(draws, self.copies(copies)) } else { 1.0 };
-        // What is composed is all resolved, drawn or not.
+        // All composed blocks are resolved, drawn or not.
         let all = f64::from(size[0].div_ceil(BLOCK) * size[1].div_ceil(BLOCK));
         let drawn = if images && self.pipelines > 1.0 { all } else { blocks[1] as f64 };
         let resolved = drawn / (blocks[1] as f64).max(1.0);
@@ -133,13 +133,13 @@ impl Bound<'_> {
         roofs.add("texture misses", misses * requests.latency / f64::from(config.texture.misses));
         let mut memory = traffic.all;
         let l2 = &config.l2;
-        // Of a tile-based machine that is what is left when all is binned.
+        // On a tile-based machine this is the traffic that is left when all is binned.
         let rest = memory.without(&traffic.binned);
         roofs.add("l2", rest.lookups / f64::from(l2.slices * l2.lookups_per_cycle));
         roofs.add("dram", self.dram(&rest));
         let (mut limit, mut most) = roofs.slowest();
         if fluid > most {
-            // What is between units that take turns at being the slowest.
+            // The difference comes from units that take turns at being the slowest.
             (limit, most) = (if most > 0.9 * fluid { limit } else { "imbalance" }, fluid);
         }
         if binning > most {
@@ -224,7 +224,7 @@ impl Bound<'_> {
     /// The owner of each cell; none: all in turn.
     fn owners(&self, size: [u32; 2], cells: &[Cell]) -> Vec<Option<u8>> {
         let distribute = &self.config.distribute;
-        // Of distribute.tile, or bin.tile where that is larger.
+        // The larger of distribute.tile and bin.tile.
         let tile = self.config.owned_tile();
         let mut interleave = Interleave::new(distribute.pattern, self.config.card.pipelines, tile);
         interleave.begin_pass(size[0], size[1]);
@@ -239,7 +239,7 @@ impl Bound<'_> {
         let sum = |of: fn(&DrawProfile) -> u64| draws.iter().map(of).sum::<u64>() as f64;
         let quads = sum(|draw| draw.fragment.runs);
         let lookups = sum(|draw| draw.fragment.texture_lines + draw.fragment.access_lines);
-        // Those that have most lookups say how many warps are under way.
+        // The draw with most lookups decides how many warps are under way.
         let most = draws.iter().max_by_key(|draw| draw.fragment.texture_lines + draw.fragment.access_lines);
         let warps = most.map_or(1.0, |draw| self.resident(draw.registers[1]));
         let cores = f64::from(config.core.per_pipeline);
@@ -432,9 +432,9 @@ impl Bound<'_> {
             let cached = |blocks: f64| interpolated(&BLOCK_CACHES, &misses[1 - side], (blocks * self.pipelines) as usize);
             // Where tiles are drawn one by one a block is missed once: it stays until its tile ends.
             let missed = if self.binned { distinct } else { cached(cache) };
-            // What is not cleared by flag is read at the first touch; what came back is read again.
+            // A block that is not cleared by flag is read at its first touch, and again whenever it comes back.
             let first = if attachment.loads || !c.color.fast_clear { distinct } else { 0.0 };
-            // What is replaced whole is not read.
+            // Blocks that are replaced whole are not read.
             let kept = if side == 0 { 1.0 - traffic.replaced[1] / traffic.replaced[0].max(1.0) } else { 1.0 };
             let filled = (first + (missed - distinct).max(0.0)) * kept;
             // Tiles are written one by one, while others are drawn.
@@ -449,7 +449,7 @@ impl Bound<'_> {
             let others = if self.binned { distinct } else { cached(at_once) }.max(1.0);
             let again = (others / uses[side].max(1.0)).min(1.0);
             let filled = (filled / others).min(1.0);
-            // What leaves goes first, and what comes takes its time on the wires.
+            // The outgoing block goes first, and the incoming block takes its time on the wires.
             let moved = 2.0 * bytes * part / port + bytes * part / f64::from(c.l2.width);
             let nearer = 2.0 * (f64::from(c.memory.port_latency) - f64::from(c.memory.rop_latency));
             let wait = self.latency(&traffic.fills[side]) - nearer + f64::from(latency) + moved;

@@ -36,7 +36,7 @@ fn behind(rate: f64, latency: f64) -> f64 {
 impl Bound<'_> {
     /// Warps that a core has under way, at most.
     pub(super) fn resident(&self, registers: u32) -> f64 {
-        // Of core.warps and core.registers, by core.register_granule and core.register_files.
+        // The limit follows from core.warps and core.registers, with core.register_granule and core.register_files.
         f64::from(self.config.core.resident_warps(registers.max(1)))
     }
 
@@ -67,7 +67,7 @@ impl Bound<'_> {
         let class = if core.overlap {
             taken.fold(issue, f64::max)
         } else {
-            // One after another, each at least a cycle.
+            // Instructions issue one after another, each in at least a cycle.
             instructions.iter().zip(taken).map(|(n, taken)| taken.max(*n)).sum()
         };
         let waits = |counts: [f64; Class::COUNT]| counts.iter().zip(latencies).map(|(n, latency)| n * latency).sum::<f64>();
@@ -87,7 +87,7 @@ impl Bound<'_> {
         let sampled = each(cost.textures);
         let quads = asked * own * requests.port + sampled * libm::exp(-own) / f64::from(texture.quads_per_cycle);
         let lines = each(cost.texture_lines) / f64::from(texture.lookups_per_cycle);
-        // Of texture.access_bytes other than 128, with that many times as many or as few.
+        // If texture.access_bytes is not 128, the number of pieces is larger or smaller by that factor.
         let piece = PIECE as f64 / f64::from(texture.access_bytes);
         let accesses = each(cost.access_pieces) * piece / f64::from(texture.accesses_per_cycle);
         let operations = cost.operations.iter().zip(texture.costs()).map(|(&n, cost)| n * u64::from(cost)).sum();
@@ -104,7 +104,7 @@ impl Bound<'_> {
             return Shading { core: class.max(chain / resident) / runs, texture: 0.0, latency: chain };
         }
 
-        // What is behind a miss waits with it; how often that is depends on how fast warps come, which depends on how long they wait.
+        // Requests behind a miss wait with it. How often this happens depends on how fast warps come, which depends on how long they wait.
         let plain = f64::from(texture.latency) + unit / asked;
         // A warp waits where it needs a result (core.in_flight), not at each request.
         let stops = if core.scoreboard && core.in_flight > 1 { each(cost.stops) } else { asked };

@@ -70,9 +70,9 @@ impl Bound<'_> {
         targets.iter_mut().zip(color).for_each(|(target, attachment)| *target = Some(attachment));
         let blocks = Blocks { color: targets, depth, levels, shown, copies, resolved, drawn, on_chip: lists.is_some() };
         self.drawn.clear();
-        // What is missed as likely as not is missed every other time.
+        // A lookup that misses with a probability of one half misses every other time.
         let mut due = [0.0; 4];
-        // What is missed again soon is in the second level, unless that has hardly more room than all first levels together.
+        // A line that is missed again soon is in the second level, unless this has hardly more room than all first levels together.
         let first = f64::from(c.texture.cache_lines * c.texture.line_bytes * c.core.per_pipeline) * self.pipelines;
         let second = f64::from(c.l2.slices) * f64::from(c.l2.lines * c.l2.line_bytes);
         let lost = if second < 2.0 * first { missed.inner } else { 0.0 };
@@ -179,7 +179,7 @@ impl Bound<'_> {
         }
         let codec = if touch.by == Toucher::Color { c.color.codec } else { c.depth.codec };
         let bytes = if compression { u64::from(touch.stored[codec as usize]) * LINE } else { attachment.block_bytes };
-        // Each of its copies is touched for a first time. What comes back is one of them, each in turn.
+        // Each of a block's copies is touched for a first time. The copies come back one after another.
         let apart = self.sorted == Sorted::Images && self.pipelines > 1.0;
         let mut own = vec![u64::from(touch.line)];
         if apart {
@@ -205,7 +205,7 @@ impl Bound<'_> {
                 sum.fills[usize::from(touch.by == Toucher::Depth)] += fill;
                 traffic += fill;
             }
-            // What is read only leaves without a trace, and so does what is not wanted of a tile.
+            // A block that is only read leaves without traffic, and so does a block of a tile that is not wanted.
             if left && !hidden && (touch.by == Toucher::Color || touch.step != 0) {
                 traffic += self.shared.access(own, bytes, true);
                 self.drawn.insert(touch.line);

@@ -241,7 +241,7 @@ pub fn total(shares: &[Share], counted: &[f64]) -> Interval {
     if compared.len() < 2 {
         return Interval { value, margin: f64::INFINITY };
     }
-    // What a cluster's frames would count if they were like the average of all clusters, and by how much its frame differs.
+    // The counts of a cluster's frames if they were like the average of all clusters, and the difference of its drawn frame.
     let [all, counted] =
         [compared.iter().map(|(share, _)| share.sum).sum::<f64>(), compared.iter().map(|(_, part)| part).sum()];
     let ratio = if all > 0.0 { counted / all } else { 0.0 };

@@ -87,7 +87,7 @@ impl Centers {
             }
         })?;
         let mut from = sum.mean();
-        // Of each frame, the distance to the nearest centre.
+        // The distance of each frame to the nearest centre.
         let mut far = Table::<f64>::new(1);
         parts(rows.rows()).try_for_each(|range| far.add(&vec![f64::INFINITY; range.len()]))?;
         let (mut signatures, mut distances) = (Vec::new(), Vec::new());

@@ -258,11 +258,11 @@ fn simulated(
     let functional = Machine::warms(&options.config);
     let warms_up = |number: u32| functional && !numbers.contains(&number);
 
-    // What was counted of the frames drawn; those that warm up are not reported.
+    // The statistics of the drawn frames. Frames that only warm up are not reported.
     let mut counted: Vec<Option<Tree>> = vec![None; numbers.len()];
     let FrameSink { mut taker, keeps, progress, per_draw, .. } = sink;
     let count = |mut frame: Frame| {
-        // What a display that runs free shows between frames that are not simulated is no picture of the sequence.
+        // The pictures that a free-running display shows between frames that are not simulated are no pictures of the sequence.
         if options.config.scanout.runs_free() {
             frame.display = Shown::default();
         }

@@ -191,7 +191,7 @@ fn recorded(first: u32, frames: u32) -> FrameSet {
     if frames <= 2 * RECORDED {
         return (first..first + frames).into();
     }
-    // One anywhere in each of as many equal parts: at equal distances they could all be alike in a sequence that repeats.
+    // A random frame in each of `RECORDED` equal parts: at equal distances, the frames could all be alike in a sequence that repeats.
     let begin = |part: u32| (u64::from(part) * u64::from(frames) / u64::from(RECORDED)) as u32;
     let any = |part: u32| first + begin(part) + Random::nth(0x5a3e, part.into()).below(begin(part + 1) - begin(part));
     (0..RECORDED).map(any).map(|frame| frame..frame + 1).collect()
@@ -266,7 +266,7 @@ pub fn survey_in_parts(
     let profiles = || read.iter().flat_map(|part| &part.profiles);
     let costs =
         Costs::new(&options.config, &bound, read.iter().map(|part| &part.runs), profiles().map(|(_, profile)| &**profile));
-    // What regression goes by: counts, and what shaders take.
+    // The regressors: counts, and the time of shaders.
     let (mut regressors, mut summary, mut end) = (Table::new(REGRESSORS), Summary::default(), range.start);
     for Read { first, counts, runs, .. } in &read {
         ensure!(*first == end, "frame {first} was surveyed where frame {end} was to be");
@@ -428,7 +428,7 @@ fn takes(config: &Config, regressors: &[f64; REGRESSORS]) -> [f64; TAKES] {
     let own = [
         draws * f64::from(config.command.command_cycles),
         passes * f64::from(config.command.barrier_cycles),
-        // Of four bytes each.
+        // Samples have four bytes each.
         samples * 4.0 / port / pipelines,
         indices / f64::from(config.fetch.indices_per_cycle),
         primitives / f64::from(config.assembly.primitives_per_cycle)

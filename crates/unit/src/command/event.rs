@@ -34,7 +34,7 @@ impl Command {
             card.stop(order(event, what));
             return None;
         }
-        // What is not part of a dispatch waits for the dispatch, or for what it depends on.
+        // An event that is not part of a dispatch waits for the dispatch, or for the work it depends on.
         if !matches!(card.events.front()?, Event::Groups(_)) {
             if !self.tracks && self.computing() {
                 return None;
@@ -46,7 +46,7 @@ impl Command {
         }
         if std::mem::take(&mut self.held) {
             self.counts.waited += 1;
-            // What was written is not in caches of what is only read.
+            // Memory that was written since may be stale in caches of read-only data.
             card.epoch += 1;
             if self.barrier > now {
                 self.busy_until = self.barrier;

@@ -393,12 +393,12 @@ impl Command {
             did = Tick::Moved;
         }
 
-        // 3. What is under way beside the next command goes on.
+        // 3. Work under way beside the next command goes on.
         if self.tracks {
             did = did.or(self.end_passes(wires, card)).or(self.move_memory(wires, card));
         }
 
-        // 4. What is begun goes on, when its command is decoded.
+        // 4. The work of the last command goes on, once the command is decoded.
         if self.busy_until > wires.now() {
             wires.sleep_until(self.busy_until);
             return did.or(Tick::Working);

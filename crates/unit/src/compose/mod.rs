@@ -202,7 +202,7 @@ impl Compose {
         self.counts.passes += 1;
         self.planes.clear();
         for (attachment, surface) in pass.pass.color.iter().zip(&pass.color) {
-            // What is neither stored nor resolved need not be composed.
+            // An attachment that is neither stored nor resolved need not be composed.
             if let (Some(attachment), &Some(surface)) = (attachment, surface)
                 && (attachment.store || attachment.resolve.is_some())
             {
@@ -242,7 +242,7 @@ impl Compose {
         let Some(step) = self.steps.front() else { return };
         let range = |end: &Option<(usize, std::ops::Range<u32>)>| end.as_ref().map_or(0..0, |(_, blocks)| blocks.clone());
         self.to_compose = range(&step.receive);
-        // What is sent on is what is composed.
+        // If blocks are sent on once they are composed, none is read in order to be sent.
         self.to_send = if step.forward { 0..0 } else { range(&step.send) };
         self.counts.rounds += 1;
         self.counts.messages += u64::from(step.send.is_some());
@@ -420,7 +420,7 @@ impl Unit<Card> for Compose {
             did = Tick::Moved;
         }
 
-        // 3. What has come is composed, what has been read is sent, and more is read.
+        // 3. Compose blocks that have come, send blocks that have been read, and read more.
         did = did.or(self.compose(wires, card));
         did = did.or(self.send_read(wires, card));
         did = did.or(Tick::moved_or(self.ask(card), Tick::Starved));

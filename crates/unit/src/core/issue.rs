@@ -617,7 +617,7 @@ impl Issue {
             let wait = self.late[place] + self.wait[place] as u32;
             if fixed.dual {
                 self.paired[place] += self.pairs[place];
-                // One that found no lane beside the one before it has come early enough.
+                // An instruction that found no lane beside the instruction before it has come early enough.
                 if self.pairs[place] > 0 && self.paired[place] >= 256 && self.late[place] < CYCLE {
                     self.paired[place] -= 256;
                     self.late[place] = wait;

@@ -455,7 +455,7 @@ impl Unit<Card> for Core {
         let now = wires.now();
         let mut did = Tick::Starved;
 
-        // 0. What happened since the last tick.
+        // 0. Issue instructions for the cycles since the last tick.
         if self.issue.advance(&self.fixed, now) != 0 {
             wires.works();
         }

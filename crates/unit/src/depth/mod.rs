@@ -233,7 +233,7 @@ impl Depth {
         }
         let mut left = None;
         let quads = match group.ahead {
-            // What passes whatever is there, and stays as it is, need not be looked up.
+            // A block whose samples all pass, and of which nothing is written, need not be looked up.
             Ahead::Passes => return Ok(None),
             Ahead::Writes => written(work, group, frame.stores[surface].surface.samples),
             Ahead::Nothing => Quads::ANY,

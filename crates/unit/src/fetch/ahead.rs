@@ -10,7 +10,7 @@ impl Fetch {
     /// Assembly has taken `passed` indices since the start. Vertices that no later index names are forgotten.
     pub(super) fn pass(&mut self, passed: u32) {
         let first = self.shaded.wrapping_sub(self.recent.len() as u32);
-        // What a draw before this one has left is forgotten already.
+        // Vertices of a draw before this one are forgotten already.
         let gone = (passed.wrapping_sub(first) as i32).max(0) as usize;
         self.recent.drain(..gone.min(self.recent.len()));
     }
@@ -60,7 +60,7 @@ impl Fetch {
             did = Tick::Moved;
         }
 
-        // 3. What is left of a segment is a batch too. So is what assembly has to take before any more is read, once it has taken all else.
+        // 3. The rest of a segment is a batch, too. So are the vertices that assembly has to take before more is read, once it has taken all others.
         if self.position == self.walk.length {
             self.close_ahead(slot, self.position);
             self.closed_end = 0;

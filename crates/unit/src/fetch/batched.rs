@@ -94,7 +94,7 @@ impl Fetch {
                 self.position += stream.len() as u32;
                 let read = stream.len() as u64 - restarts;
                 self.items += read;
-                // Those of a segment with primitives that go to all pipelines are counted where it is dealt.
+                // Vertices of a segment with primitives that go to all pipelines are counted where the segment is dealt.
                 if self.counts && !work.has_shared() {
                     card.funnel[run.slot].vertices_in += read;
                 }

@@ -196,7 +196,7 @@ impl Fetch {
                 indices -= read;
                 self.position += read;
                 self.items += u64::from(read - restarts);
-                // Those of a segment with primitives that go to all pipelines are counted where it is dealt.
+                // Vertices of a segment with primitives that go to all pipelines are counted where the segment is dealt.
                 if self.counts && !work.has_shared() {
                     card.funnel[piece.slot].vertices_in += u64::from(read - restarts);
                 }

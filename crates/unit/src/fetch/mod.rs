@@ -281,7 +281,7 @@ impl Fetch {
     fn step(&mut self, wires: &mut Wires, card: &mut Card) -> Tick {
         let mut did = Tick::Starved;
 
-        // 1. What memory has brought, and what assembly no longer needs.
+        // 1. Take the lines that memory has brought, and the batches that assembly no longer needs.
         while let Some(tag) = self.ports.vertex.answer(wires) {
             self.misses.answer(tag);
             did = Tick::Moved;

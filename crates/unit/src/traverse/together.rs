@@ -61,7 +61,7 @@ impl Gather {
         let work = card.work(token.slot);
         let triangles = &work.segment.triangles;
         let end = (token.triangle / self.triangles + 1).saturating_mul(self.triangles).min(triangles.len() as u32);
-        // Of those that end in setup nothing comes.
+        // Triangles that end in setup do not come here.
         let comes = |triangle: &Triangle| {
             triangle.end != End::Setup && owners(card, work, triangle, self.overlap, self.rasterisers) >> self.number & 1 != 0
         };
