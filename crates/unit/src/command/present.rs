@@ -125,7 +125,8 @@ impl Command {
         let (present, end) = (self.present.as_mut()?, self.ended.as_ref()?);
         let surface = end.shown?;
         // Its event may have been taken.
-        let last = card.closed && !card.events.iter().any(|event| !matches!(event, Event::EndFrame(other) if other.number == end.number));
+        let last = card.closed
+            && !card.events.iter().any(|event| !matches!(event, Event::EndFrame(other) if other.number == end.number));
         let kind = if last { Kind::END } else { Kind::DATA };
         if !wires.try_push(&self.ports.scanout, Piece { slot: 0, kind }) {
             return None;
