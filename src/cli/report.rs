@@ -186,7 +186,7 @@ impl Subject {
             bar.inc(1);
         };
         let number = self.statistics.number();
-        let found = why(trace, config, number..number + 1, &told)?;
+        let found = why(trace, config, number..number + 1, false, &told)?;
         bar.finish_and_clear();
         let mut json = found.json();
         json["verdict"] = found.verdict().into();

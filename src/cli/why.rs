@@ -32,6 +32,9 @@ pub struct Arguments {
     /// Frames: one, as in 3, or half-open, as in 2..4, 2.. or ..4 [default: the slowest one]
     #[arg(long, value_name = "A..B")]
     frames: Option<String>,
+    /// Try changes of scan-out, too: what reading the frame for the screen costs is the same for every frame of its size
+    #[arg(long)]
+    scan_out: bool,
     /// Changes that are listed
     #[arg(long, value_name = "N", default_value = "12")]
     rows: usize,
@@ -80,7 +83,7 @@ pub fn run(arguments: &Arguments) -> Result<Verdict> {
         bar.set_length(all as u64);
         bar.inc(1);
     };
-    let found = why(&trace, &config, frames.clone(), &told)?;
+    let found = why(&trace, &config, frames.clone(), arguments.scan_out, &told)?;
     bar.finish_and_clear();
     if let Some(path) = &arguments.json {
         let mut json = found.json();
@@ -92,7 +95,14 @@ pub fn run(arguments: &Arguments) -> Result<Verdict> {
     }
     let last = frames.end.saturating_sub(1);
     let named = if frames.start == last { format!("frame {last}") } else { format!("frames {}..{}", frames.start, frames.end) };
-    println!("{} on {}, {named}: {} cycles\n", arguments.trace.display(), config.name, grouped(found.base.cycles));
+    let (cycles, read) = (found.base.cycles, found.base.scan_out());
+    // A display that runs beside drawing takes the cycles of a hand-over.
+    let apart = if !arguments.scan_out && 100 * read >= cycles {
+        format!(", {} of them scan-out, which --scan-out ranks too", grouped(read))
+    } else {
+        String::new()
+    };
+    println!("{} on {}, {named}: {} cycles{apart}\n", arguments.trace.display(), config.name, grouped(cycles));
     print!("{}", table(&found, arguments.rows));
     let mut verdict = super::reading::verdict(&trace);
     for (change, fault) in found.faults() {

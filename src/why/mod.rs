@@ -20,6 +20,7 @@ use crate::report::order;
 use crate::run::replay::no_frames;
 use crate::run::stored_work::{Timing, time_each};
 use crate::trace::Trace;
+use crate::unit::phase::PhaseKind;
 use crate::work::RenderKey;
 use evidence::{Seen, evidence};
 use relax::{Relaxation, relaxations};
@@ -56,6 +57,14 @@ pub struct Why {
     pub gains: Vec<Gain>,
     /// Renderings that were made.
     pub renderings: u64,
+}
+
+impl Timed {
+    /// Cycles of scan-out.
+    pub fn scan_out(&self) -> Cycle {
+        let name = PhaseKind::ScanOut.name();
+        self.phases.iter().filter(|(phase, _)| phase == name).map(|(_, cycles)| cycles).sum()
+    }
 }
 
 impl Gain {
@@ -137,14 +146,24 @@ fn time(trace: &Trace, frames: &Range<u32>, configs: &[&Config], progress: &(dyn
     Ok((results.into_inner().unwrap_or_else(PoisonError::into_inner), renderings))
 }
 
-/// Finds what holds frames of a trace back on a machine. `progress` hears how many machines are done, of how many.
+/// Finds what holds frames of a trace back on a machine. `progress` hears how many machines are done, of how many. Changes of scan-out are tried
+/// with `scan_out` alone: they say nothing of a program, since every frame of its size is read for the screen alike.
 ///
 /// # Errors
 /// If the trace cannot be rendered, has no frame in the range, or the machine itself stops.
-pub fn why(trace: &Trace, config: &Config, frames: Range<u32>, progress: &(dyn Fn(usize) + Sync)) -> Result<Why> {
+pub fn why(
+    trace: &Trace,
+    config: &Config,
+    frames: Range<u32>,
+    scan_out: bool,
+    progress: &(dyn Fn(usize) + Sync),
+) -> Result<Why> {
     let has = |bank: &str| Machine::new(config).is_ok_and(|machine| machine.units().any(|(name, _)| name == bank));
-    let relaxed: Vec<(Relaxation, Config)> =
-        relaxations(config, &has).into_iter().filter_map(|own| own.of(config).map(|machine| (own, machine))).collect();
+    let relaxed: Vec<(Relaxation, Config)> = relaxations(config, &has)
+        .into_iter()
+        .filter(|own| scan_out || !own.is_of_scan_out())
+        .filter_map(|own| own.of(config).map(|machine| (own, machine)))
+        .collect();
     let mut machines = vec![config];
     machines.extend(relaxed.iter().map(|(_, machine)| machine));
     let all = machines.len();

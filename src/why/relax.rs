@@ -75,6 +75,11 @@ impl Relaxation {
         self.changes.iter().any(|(path, _)| SEVERAL.contains(&path.as_str()))
     }
 
+    /// Whether the change is one of scan-out.
+    pub fn is_of_scan_out(&self) -> bool {
+        self.section == "scanout"
+    }
+
     /// The knob and its value, where the change is one of a single knob.
     pub fn knob(&self) -> Option<String> {
         self.settings().next().filter(|_| self.changes.len() == 1)

@@ -88,7 +88,7 @@ fn found(machines: &[(&str, &[&str], &str)]) {
             config.set(setting).expect("a knob");
         }
         config.check().expect("a machine");
-        let found = why(&trace, &config, 0..1, &|_| ()).expect("it runs");
+        let found = why(&trace, &config, 0..1, false, &|_| ()).expect("it runs");
         let first = &found.gains[0];
         assert_eq!(first.relaxation.title, *title, "{scarce:?}: {}", found.verdict());
         assert!(first.share(&found.base).expect("it ran") > 0.1, "{scarce:?}: {}", found.verdict());
@@ -102,6 +102,26 @@ fn found(machines: &[(&str, &[&str], &str)]) {
         let promised = first.timed.as_ref().expect("it ran").cycles;
         assert_eq!(cycles(&relaxed), Some(promised as f64), "{scarce:?}");
     }
+}
+
+/// What reading a frame costs is the same for every frame of its size, so that it says nothing of the frame unless it is asked for.
+#[test]
+fn scan_out_is_ranked_where_it_is_asked_for() {
+    let of = |options: &[&str]| {
+        let (code, text, message) = run(&[&["why", "traces/triangle", "--config", "four-pipelines"], options].concat());
+        assert_eq!(code, 0, "{message}");
+        text
+    };
+    let text = of(&[]);
+    let head = text.lines().next().expect("a line");
+    assert!(head.ends_with(" of them scan-out, which --scan-out ranks too"), "{head}");
+    assert!(!text.contains("scanout."), "{text}");
+    let text = of(&["--scan-out"]);
+    assert!(text.lines().next().is_some_and(|line| line.ends_with(" cycles")), "{text}");
+    assert!(text.contains("no scan-out (`scanout.enabled=false`) -"), "{text}");
+    let free =
+        of(&["--set", "scanout.mode=free-running", "--set", "scanout.swap=immediate", "--set", "scanout.show_last=false"]);
+    assert!(free.lines().next().is_some_and(|line| line.ends_with(" cycles")), "{free}");
 }
 
 #[test]
