@@ -12,7 +12,7 @@ use run::sample::survey::Count;
 use trace::Trace;
 
 /// Bytes of DRAM from which on their error is reported. Smaller amounts stay mostly in the second level, and the rest is chance.
-const REPORTED_BYTES: f64 = (1 << 20) as f64;
+pub(crate) const REPORTED_BYTES: f64 = (1 << 20) as f64;
 
 /// The errors of `bound` on a trace.
 #[derive(Clone, Debug)]

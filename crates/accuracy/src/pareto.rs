@@ -15,6 +15,8 @@ use run::sample::{Quantity, Sampler, Sampling};
 use stats::Tree;
 use trace::Trace;
 
+use crate::classes::REPORTED_BYTES;
+
 /// Draws of frames over which it is counted how often an interval holds the truth.
 pub const RESAMPLINGS: u64 = 1000;
 
@@ -42,7 +44,7 @@ pub struct Point {
     pub time: Duration,
     /// Host time in all, on the clock.
     pub whole: Duration,
-    /// Relative errors, by [`QUANTITIES`]; none where it does not tell or there is nothing to be off by.
+    /// Relative errors, by [`QUANTITIES`]; none where the fidelity has no such quantity, or the trace has too little of it.
     pub errors: [Option<f64>; QUANTITIES.len()],
     /// Half the intervals, relative.
     pub margins: [Option<f64>; QUANTITIES.len()],
@@ -83,10 +85,15 @@ fn estimates(sum: &Estimated) -> Values {
     [sum.cycles.round(), dram, sum.memory.misses.round(), sum.textures[1].round()].map(Some)
 }
 
+/// Whether errors in a quantity are reported where it comes to this much: some of it, and of the bytes of DRAM as many as classes report.
+fn reported(at: usize, truth: f64) -> bool {
+    truth > 0.0 && (counts()[at] != Count::DramBytes || truth >= REPORTED_BYTES)
+}
+
 fn point(fidelity: String, [time, whole]: [Duration; 2], measured: &Values, truth: &Values) -> Point {
     let errors = std::array::from_fn(|i| {
         let (measured, truth) = measured[i].zip(truth[i])?;
-        (truth > 0.0).then(|| (measured / truth - 1.0).abs())
+        reported(i, truth).then(|| (measured / truth - 1.0).abs())
     });
     Point { fidelity, time, whole, errors, margins: Values::default(), resampled: Resampled::default() }
 }
@@ -95,7 +102,7 @@ fn point(fidelity: String, [time, whole]: [Duration; 2], measured: &Values, trut
 fn margins(run: &Outcome, measured: &Values) -> Values {
     let counts = counts();
     std::array::from_fn(|i| {
-        let value = measured[i].filter(|&value| value > 0.0)?;
+        let value = measured[i].filter(|&value| reported(i, value))?;
         let of = |quantity: &Quantity| matches!(quantity, Quantity::Count(count) if *count == counts[i]);
         let found = run.sampled.as_ref()?.margins.iter().find(|margin| of(&margin.of))?;
         Some(found.margin / value)
@@ -111,7 +118,7 @@ pub fn resample(survey: &Survey, frames: &[[f64; QUANTITIES.len()]], samples: us
     let mut resampled = Resampled::default();
     for (at, count) in counts().iter().enumerate() {
         let truth: f64 = frames.iter().map(|counted| counted[at]).sum();
-        if truth <= 0.0 {
+        if !reported(at, truth) {
             continue;
         }
         let (mut held, mut errors) = (0, 0.0);
