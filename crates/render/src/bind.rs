@@ -81,9 +81,7 @@ impl ResolvedBindings {
         self.clear();
         self.held.reserve(interface.bindings.len());
         for (number, binding) in interface.bindings.iter().enumerate() {
-            resolve(res, binding, bound, &mut self.held).map_err(|reason| {
-                format!("entry point {}, group {}, binding {}: {reason}", interface.entry, binding.group, binding.binding)
-            })?;
+            resolve(res, binding, bound, &mut self.held).map_err(|reason| missing(interface, binding, &reason))?;
             let single = self.ends.is_empty() && self.held.len() == number + 1;
             if !single {
                 if self.ends.is_empty() {
@@ -247,6 +245,11 @@ fn group_of<'b>(
 /// If nothing is.
 pub(super) fn bound<'b>(res: &'b Resources, binding: &Binding, bound: &'b Bindings) -> Result<&'b BoundResource, String> {
     Ok(group_of(res, binding, bound)?.1.find(binding.binding).ok_or(NO_SUCH_BINDING)?)
+}
+
+/// Why a binding of a program is not there.
+pub(super) fn missing(interface: &Interface, binding: &Binding, reason: &str) -> String {
+    format!("entry point {}, group {}, binding {}: {reason}", interface.entry, binding.group, binding.binding)
 }
 
 /// Appends the objects of a binding.

@@ -154,12 +154,12 @@ impl Walker {
                     None => open.vertex.remove(slot),
                 };
             }
-            Command::Draw { .. } => draw((res, ledger), open, false)?,
-            Command::DrawIndexed { .. } => draw((res, ledger), open, true)?,
+            Command::Draw { .. } => draw((res, ledger), open, false, Work::of(command))?,
+            Command::DrawIndexed { .. } => draw((res, ledger), open, true, Work::of(command))?,
             Command::DrawIndirect { buffer, indexed, count_buffer, .. } => {
                 open.step.extent.insert(Thing::Buffer(buffer.0));
                 open.step.extent.extend(count_buffer.map(|(buffer, _)| Thing::Buffer(buffer.0)));
-                draw((res, ledger), open, *indexed)?;
+                draw((res, ledger), open, *indexed, Work::of(command))?;
             }
             Command::BeginOcclusionQuery { .. } => open.step.writes.extend(open.occlusion.map(Thing::Queries)),
             // They count fragments that are shaded.
@@ -189,12 +189,19 @@ impl Walker {
             Command::SetBindGroup { index, group, offsets } => open.bindings.set(*index, *group, offsets)?,
             Command::Dispatch { .. } | Command::DispatchIndirect { .. } => {
                 let id = open.pipeline.ok_or("a dispatch without a pipeline")?;
-                let pipeline = res.compute_pipeline(id)?;
                 let mut step = Step { kind: Kind::Dispatch, ..Step::default() };
                 if let Command::DispatchIndirect { buffer, .. } = command {
                     step.extent.insert(Thing::Buffer(buffer.0));
                 }
-                touched((res, ledger), pipeline.program().interface(), &open.bindings, &mut step.reads, &mut step.writes)?;
+                let work = Work::of(command);
+                match res.compute_pipeline(id) {
+                    Ok(pipeline) if work != Work::Nothing => {
+                        let interface = pipeline.program().interface();
+                        touched((res, ledger), interface, &open.bindings, work, &mut step.reads, &mut step.writes)?;
+                    }
+                    Err(fault) if work != Work::Unknown => return Err(fault),
+                    _ => {}
+                }
                 self.note(ledger, step)?;
             }
             _ => {}
@@ -269,11 +276,35 @@ fn begin(
     Ok(())
 }
 
-/// What a program's bindings are.
+/// How much a draw or dispatch does.
+#[derive(Clone, Copy, PartialEq, Eq)]
+enum Work {
+    /// It has no vertex, instance or workgroup: rendering does not look at what it would use.
+    Nothing,
+    /// It has some: rendering refuses it where what it uses is not there.
+    Some,
+    /// Its numbers are in memory. Rendering refuses it if it has some.
+    Unknown,
+}
+
+impl Work {
+    fn of(command: &Command) -> Work {
+        let some = match command {
+            &Command::Draw { vertices, instances, .. } => vertices > 0 && instances > 0,
+            &Command::DrawIndexed { indices, instances, .. } => indices > 0 && instances > 0,
+            Command::Dispatch { groups } => groups.iter().all(|&groups| groups > 0),
+            _ => return Work::Unknown,
+        };
+        if some { Work::Some } else { Work::Nothing }
+    }
+}
+
+/// The contents that a program's bindings read and write.
 fn touched(
     (res, ledger): (&Resources, &Ledger),
     interface: &Interface,
     bindings: &Bindings,
+    work: Work,
     reads: &mut BTreeSet<Thing>,
     writes: &mut BTreeSet<Thing>,
 ) -> Result<(), Fault> {
@@ -286,7 +317,11 @@ fn touched(
                 writes.insert(thing);
             }
         };
-        match bind::bound(res, binding, bindings)? {
+        let bound = match bind::bound(res, binding, bindings) {
+            Err(_) if work == Work::Unknown => continue,
+            bound => bound.map_err(|reason| bind::missing(interface, binding, &reason))?,
+        };
+        match bound {
             BoundResource::Buffer { buffer, .. } => add(Thing::Buffer(buffer.0)),
             BoundResource::Buffers(buffers) => buffers.iter().for_each(|(buffer, ..)| add(Thing::Buffer(buffer.0))),
             BoundResource::View(view) => levels(res, view.0)?.0.into_iter().for_each(&mut add),
@@ -302,18 +337,24 @@ fn touched(
     Ok(())
 }
 
-fn draw((res, ledger): (&Resources, &Ledger), open: &mut Open, indexed: bool) -> Result<(), Fault> {
+fn draw((res, ledger): (&Resources, &Ledger), open: &mut Open, indexed: bool, work: Work) -> Result<(), Fault> {
     let id = open.pipeline.ok_or("a draw without a pipeline")?;
-    let pipeline = res.render_pipeline(id)?;
+    if work == Work::Nothing {
+        return Ok(());
+    }
+    let pipeline = match res.render_pipeline(id) {
+        Err(_) if work == Work::Unknown => return Ok(()),
+        pipeline => pipeline?,
+    };
     let Step { reads, color_reads, writes, .. } = &mut open.step;
     reads.extend(open.vertex.values().map(|&buffer| Thing::Buffer(buffer)));
     if indexed {
         reads.extend(open.index.map(Thing::Buffer));
     }
-    touched((res, ledger), pipeline.vertex().interface(), &open.bindings, reads, writes)?;
+    touched((res, ledger), pipeline.vertex().interface(), &open.bindings, work, reads, writes)?;
     if let Some(fragment) = pipeline.fragment() {
         let reads = if pipeline.shades_for_coverage() { reads } else { color_reads };
-        touched((res, ledger), fragment.interface(), &open.bindings, reads, writes)?;
+        touched((res, ledger), fragment.interface(), &open.bindings, work, reads, writes)?;
     }
     Ok(())
 }

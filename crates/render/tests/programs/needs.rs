@@ -260,3 +260,51 @@ fn only_the_frame_that_is_asked_for_is_drawn_where_none_reads_another() {
     assert_eq!([0, 1, 2, 3].map(|pass| needs.pass(pass)), [Need::Nothing, Need::Nothing, Need::Colors, Need::Nothing]);
     assert_eq!([1, 2].map(|frame| needs.picture(frame)), [false, true]);
 }
+
+/// Draws and dispatches without a vertex, instance or workgroup use nothing: what they would need may be missing, for rendering and for all
+/// walks over the trace. Those that do something are refused alike.
+#[test]
+fn empty_draws_and_dispatches_need_no_bindings() {
+    let of = |count: u32| {
+        let mut card = Recorder::new("empty");
+        let shader = card.create_shader("programs", PROGRAMS);
+        let format = Format::Rgba8Unorm;
+        let color = card.create_texture("", record::texture_2d(16, 16, format));
+        let view = card.create_view(color);
+        // Zeros.
+        let arguments = card.create_buffer("arguments", 256);
+        let mut desc = record::render_pipeline(shader, format);
+        desc.vertex = record::stage_entry(shader, "moved");
+        desc.fragment = Some(record::stage_entry(shader, "look"));
+        let drawn = card.create_render_pipeline("", desc.clone());
+        desc.fragment = Some(record::stage_entry(shader, "nowhere"));
+        let refused = card.create_render_pipeline("", desc);
+        let computed = card.create_compute_pipeline("", None, record::stage_entry(shader, "step"));
+        let mut pass = card.begin_render_pass([record::clear(view, [0.5; 4])], None);
+        pass.set_pipeline(refused);
+        pass.draw(3, 0);
+        pass.set_pipeline(drawn);
+        pass.draw(0, 1);
+        pass.draw(3, count);
+        pass.draw_indirect(arguments, 0, false);
+        drop(pass);
+        let mut pass = card.begin_compute_pass();
+        pass.set_pipeline(computed);
+        pass.dispatch(4, 4, 0);
+        pass.dispatch_indirect(arguments, 0);
+        drop(pass);
+        card.present(color);
+        card.finish()
+    };
+    let trace = of(0);
+    assert_eq!(rendered(&trace, &Options::default()).len(), 1);
+    let dependencies = Dependencies::of(&trace, u32::MAX).unwrap_or_else(|error| panic!("{error}"));
+    assert_eq!(dependencies.frames(), 1);
+    let inspection = render::inspect(&trace).unwrap_or_else(|error| panic!("{error}"));
+    assert!(inspection.refused.is_empty() && inspection.unused.len() == 1, "{:?}", inspection.refused);
+
+    let trace = of(1);
+    let fault = render::render(&trace, &Options::default(), &mut |_| Ok(())).map(|_| ()).expect_err("a binding is missing");
+    let same = Dependencies::of(&trace, u32::MAX).map(|_| ()).expect_err("a binding is missing");
+    assert_eq!(fault.to_string(), same.to_string());
+}
