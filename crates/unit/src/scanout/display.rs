@@ -499,7 +499,6 @@ impl Display {
         while let Some(screen) = &mut self.screen {
             if !screen.stops {
                 wires.sleep_until(screen.next());
-                did = did.or(Tick::Working);
             }
             let end = screen.allowed * screen.bytes();
             if screen.issued == end {
@@ -514,8 +513,9 @@ impl Display {
             let bytes = (REQUEST_BYTES - address % REQUEST_BYTES).min(screen.bytes() - of);
             let room = screen.left_by((screen.issued + bytes).saturating_sub(fifo));
             if now < room {
+                // The FIFO is full until then.
                 wires.sleep_until(room);
-                did = did.or(Tick::Working);
+                did = did.or(Tick::Blocked);
                 break;
             }
             if self.misses.room() == 0 {
