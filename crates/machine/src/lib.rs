@@ -409,7 +409,7 @@ impl Machine {
         let interleave = circuit.crossbar.as_ref().map(Crossbar::interleave);
         let (mut any, mut touched) = (false, Touching::new());
         while let Some(slot) = circuit.command.apply(card) {
-            let Parts { deal, assembly, traverse, depth, color, texture, constant, l2, .. } = circuit;
+            let Parts { deal, assembly, traverse, depth, color, texture, constant, crossbar, l2, .. } = circuit;
             let mut units = WarmedUnits { deal, assembly, traverse, depth, color, texture, constant };
             apply(card, slot, &mut units, &mut touched);
             card.work[usize::from(slot)] = None;
@@ -421,6 +421,7 @@ impl Machine {
             };
             for Touch { address, bytes, write } in touched.drain(..) {
                 for (address, bytes) in requests(address, bytes) {
+                    crossbar.iter_mut().for_each(|crossbar| crossbar.visit(address));
                     let (slice, address) = interleave.split(address);
                     l2[slice as usize].visit(address, bytes, write);
                 }

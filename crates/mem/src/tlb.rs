@@ -158,6 +158,14 @@ impl Translation {
         (ready > now).then_some(ready)
     }
 
+    /// Has the page of an address looked up without any time: the second level knows it then, and nothing is counted. The first levels stay as they
+    /// are, since it is not known which port asks.
+    pub fn visit(&mut self, address: u64) {
+        if self.second.find(address).is_none() {
+            self.second.put(address, 0);
+        }
+    }
+
     /// Whether one more request of a port can wait.
     pub fn has_room(&self, port: usize) -> bool {
         self.waiting[port].len() < self.config.queue as usize

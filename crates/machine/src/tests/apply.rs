@@ -174,6 +174,34 @@ fn warming_with_frames_leaves_what_they_leave() {
     }
 }
 
+/// Walks of page tables take hundreds of cycles: a frame that begins a run has as many as one behind others.
+#[test]
+fn warming_knows_the_pages_that_draws_touch() {
+    let config = config(
+        "baseline",
+        &[
+            "scanout.enabled=false",
+            "memory.tlb.page_bytes=4096",
+            "memory.tlb.second_page_bytes=4096",
+            "memory.tlb.second_entries=4096",
+        ],
+    );
+    let frames = frames("particles", &config);
+    let walks = |begin: &dyn Fn(&mut Machine)| {
+        let mut machine = Machine::new(&config).unwrap();
+        begin(&mut machine);
+        let report = machine.run(frames[1].iter().cloned(), Clock::SkipIdle).unwrap();
+        report.frames[0].tree.number("memory.tlb.walks").unwrap()
+    };
+    let cold = walks(&|_| ());
+    let behind = walks(&|machine| {
+        machine.run(frames[0].iter().cloned(), Clock::SkipIdle).unwrap();
+    });
+    let warmed = walks(&|machine| machine.warm(frames[0].iter().cloned(), Clock::SkipIdle).unwrap());
+    assert!(cold > 2.0 * behind, "{cold} walks, {behind} behind another frame");
+    assert_eq!(warmed, behind);
+}
+
 /// A recorder with a pipeline of strips that tests depths, and attachments of 128x96 pixels.
 struct DepthDraws {
     card: Recorder,
