@@ -3,8 +3,8 @@
 use std::fs;
 use std::path::{Path, PathBuf};
 
-/// Phrases that no comment and no page has, in small letters. A phrase is listed once it is gone everywhere. Instead of "so many", a sentence
-/// names the parameter that it means; a rate has "per" before its unit, not an article.
+/// The phrases to avoid, in lower case. No comment and no page contains one of them. A phrase joins the list when it is gone everywhere.
+/// Instead of "so many", a sentence names the parameter; a rate has "per" before its unit, not an article.
 const AVOIDED: &[&str] = &[
     "so many",
     "so much",
