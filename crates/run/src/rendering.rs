@@ -6,6 +6,7 @@
 //! of consumers that run at a time is at most the number of turns.
 
 use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering::Relaxed};
 use std::time::{Duration, Instant};
 
 use anyhow::{Context, Result, anyhow};
@@ -30,7 +31,7 @@ pub struct Consumer<'c> {
     pub recorded: bool,
     /// Whether it needs the memory that blocks of attachments take when a pass ends.
     pub stored: bool,
-    /// Reads all events. One that returns an error gets no more of them; the others do.
+    /// Reads all events, or as many as it needs. An error ends the rendering for all consumers.
     pub run: Box<dyn FnOnce(Work) -> Result<()> + Send + 'c>,
 }
 
@@ -38,6 +39,8 @@ pub struct Consumer<'c> {
 pub struct Work {
     events: Receiver<Event>,
     turn: Turn,
+    /// Whether the last event has been read.
+    ended: Arc<AtomicBool>,
 }
 
 impl Iterator for Work {
@@ -46,11 +49,17 @@ impl Iterator for Work {
     fn next(&mut self) -> Option<Event> {
         match self.events.try_recv() {
             Ok(event) => Some(event),
-            Err(TryRecvError::Disconnected) => None,
+            Err(TryRecvError::Disconnected) => {
+                self.ended.store(true, Relaxed);
+                None
+            }
             Err(TryRecvError::Empty) => {
                 self.turn.end();
                 let event = self.events.recv().ok();
                 self.turn.begin();
+                if event.is_none() {
+                    self.ended.store(true, Relaxed);
+                }
                 event
             }
         }
@@ -178,7 +187,8 @@ impl<'r> Rendering<'r> {
     /// Renders the trace once for each key.
     ///
     /// # Errors
-    /// If the trace cannot be rendered; else the error of the first consumer, in the order in which they were added, that has one.
+    /// That of the first consumer, in the order in which they were added, that stopped before the end of its events or on a limit; else that of
+    /// the trace, if it cannot be rendered; else that of the first consumer that has one.
     pub fn run(self) -> Result<Rendered> {
         let mut rendered = Rendered::default();
         for (key, Readers { mut consumers, profiles }) in self.readers {
@@ -216,13 +226,20 @@ fn render(
         let _ = back.send(());
     }
     let (mut sends, mut runs) = (Vec::new(), Vec::new());
+    let failed = &AtomicBool::new(false);
     for Consumer { run, .. } in consumers {
         let (send, events) = channel::bounded(EVENTS_IN_FLIGHT);
-        let mut work = Work { events, turn: Turn { free: free.clone(), back: back.clone(), mine: false } };
+        let ended = Arc::new(AtomicBool::new(false));
+        let turn = Turn { free: free.clone(), back: back.clone(), mine: false };
+        let mut work = Work { events, turn, ended: ended.clone() };
         sends.push(send);
         runs.push(move || {
             work.turn.begin();
-            run(work)
+            run(work).map_err(|error| {
+                failed.store(true, Relaxed);
+                let own = !ended.load(Relaxed) || limit(&error);
+                Failed { error, own }
+            })
         });
     }
     std::thread::scope(|scope| {
@@ -234,7 +251,7 @@ fn render(
                 let full = Instant::now();
                 sends.retain(|send| send.send(event.clone()).is_ok());
                 waited += full.elapsed();
-                if sends.is_empty() { Err(Stop) } else { Ok(()) }
+                if sends.is_empty() || failed.load(Relaxed) { Err(Stop) } else { Ok(()) }
             };
             let rendered = match pool {
                 Some(pool) => pool.install(|| render::render(trace, options, &mut hand_on)),
@@ -250,23 +267,38 @@ fn render(
         let mut runs = runs.into_iter();
         let first = runs.next();
         let started: Vec<_> = runs.map(|run| start("consumer").spawn_scoped(scope, run)).collect();
-        let mut results: Vec<Result<()>> = first.map(|run| run()).into_iter().collect();
+        let mut failures: Vec<Failed> = first.and_then(|run| run().err()).into_iter().collect();
         for thread in started {
-            let joined = thread.context("cannot start a consumer's thread").and_then(|thread| {
-                thread.join().map_err(|_| anyhow!("a consumer of the work stopped on an internal error. {OUR_FAULT}"))?
-            });
-            results.push(joined);
+            let thread = thread.context("cannot start a consumer's thread")?;
+            let joined =
+                thread.join().map_err(|_| anyhow!("a consumer of the work stopped on an internal error. {OUR_FAULT}"))?;
+            failures.extend(joined.err());
         }
         let rendered = renderer.join().map_err(|_| anyhow!("the renderer stopped on an internal error. {OUR_FAULT}"))?;
-        // The renderer's error comes first: a machine that lost its input has nothing to add.
-        let time = rendered?;
-        let named = |error: anyhow::Error| match error.downcast_ref() {
-            Some(MachineError::Limit(_)) => error.context(trace.file().display().to_string()),
-            _ => error,
-        };
-        results.into_iter().collect::<Result<()>>().map_err(named)?;
-        Ok(time)
+        // A machine that lost its input has nothing to add to the renderer's error. What stopped by itself did so at an event that the
+        // renderer reached whatever comes behind it, and how far the renderer went after it depends on the host.
+        let own = failures.iter().position(|failure| failure.own);
+        match (own, rendered) {
+            (None, Err(error)) => Err(error.into()),
+            (None, Ok(time)) if failures.is_empty() => Ok(time),
+            (own, _) => {
+                let error = failures.swap_remove(own.unwrap_or(0)).error;
+                Err(if limit(&error) { error.context(trace.file().display().to_string()) } else { error })
+            }
+        }
     })
+}
+
+/// A consumer's error.
+struct Failed {
+    error: anyhow::Error,
+    /// Whether it has another cause than the end of its events.
+    own: bool,
+}
+
+/// Whether a machine stopped on a limit.
+fn limit(error: &anyhow::Error) -> bool {
+    matches!(error.downcast_ref(), Some(MachineError::Limit(_)))
 }
 
 #[cfg(test)]
@@ -327,11 +359,10 @@ mod tests {
     }
 
     #[test]
-    fn a_consumer_that_fails_leaves_the_others_their_work() {
+    fn a_consumer_that_fails_ends_the_rendering() {
         let trace = frames();
         let read = AtomicUsize::new(0);
         let mut rendering = Rendering::new(&trace, render::Options::default());
-        rendering.one_at_a_time();
         rendering.consume(RenderKey::default(), counts(|work| bail!("failed after {}", work.take(3).count())));
         let other = counts(|work| {
             read.store(work.count(), SeqCst);
@@ -339,10 +370,36 @@ mod tests {
         });
         rendering.consume(RenderKey::default(), other);
         assert_eq!(rendering.run().expect_err("it fails").to_string(), "failed after 3");
-        assert_eq!(read.into_inner(), FRAMES);
+        let read = read.into_inner();
+        assert!((3..=3 + 2 * EVENTS_IN_FLIGHT + 2).contains(&read), "{read} events");
+    }
 
-        let mut rendering = Rendering::new(&trace, render::Options::default());
-        rendering.consume(RenderKey::default(), counts(|_| bail!("nobody reads")));
-        assert_eq!(rendering.run().expect_err("it fails").to_string(), "nobody reads");
+    /// Whatever the renderer found behind it.
+    #[test]
+    fn a_consumer_that_stops_by_itself_is_reported_before_the_trace() {
+        let mut card = Recorder::new("frames");
+        let texture = card.create_texture("shown", texture_2d(4, 4, Format::Rgba8Unorm));
+        (0..5).for_each(|_| card.present(texture));
+        card.begin_compute_pass().dispatch(1, 1, 1);
+        let trace = card.finish();
+        let wrong = |run: Option<usize>| {
+            let mut rendering = Rendering::new(&trace, render::Options::default());
+            let reader = counts(move |work| match run {
+                Some(events) => bail!("failed after {}", work.take(events).count()),
+                None => bail!("lost its input after {}", work.count()),
+            });
+            rendering.consume(RenderKey::default(), reader);
+            rendering.consume(
+                RenderKey::default(),
+                counts(|work| {
+                    work.for_each(drop);
+                    Ok(())
+                }),
+            );
+            rendering.run().expect_err("it fails").to_string()
+        };
+        assert_eq!(wrong(Some(3)), "failed after 3");
+        let lost = wrong(None);
+        assert!(lost.contains("pipeline"), "{lost}");
     }
 }
