@@ -420,6 +420,51 @@ fn some_frames_stand_for_all() {
     }
 }
 
+/// Frames of a triangle that leaves almost nothing to do.
+fn small_frames(frames: u32) -> Trace {
+    let mut card = Recorder::new("small frames");
+    let wgsl = "@vertex fn vs(@builtin(vertex_index) i: u32) -> @builtin(position) vec4f {
+            return vec4f(f32(i & 1u), f32(i >> 1u), 0.0, 1.0);
+        }
+        @fragment fn fs() -> @location(0) vec4f { return vec4f(1.0); }";
+    let shader = card.create_shader("small", wgsl);
+    let texture = card.create_texture("shown", record::texture_2d(64, 64, Format::Rgba8Unorm));
+    let view = card.create_view(texture);
+    let pipeline = card.create_render_pipeline("small", record::render_pipeline(shader, Format::Rgba8Unorm));
+    for frame in 0..frames {
+        let mut pass = card.begin_render_pass([record::clear(view, [0.0; 4])], None);
+        pass.set_pipeline(pipeline);
+        // Frames differ, so that there is something to sample.
+        (0..=frame % 3).for_each(|_| pass.draw(3, 1));
+        drop(pass);
+        card.present(texture);
+    }
+    card.finish()
+}
+
+/// A display that runs free reads on when a frame ends, and its buffers are copied into windows that are loaded again.
+#[test]
+fn sampled_frames_beside_a_display_take_as_long_as_in_the_sequence() {
+    let sequences = SEQUENCES[..2].iter().map(|sequence| (sequence.record)(20).finish());
+    for (trace, most) in sequences.map(|trace| (trace, 0.015)).chain([(small_frames(20), 0.005)]) {
+        let [whole, some] =
+            [Fidelity::Cycle, Fidelity::Sampled(Sampling { samples: 4, ..Sampling::default() })].map(|fidelity| {
+                let options = Options::new(Config::built_in("baseline").expect("it is built in"), fidelity);
+                replay(&trace, &options, &|_| ()).expect("a replay")
+            });
+        let apart = some.frames.windows(2).filter(|pair| pair[1].number > pair[0].number + 5).count();
+        assert!(apart > 0, "all frames are behind others that are simulated");
+        // In the first frames buffers come from DRAM, whose rows and refreshes depend on when they are asked for.
+        for frame in some.frames.iter().filter(|frame| frame.number >= 5) {
+            let [own, all] = [&some, &whole].map(|replay| {
+                let same = replay.frames.iter().find(|other| other.number == frame.number).expect("a frame of the sequence");
+                same.tree.number("cycles").expect("cycles")
+            });
+            assert!((own / all - 1.0).abs() < most, "frame {}: {own} for {all}", frame.number);
+        }
+    }
+}
+
 #[test]
 fn a_survey_does_not_depend_on_its_parts() {
     let trace =

@@ -6,7 +6,7 @@
 
 use std::collections::BTreeMap;
 use std::ops::Range;
-use std::sync::{Condvar, Mutex, MutexGuard, PoisonError};
+use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
 use std::time::Duration;
 
 use anyhow::{Context, Result, anyhow};
@@ -20,7 +20,7 @@ use machine::{Config, FrameReport, Machine, Totals};
 use num::{Limits, OUR_FAULT};
 use render::ConsumerMemory;
 use sim::Clock;
-use work::Event;
+use work::{EndFrame, Event};
 
 /// Whether a frame only warms up the machine for later frames.
 pub type WarmsUp<'w> = &'w (dyn Fn(u32) -> bool + Sync);
@@ -241,11 +241,13 @@ struct Machines<'s, 'e> {
 }
 
 impl<'s> Machines<'s, '_> {
-    /// Begins a run on a machine when one may run; gives where its work goes, or nothing where something has failed.
+    /// Begins a run of frames below `end` on a machine when one may run; gives where its work goes, or nothing where something has failed.
     fn begin<'t>(
         &self,
         scope: &'t std::thread::Scope<'t, '_>,
-        (run, machine): (usize, impl FnOnce() -> Result<Machine>),
+        run: usize,
+        end: u32,
+        machine: impl FnOnce() -> Result<Machine>,
     ) -> Result<Option<Feed<'s>>>
     where
         's: 't,
@@ -262,7 +264,11 @@ impl<'s> Machines<'s, '_> {
         let work = Waiting { events, room };
         let simulate = move || -> Ran {
             let busy = Stopwatch::start();
-            let each = |frame: FrameReport| outlet.put(run, frame.into());
+            let each = |frame: FrameReport| {
+                if frame.number < end {
+                    outlet.put(run, frame.into());
+                }
+            };
             let report = machine.run_each(work, clock, each)?;
             Ok((report.totals, busy.elapsed()))
         };
@@ -378,10 +384,10 @@ fn lead_anew<'s, 't>(
 where
     's: 't,
 {
+    let free = config.scanout.runs_free();
     for (run, frames) in runs.iter().enumerate() {
-        let Some(mut feed) = machines.begin(scope, (run, || Ok(Machine::new(config)?.within(machines.limits))))? else {
-            return Ok(());
-        };
+        let machine = || Ok(Machine::new(config)?.within(machines.limits));
+        let Some(mut feed) = machines.begin(scope, run, frames.end, machine)? else { return Ok(()) };
         let mut number = frames.start;
         for event in work.by_ref() {
             let event = match event {
@@ -396,8 +402,17 @@ where
                 break;
             }
         }
+        if free {
+            feed.put(Event::EndFrame(behind(frames)));
+        }
     }
     Ok(())
+}
+
+/// An empty frame behind a run of frames, which is not handed on. A machine switches a free-running display off behind its last frame, and
+/// waits for it; frames of a sequence do not.
+fn behind(frames: &Range<u32>) -> EndFrame {
+    EndFrame { number: frames.end, shown: None, reference: Arc::new([]), drawn: false, sprites: Arc::new([]) }
 }
 
 /// Hands the work of each run to a clone of a machine that is warmed with it afterwards.
@@ -415,7 +430,7 @@ where
     let (mut warmed, mut run) = (Machine::new(config)?.within(machines.limits), 0);
     let mut ahead = work.next();
     while ahead.is_some() {
-        let Some(mut feed) = machines.begin(scope, (run, || Ok(warmed.clone())))? else { break };
+        let Some(mut feed) = machines.begin(scope, run, u32::MAX, || Ok(warmed.clone()))? else { break };
         let mut left = frames;
         let events = std::iter::from_fn(|| {
             if left == 0 {
