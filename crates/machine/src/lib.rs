@@ -81,6 +81,12 @@ struct Most {
 /// Cycles between two looks at the steps of a run.
 const LOOK: Cycle = 1 << 14;
 
+/// Steps of a machine for each step of a program that a warp begins.
+const BEGIN_STEPS: u64 = 16;
+
+/// Steps of a machine for each unit and channel of which a frame's report has counters.
+const REPORT_STEPS: u64 = 16;
+
 /// Events that are read ahead of the command processor.
 const AHEAD: usize = 2;
 
@@ -275,6 +281,8 @@ impl Machine {
         // When the steps are looked at next, and the limit once they have passed it.
         let (mut look, mut passed) = (self.most.map_or(NEVER, |_| self.circuit.wires().now() / LOOK * LOOK + LOOK), None);
         let steps = self.most.map(|most| most.steps);
+        let report = REPORT_STEPS * (self.wires().count() + self.units().count()) as u64;
+        let mut reported = 0_u64;
         self.card.closed = false;
         let sort = self.config.card.sort;
         // A free-running display is never quiet; what is on its way when a frame ends belongs to the next. Behind the last frame it is switched
@@ -316,7 +324,9 @@ impl Machine {
                 if now >= look {
                     let at = now / LOOK * LOOK;
                     look = at + LOOK;
-                    passed = steps.filter(|steps| circuit.wires().steps_at(at) > steps.get());
+                    let begun: u64 = circuit.core.iter().map(|core| core.begun()).sum();
+                    let others = BEGIN_STEPS.saturating_mul(begun).saturating_add(reported);
+                    passed = steps.filter(|steps| circuit.wires().steps_at(at).saturating_add(others) > steps.get());
                 }
                 // In most cycles the command processor is at an event that is not the last one, and nothing asks for a stop.
                 let (at, fault) = (&circuit.command, card.fault.is_some());
@@ -391,6 +401,7 @@ impl Machine {
                     continue;
                 };
                 let frame = readings.frame(self, end);
+                reported = reported.saturating_add(report);
                 if let Some(watcher) = &mut watcher {
                     watcher.settled(self.circuit.wires().reading());
                     due = watcher.due();

@@ -220,6 +220,8 @@ pub struct Core {
     shared: u32,
     /// Warps taken in since the start.
     born: u64,
+    /// Steps begun by warps since the start.
+    begun: u64,
     /// The workgroup whose warps are being taken in, how many are still to come, and workgroup memory that none of it holds.
     taking: Option<(u32, u32, u32)>,
     /// The workgroup that runs in turns.
@@ -267,6 +269,7 @@ impl Core {
             registers: config.registers,
             shared: config.shared_bytes,
             born: 0,
+            begun: 0,
             taking: None,
             turns: None,
             config,
@@ -279,9 +282,15 @@ impl Core {
         CoreCounts { float, integer, special, control, multiply, vertex: self.vertex }
     }
 
+    /// The number of steps that warps have begun.
+    pub fn begun(&self) -> u64 {
+        self.begun
+    }
+
     /// A warp begins its current step.
     #[inline(always)]
     fn enter_step(&mut self, card: &Card, place: u32) {
+        self.begun += 1;
         let Resident { warp, program, .. } = self.resident[place as usize];
         let warp = &card.warps[self.cluster][warp];
         match warp.steps.get(warp.step as usize) {
