@@ -98,11 +98,12 @@ fn point(fidelity: String, [time, whole]: [Duration; 2], measured: &Values, trut
     Point { fidelity, time, whole, errors, margins: Values::default(), resampled: Resampled::default() }
 }
 
-/// Half the intervals, relative.
-fn margins(run: &Outcome, measured: &Values) -> Values {
+/// Half the intervals, relative to what was measured, of the quantities whose errors are reported.
+fn margins(run: &Outcome, measured: &Values, truth: &Values) -> Values {
     let counts = counts();
     std::array::from_fn(|i| {
-        let value = measured[i].filter(|&value| reported(i, value))?;
+        truth[i].filter(|&truth| reported(i, truth))?;
+        let value = measured[i].filter(|&value| value > 0.0)?;
         let of = |quantity: &Quantity| matches!(quantity, Quantity::Count(count) if *count == counts[i]);
         let found = run.sampled.as_ref()?.margins.iter().find(|margin| of(&margin.of))?;
         Some(found.margin / value)
@@ -167,7 +168,7 @@ pub fn front(name: &str, trace: &Trace, options: &Options, samples: &[u32], seed
             let measured = values(&run.total);
             let times = [run.machine_time, run.clock_time];
             points.push(Point {
-                margins: margins(&run, &measured),
+                margins: margins(&run, &measured, &truth),
                 resampled: resample(sampler.survey(), &frames, samples as usize)?,
                 ..point(format!("sampled, {samples} frames"), times, &measured, &truth)
             });

@@ -162,14 +162,15 @@ limits! {
     work_quads: "work.quads", 8_000_000_000, "quads rasterised";
     /// Workgroups of all dispatches. Recorded traces have up to 320.
     work_workgroups: "work.workgroups", 1 << 27, "workgroups run";
-    /// What shaders do, and what is done around them. A step is one simple operation on up to 64 invocations at once; memory operations are 8,
-    /// texture operations 64; a draw is 600, a vertex 4, a triangle in a screen tile 16, a block of 8x8 pixels of it 1, a quad 3, 24 more for each
-    /// sample of it that is blended in a format other than four bytes, a workgroup 80. Recorded traces have up to 598 million.
+    /// What shaders do, and what is done around them. A step is one simple operation on up to 64 invocations at once; loads and stores of buffers are
+    /// 24, those of arrays and constants 8, atomic and texture operations 64; a draw is 600, a vertex 4, a triangle that is clipped 64, a triangle in
+    /// a screen tile 16, a block of 8x8 pixels of it 1, a quad 3, 24 more for each sample of it that is blended in a format other than four bytes, a
+    /// workgroup 80. Recorded traces have up to 598 million.
     work_steps: "work.shader_steps", 3_000_000_000, "shader steps";
     /// Turns of one loop between its entry and its end: a program that needs more hangs a card.
     work_loop_turns: "work.loop_turns", 1 << 20, "turns of a loop";
     /// Bytes that creations, copies, clears, loads of attachments and presents touch. Recorded traces have up to 1.9 GB.
-    work_bytes: "work.bytes", 1 << 35, "bytes created, copied and cleared";
+    work_bytes: "work.bytes", 1 << 34, "bytes created, copied and cleared";
     /// What the units of one machine do: a cycle in which a unit is busy is a step, an item that goes through a channel is 8, a step of a program
     /// that a warp begins is 16, and a frame's report is 16 for each unit and channel. A step takes 25 to 50 ns. Recorded traces take up to 1,093 million on the baseline, and 3,080 million on the smallest machine.
     work_machine: "work.machine_steps", 6_000_000_000, "steps of a machine's units";

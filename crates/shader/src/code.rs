@@ -249,9 +249,10 @@ macro_rules! codes {
             /// What it counts as work of the host, in steps: about the time of one addition of a batch. None is free, so that no loop is.
             pub fn steps(self) -> u64 {
                 match self {
-                    Code::Texture | Code::TextureStore | Code::TextureAtomic => 64,
-                    Code::Atomic | Code::Subgroup => 32,
-                    Code::Load | Code::Store | Code::LoadIndexed | Code::StoreIndexed | Code::LoadConst => 8,
+                    Code::Texture | Code::TextureStore | Code::TextureAtomic | Code::Atomic => 64,
+                    Code::Subgroup => 32,
+                    Code::Load | Code::Store => 24,
+                    Code::LoadIndexed | Code::StoreIndexed | Code::LoadConst => 8,
                     code => u64::from(code.weight().1.max(1)),
                 }
             }

@@ -1,5 +1,6 @@
 //! A batch of primitives: what becomes of them, sorted by screen tile.
 
+use std::ops::Range;
 use std::sync::atomic::{AtomicU8, Ordering::Relaxed};
 
 use gfx::assemble::PrimitiveKind;
@@ -446,40 +447,120 @@ fn tiles_of(b: &Bounds) -> [u32; 4] {
     [u32::from(b.x0 / tile), u32::from(b.y0 / tile), u32::from((b.x1 - 1) / tile), u32::from((b.y1 - 1) / tile)]
 }
 
-/// Notes the tiles of a triangle that spans several.
+/// Tiles in a row from which on it is worth finding where a triangle's edges enter and leave it.
+const LONG_ROW: u32 = 4;
+
+/// Notes the tiles that may hold samples of a primitive that spans several.
 fn spread(input: &Input<'_, '_>, triangle: &Triangle, reference: u32, [x0, y0, x1, y1]: [u32; 4], pairs: &mut Vec<(u32, u32)>) {
     let frame = input.frame;
-    let test = triangle.shape == Shape::Triangle && frame.overwrites;
+    if triangle.shape != Shape::Triangle {
+        pairs.extend((y0..=y1).flat_map(|ty| (x0..=x1).map(move |tx| (ty * input.tiles.0 + tx, reference))));
+        return;
+    }
     let (b, base) = (triangle.bounds, triangle.base());
+    let reach = if frame.samples == 1 { 0 } else { SAMPLE_REACH };
+    let at = |p: i32, origin: i32| (p - origin) * SUBPIXEL;
     for ty in y0..=y1 {
-        for tx in x0..=x1 {
-            let mut whole = 0;
-            if test {
-                // The rectangle of the tile's samples.
-                let (px0, py0) = ((tx * TILE) as i32, (ty * TILE) as i32);
-                let px1 = (px0 + TILE as i32).min(frame.width as i32);
-                let py1 = (py0 + TILE as i32).min(frame.height as i32);
-                let reach = if frame.samples == 1 { 0 } else { SAMPLE_REACH };
-                let at = |p: i32, origin: i32| (p - origin) * SUBPIXEL;
-                let (left, right) = (at(px0, base[0]) - reach, at(px1 - 1, base[0]) + reach);
-                let (top, bottom) = (at(py0, base[1]) - reach, at(py1 - 1, base[1]) + reach);
-                let (mut touched, mut covered) = (true, true);
-                for edge in &triangle.edges {
-                    let (xi, xo) = if edge.a >= 0 { (right, left) } else { (left, right) };
-                    let (yi, yo) = if edge.b >= 0 { (bottom, top) } else { (top, bottom) };
-                    touched &= edge.at(xi, yi) >= 0;
-                    covered &= edge.at(xo, yo) >= i64::from(!edge.owns(triangle.lower_edges));
-                }
-                if !touched {
-                    continue;
-                }
-                let inside =
-                    i32::from(b.x0) <= px0 && i32::from(b.y0) <= py0 && i32::from(b.x1) >= px1 && i32::from(b.y1) >= py1;
-                if covered && inside {
-                    whole = WHOLE;
-                }
+        // The rectangle of a tile's samples: first its rows.
+        let py0 = (ty * TILE) as i32;
+        let py1 = (py0 + TILE as i32).min(frame.height as i32);
+        let (top, bottom) = (at(py0, base[1]) - reach, at(py1 - 1, base[1]) + reach);
+        let long = x1 - x0 >= LONG_ROW;
+        let columns = if long { columns(triangle, [x0, x1], [top, bottom], base[0], reach) } else { x0..x1 + 1 };
+        for tx in columns {
+            let px0 = (tx * TILE) as i32;
+            let px1 = (px0 + TILE as i32).min(frame.width as i32);
+            let (left, right) = (at(px0, base[0]) - reach, at(px1 - 1, base[0]) + reach);
+            let (mut touched, mut covered) = (true, true);
+            for edge in &triangle.edges {
+                let (xi, xo) = if edge.a >= 0 { (right, left) } else { (left, right) };
+                let (yi, yo) = if edge.b >= 0 { (bottom, top) } else { (top, bottom) };
+                touched &= edge.at(xi, yi) >= 0;
+                covered &= edge.at(xo, yo) >= i64::from(!edge.owns(triangle.lower_edges));
             }
+            if !touched {
+                continue;
+            }
+            let inside = i32::from(b.x0) <= px0 && i32::from(b.y0) <= py0 && i32::from(b.x1) >= px1 && i32::from(b.y1) >= py1;
+            let whole = if frame.overwrites && covered && inside { WHOLE } else { 0 };
             pairs.push((ty * input.tiles.0 + tx, reference | whole));
         }
+    }
+}
+
+/// The columns of tiles, of those from `x0` to `x1`, that the edges of a triangle leave in a row of samples between `top` and `bottom`. Each
+/// edge cuts off tiles on one side: those whose nearest samples are outside of it.
+fn columns(triangle: &Triangle, [x0, x1]: [u32; 2], [top, bottom]: [i32; 2], origin: i32, reach: i32) -> Range<u32> {
+    let (mut first, mut last) = (i64::from(x0), i64::from(x1));
+    let column = |x: i64| (x.div_euclid(i64::from(SUBPIXEL)) + i64::from(origin)).div_euclid(i64::from(TILE));
+    for edge in &triangle.edges {
+        let (a, rest) = (i64::from(edge.a), edge.at(0, if edge.b >= 0 { bottom } else { top }));
+        match a.signum() {
+            // x is at least -rest / a.
+            1 => first = first.max(column((-rest).div_euclid(a) - i64::from(reach))),
+            -1 => last = last.min(column(rest.div_euclid(-a) + i64::from(reach))),
+            _ if rest < 0 => return 0..0,
+            _ => {}
+        }
+    }
+    // Both are within the row by now, or the row is empty.
+    if first > last { 0..0 } else { first as u32..last as u32 + 1 }
+}
+
+#[cfg(test)]
+mod tests {
+    use gfx::setup::{DepthBias, SetupState};
+    use gfx::state::{CullMode, FrontFace};
+    use num::Random;
+
+    use super::*;
+
+    /// Every tile that no edge leaves outside is in the columns of its row; of thin diagonals the columns are few.
+    #[test]
+    fn edges_leave_the_columns_that_they_touch() {
+        const SIZE: i32 = 4096;
+        let state = SetupState {
+            bounds: Bounds { x0: 0, y0: 0, x1: SIZE as u16, y1: SIZE as u16 - 5 },
+            depth_range: [0.0, 1.0],
+            bias: DepthBias::NONE,
+            front_face: FrontFace::Ccw,
+            cull: CullMode::None,
+            samples: 1,
+            lower_edges: false,
+            unclipped_depth: false,
+        };
+        let (mut random, mut thin, mut boxes) = (Random::new(7), 0, 0);
+        let mut checked = 0;
+        for number in 0..600 {
+            let mut at = || random.between(-SIZE * SUBPIXEL / 4, SIZE * SUBPIXEL * 5 / 4);
+            let mut corners = [0; 3].map(|_| ScreenVertex { x: at(), y: at(), z: 0.5, inv_w: 1.0 });
+            // Every third is a diagonal, or a line of pixels along an axis.
+            if number % 3 == 0 {
+                (corners[2].x, corners[2].y) = (corners[0].x + 2, corners[0].y + 1);
+                corners[1].y = if number % 2 == 0 { corners[0].y } else { corners[1].y };
+            }
+            let Ok(triangle) = setup::triangle(&state, &corners) else { continue };
+            let [x0, y0, x1, y1] = tiles_of(&triangle.bounds);
+            for (ty, reach) in (y0..=y1).flat_map(|ty| [(ty, 0), (ty, SAMPLE_REACH)]) {
+                let at = |pixel: u32, axis: usize| (pixel as i32 - triangle.base()[axis]) * SUBPIXEL;
+                let rows = [at(ty * TILE, 1) - reach, at((ty + 1) * TILE - 1, 1) + reach];
+                let found = columns(&triangle, [x0, x1], rows, triangle.base()[0], reach);
+                assert!(found.is_empty() || found.start >= x0 && found.end <= x1 + 1);
+                let touched = (x0..=x1).filter(|tx| {
+                    let ends = [at(tx * TILE, 0) - reach, at((tx + 1) * TILE - 1, 0) + reach];
+                    let corner = |slope: i32, [low, high]: [i32; 2]| if slope >= 0 { high } else { low };
+                    triangle.edges.iter().all(|edge| edge.at(corner(edge.a, ends), corner(edge.b, rows)) >= 0)
+                });
+                for tx in touched {
+                    assert!(found.contains(&tx), "triangle {number}, tile {tx}, {ty}: {found:?}");
+                    checked += 1;
+                }
+                if number % 3 == 0 && reach == 0 {
+                    (thin, boxes) = (thin + found.len(), boxes + (x1 + 1 - x0) as usize);
+                }
+            }
+        }
+        assert!(checked > 50_000, "{checked} tiles");
+        assert!(thin * 8 < boxes, "{thin} tiles of {boxes}");
     }
 }

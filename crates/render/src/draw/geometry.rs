@@ -5,6 +5,7 @@ use num::Meter;
 use shader::Program;
 use work::{Cull, Culling, Segment};
 
+use super::super::ledger::CLIPPED_STEPS;
 use super::super::needs::Need;
 use super::batch::{self, Batch};
 use super::cull;
@@ -210,6 +211,8 @@ fn geometry(
         true => each(&mut batches[..n], run),
         false => batches[..n].iter_mut().for_each(run),
     }
+    let clipped: u64 = batches[..n].iter().map(|batch| batch.funnel.clipped).sum();
+    call.ledger.steps.charge(CLIPPED_STEPS.saturating_mul(clipped))?;
     batches.truncate(n.max(64));
     let entries = stream.entries.len() as u64 - pieces.iter().map(|p| u64::from(p.repeated)).sum::<u64>();
     stages.batches_used = n;

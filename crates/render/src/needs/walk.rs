@@ -154,12 +154,12 @@ impl Walker {
                     None => open.vertex.remove(slot),
                 };
             }
-            Command::Draw { .. } => draw((res, ledger), open, false, Work::of(command))?,
-            Command::DrawIndexed { .. } => draw((res, ledger), open, true, Work::of(command))?,
+            Command::Draw { .. } => draw((res, ledger), open, false, Amount::of(command))?,
+            Command::DrawIndexed { .. } => draw((res, ledger), open, true, Amount::of(command))?,
             Command::DrawIndirect { buffer, indexed, count_buffer, .. } => {
                 open.step.extent.insert(Thing::Buffer(buffer.0));
                 open.step.extent.extend(count_buffer.map(|(buffer, _)| Thing::Buffer(buffer.0)));
-                draw((res, ledger), open, *indexed, Work::of(command))?;
+                draw((res, ledger), open, *indexed, Amount::of(command))?;
             }
             Command::BeginOcclusionQuery { .. } => open.step.writes.extend(open.occlusion.map(Thing::Queries)),
             // They count fragments that are shaded.
@@ -193,13 +193,13 @@ impl Walker {
                 if let Command::DispatchIndirect { buffer, .. } = command {
                     step.extent.insert(Thing::Buffer(buffer.0));
                 }
-                let work = Work::of(command);
+                let amount = Amount::of(command);
                 match res.compute_pipeline(id) {
-                    Ok(pipeline) if work != Work::Nothing => {
+                    Ok(pipeline) if amount != Amount::Nothing => {
                         let interface = pipeline.program().interface();
-                        touched((res, ledger), interface, &open.bindings, work, &mut step.reads, &mut step.writes)?;
+                        touched((res, ledger), interface, &open.bindings, amount, &mut step.reads, &mut step.writes)?;
                     }
-                    Err(fault) if work != Work::Unknown => return Err(fault),
+                    Err(fault) if amount != Amount::Unknown => return Err(fault),
                     _ => {}
                 }
                 self.note(ledger, step)?;
@@ -278,7 +278,7 @@ fn begin(
 
 /// How much a draw or dispatch does.
 #[derive(Clone, Copy, PartialEq, Eq)]
-enum Work {
+enum Amount {
     /// It has no vertex, instance or workgroup: rendering does not look at what it would use.
     Nothing,
     /// It has some: rendering refuses it where what it uses is not there.
@@ -287,15 +287,15 @@ enum Work {
     Unknown,
 }
 
-impl Work {
-    fn of(command: &Command) -> Work {
+impl Amount {
+    fn of(command: &Command) -> Amount {
         let some = match command {
             &Command::Draw { vertices, instances, .. } => vertices > 0 && instances > 0,
             &Command::DrawIndexed { indices, instances, .. } => indices > 0 && instances > 0,
             Command::Dispatch { groups } => groups.iter().all(|&groups| groups > 0),
-            _ => return Work::Unknown,
+            _ => return Amount::Unknown,
         };
-        if some { Work::Some } else { Work::Nothing }
+        if some { Amount::Some } else { Amount::Nothing }
     }
 }
 
@@ -304,7 +304,7 @@ fn touched(
     (res, ledger): (&Resources, &Ledger),
     interface: &Interface,
     bindings: &Bindings,
-    work: Work,
+    amount: Amount,
     reads: &mut BTreeSet<Thing>,
     writes: &mut BTreeSet<Thing>,
 ) -> Result<(), Fault> {
@@ -318,7 +318,7 @@ fn touched(
             }
         };
         let bound = match bind::bound(res, binding, bindings) {
-            Err(_) if work == Work::Unknown => continue,
+            Err(_) if amount == Amount::Unknown => continue,
             bound => bound.map_err(|reason| bind::missing(interface, binding, &reason))?,
         };
         match bound {
@@ -337,13 +337,13 @@ fn touched(
     Ok(())
 }
 
-fn draw((res, ledger): (&Resources, &Ledger), open: &mut Open, indexed: bool, work: Work) -> Result<(), Fault> {
+fn draw((res, ledger): (&Resources, &Ledger), open: &mut Open, indexed: bool, amount: Amount) -> Result<(), Fault> {
     let id = open.pipeline.ok_or("a draw without a pipeline")?;
-    if work == Work::Nothing {
+    if amount == Amount::Nothing {
         return Ok(());
     }
     let pipeline = match res.render_pipeline(id) {
-        Err(_) if work == Work::Unknown => return Ok(()),
+        Err(_) if amount == Amount::Unknown => return Ok(()),
         pipeline => pipeline?,
     };
     let Step { reads, color_reads, writes, .. } = &mut open.step;
@@ -351,10 +351,10 @@ fn draw((res, ledger): (&Resources, &Ledger), open: &mut Open, indexed: bool, wo
     if indexed {
         reads.extend(open.index.map(Thing::Buffer));
     }
-    touched((res, ledger), pipeline.vertex().interface(), &open.bindings, work, reads, writes)?;
+    touched((res, ledger), pipeline.vertex().interface(), &open.bindings, amount, reads, writes)?;
     if let Some(fragment) = pipeline.fragment() {
         let reads = if pipeline.shades_for_coverage() { reads } else { color_reads };
-        touched((res, ledger), fragment.interface(), &open.bindings, work, reads, writes)?;
+        touched((res, ledger), fragment.interface(), &open.bindings, amount, reads, writes)?;
     }
     Ok(())
 }
