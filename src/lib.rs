@@ -1,5 +1,43 @@
 //! Fillrate replays recorded command traces on a cycle-approximate model of a graphics card.
 //!
+//! A program records what it draws, chooses cards, replays and reads counters:
+//!
+//! ```
+//! use fillrate::gfx::format::Format;
+//! use fillrate::record::{self, Recorder};
+//! use fillrate::{Config, Fidelity, Options, replay};
+//!
+//! let mut card = Recorder::new("triangle");
+//! let shader = card.create_shader(
+//!     "triangle",
+//!     "@vertex fn vs(@builtin(vertex_index) i: u32) -> @builtin(position) vec4f {
+//!         return vec4f(f32(i & 1u), f32(i >> 1u), 0.0, 1.0);
+//!     }
+//!     @fragment fn fs() -> @location(0) vec4f { return vec4f(1.0, 0.5, 0.0, 1.0); }",
+//! );
+//! let texture = card.create_texture("shown", record::texture_2d(128, 128, Format::Rgba8Unorm));
+//! let view = card.create_view(texture);
+//! let pipeline = card.create_render_pipeline("triangle", record::render_pipeline(shader, Format::Rgba8Unorm));
+//! let mut pass = card.begin_render_pass([record::clear(view, [0.0; 4])], None);
+//! pass.set_pipeline(pipeline);
+//! pass.draw(3, 1);
+//! drop(pass);
+//! card.present(texture);
+//! let trace = card.finish();
+//!
+//! for name in ["baseline", "sort-middle-binned"] {
+//!     let config = Config::built_in(name).expect("it is built in");
+//!     let done = replay(&trace, &Options::new(config, Fidelity::Cycle), &|_| ())?;
+//!     let cycles = done.total.number("cycles").expect("machines count cycles");
+//!     let written = done.total.number("memory.clients.color.write_bytes").expect("a counter");
+//!     println!("{name}: {cycles} cycles, {written} bytes written by the ROPs");
+//!     assert_eq!(done.frames.len(), 1);
+//! }
+//! # Ok::<(), Box<dyn std::error::Error>>(())
+//! ```
+//!
+//! [`import::open`] reads a trace from a file, [`Config::set`] changes a knob, and [`Replay::frames`](run::replay::Replay::frames) have pictures.
+//!
 //! Floors, each a package or module that depends only on floors below:
 //!
 //! | floor | packages (`crates/`), modules of this library |
@@ -14,15 +52,28 @@
 //! | 7 | [`report`] |
 //! | 8 | [`sweep`], [`why`](mod@why) |
 //! | 9 | [`cli`] |
+//!
+//! Without the default feature `cli` the floors from 7 on, and the packages that they need, are left out; without `accuracy`, the checks of the
+//! model.
 
-pub use {
-    accuracy, gfx, host, import, knob, machine, mem, num, picture, render, rows, run, shader, sim, stats, synthetic, trace,
-    unit, work,
-};
+#[cfg(feature = "accuracy")]
+pub use accuracy;
+pub use {gfx, host, import, knob, machine, mem, num, picture, render, run, shader, sim, stats, synthetic, trace, unit, work};
 
+pub use machine::Config;
+pub use run::replay::{Fidelity, Options, Replay, replay};
+pub use trace::{Trace, record};
+
+#[cfg(feature = "cli")]
+pub use rows;
+
+#[cfg(feature = "cli")]
 pub mod report;
 
+#[cfg(feature = "cli")]
 pub mod sweep;
+#[cfg(feature = "cli")]
 pub mod why;
 
+#[cfg(feature = "cli")]
 pub mod cli;

@@ -15,22 +15,31 @@ macro_rules! eprintln {
     ($($text:tt)*) => { $crate::cli::complain(format_args!($($text)*)) };
 }
 
+#[cfg(feature = "accuracy")]
 mod accuracy;
+#[cfg(feature = "accuracy")]
 mod attila;
+#[cfg(feature = "accuracy")]
 mod card;
 mod compare;
 mod configs;
+#[cfg(feature = "accuracy")]
 mod estimates;
 mod import;
 mod inspect;
+#[cfg(feature = "accuracy")]
 mod pareto;
 mod progress;
 mod reading;
 mod replay;
 mod report;
+#[cfg(feature = "accuracy")]
 mod runs;
+#[cfg(feature = "accuracy")]
 mod scenes;
+#[cfg(feature = "accuracy")]
 mod shortcuts;
+#[cfg(feature = "accuracy")]
 mod skips;
 mod sweep;
 mod threads;
@@ -61,6 +70,7 @@ enum Command {
     Inspect(inspect::Arguments),
     Configs(configs::Arguments),
     Compare(compare::Arguments),
+    #[cfg(feature = "accuracy")]
     Accuracy(accuracy::Arguments),
     Sweep(sweep::Arguments),
     Why(why::Arguments),
@@ -133,6 +143,7 @@ fn complain(text: std::fmt::Arguments<'_>) {
 fn run(command: &Command) -> Result<Verdict> {
     threads::start(match command {
         Command::Replay(arguments) => arguments.threads,
+        #[cfg(feature = "accuracy")]
         Command::Accuracy(arguments) => arguments.threads,
         Command::Sweep(arguments) => arguments.threads,
         Command::Why(arguments) => arguments.threads,
@@ -145,6 +156,7 @@ fn run(command: &Command) -> Result<Verdict> {
         Command::Inspect(arguments) => inspect::run(arguments),
         Command::Configs(arguments) => configs::run(arguments),
         Command::Compare(arguments) => compare::run(arguments),
+        #[cfg(feature = "accuracy")]
         Command::Accuracy(arguments) => accuracy::run(arguments),
         Command::Sweep(arguments) => sweep::run(arguments),
         Command::Why(arguments) => why::run(arguments),
