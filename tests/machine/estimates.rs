@@ -15,7 +15,7 @@ use fillrate::run::sample::Sampling;
 use fillrate::run::sample::survey::{Observers, Survey, survey_in_parts};
 use fillrate::stats::Group;
 use fillrate::trace::Trace;
-use fillrate::trace::command::{Command, LinearLayout, QueryKind, TextureEnd};
+use fillrate::trace::command::{AnyPipeline, Command, LinearLayout, QueryKind, TextureEnd};
 use fillrate::trace::record::{self, Recorder};
 use fillrate::work::Funnel;
 
@@ -420,22 +420,32 @@ fn some_frames_stand_for_all() {
     }
 }
 
-/// Frames of a triangle that leaves almost nothing to do.
-fn small_frames(frames: u32) -> Trace {
+/// Frames of a few triangles, which leave almost nothing to do; `reads` has their vertices read a buffer of 32 KiB.
+fn small_frames(frames: u32, reads: bool) -> Trace {
     let mut card = Recorder::new("small frames");
-    let wgsl = "@vertex fn vs(@builtin(vertex_index) i: u32) -> @builtin(position) vec4f {
-            return vec4f(f32(i & 1u), f32(i >> 1u), 0.0, 1.0);
-        }
-        @fragment fn fs() -> @location(0) vec4f { return vec4f(1.0); }";
-    let shader = card.create_shader("small", wgsl);
+    let value = if reads { "values[i * 37u % 8192u]" } else { "0.0" };
+    let wgsl = format!(
+        "@group(0) @binding(0) var<storage, read> values: array<f32>;
+        @vertex fn vs(@builtin(vertex_index) i: u32) -> @builtin(position) vec4f {{
+            return vec4f(f32(i % 3u & 1u) + {value}, f32(i % 3u >> 1u), 0.0, 1.0);
+        }}
+        @fragment fn fs() -> @location(0) vec4f {{ return vec4f(1.0); }}"
+    );
+    let shader = card.create_shader("small", &wgsl);
+    let buffer = card.create_buffer("values", 32 << 10);
     let texture = card.create_texture("shown", record::texture_2d(64, 64, Format::Rgba8Unorm));
     let view = card.create_view(texture);
     let pipeline = card.create_render_pipeline("small", record::render_pipeline(shader, Format::Rgba8Unorm));
+    let group = reads.then(|| {
+        let layout = card.get_bind_group_layout(AnyPipeline::Render(pipeline), 0);
+        card.create_bind_group(layout, [(0, record::whole(buffer))])
+    });
     for frame in 0..frames {
         let mut pass = card.begin_render_pass([record::clear(view, [0.0; 4])], None);
         pass.set_pipeline(pipeline);
+        group.into_iter().for_each(|group| pass.set_bind_group(0, group));
         // Frames differ, so that there is something to sample.
-        (0..=frame % 3).for_each(|_| pass.draw(3, 1));
+        (0..=frame % 3).for_each(|_| pass.draw(if reads { 300 } else { 3 }, 1));
         drop(pass);
         card.present(texture);
     }
@@ -446,7 +456,9 @@ fn small_frames(frames: u32) -> Trace {
 #[test]
 fn sampled_frames_beside_a_display_take_as_long_as_in_the_sequence() {
     let sequences = SEQUENCES[..2].iter().map(|sequence| (sequence.record)(20).finish());
-    for (trace, most) in sequences.map(|trace| (trace, 0.015)).chain([(small_frames(20), 0.005)]) {
+    for (trace, most) in
+        sequences.map(|trace| (trace, 0.015)).chain([(small_frames(20, false), 0.005), (small_frames(20, true), 0.02)])
+    {
         let [whole, some] =
             [Fidelity::Cycle, Fidelity::Sampled(Sampling { samples: 4, ..Sampling::default() })].map(|fidelity| {
                 let options = Options::new(Config::built_in("baseline").expect("it is built in"), fidelity);

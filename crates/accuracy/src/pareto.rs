@@ -297,12 +297,13 @@ pub fn plot(fronts: &[Front]) -> String {
     const LEFT: f64 = 70.0;
     const TOP: f64 = 24.0;
     let (width, height) = (SIZE[0] - LEFT - 190.0, SIZE[1] - TOP - 60.0);
-    let fastest =
-        fronts.iter().flat_map(|front| front.points.iter().map(|point| front.whole_speed(point))).fold(100.0, f64::max);
-    let decades = fastest.log10().ceil();
+    let speeds = fronts.iter().flat_map(|front| front.points.iter().map(|point| front.whole_speed(point)));
+    let fastest = speeds.chain(MARKS.map(|(_, speed, _)| speed)).fold(10.0, f64::max);
+    // The axis ends a little behind the fastest.
+    let decades = (1.2 * fastest).log10();
     // From 0.01 % to 100 %.
     let place = |speed: f64, error: f64| {
-        let x = LEFT + width * (speed.max(1.0).log10() / decades).min(1.0);
+        let x = LEFT + width * speed.max(1.0).log10() / decades;
         let y = TOP + height * (1.0 - ((error.max(1e-4).log10() + 4.0) / 4.0).min(1.0));
         [x, y]
     };
@@ -372,4 +373,25 @@ pub fn plot(fronts: &[Front]) -> String {
     }
     out.push_str("</svg>\n");
     out
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn published_results_are_drawn_where_they_are() {
+        let drawn = plot(&[]);
+        let places: Vec<f64> = drawn
+            .lines()
+            .filter_map(|line| line.strip_prefix("<path d=\"M")?.split(' ').next())
+            .map(|left| left.parse::<f64>().expect("a number") + 6.0)
+            .collect();
+        // From 1 at x = 70, logarithmic.
+        let [megsim, smarts] = places[..] else { panic!("{places:?}") };
+        let decade = (megsim - 70.0) / 126f64.log10();
+        assert!((70.0 + decade * 47f64.log10() - smarts).abs() < 0.2, "{places:?}");
+        // Lines of the grid at 1, 10 and 100.
+        assert_eq!(drawn.matches("text-anchor=\"middle\" fill=\"black\">1").count(), 3);
+    }
 }

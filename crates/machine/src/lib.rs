@@ -420,8 +420,8 @@ impl Machine {
         let interleave = circuit.crossbar.as_ref().map(Crossbar::interleave);
         let (mut any, mut touched) = (false, Touching::new());
         while let Some(slot) = circuit.command.apply(card) {
-            let Parts { deal, assembly, traverse, depth, color, texture, constant, crossbar, l2, .. } = circuit;
-            let mut units = WarmedUnits { deal, assembly, traverse, depth, color, texture, constant };
+            let Parts { deal, assembly, traverse, depth, color, texture, vertex_texture, constant, crossbar, l2, .. } = circuit;
+            let mut units = WarmedUnits { deal, assembly, traverse, depth, color, texture, vertex_texture, constant };
             apply(card, slot, &mut units, &mut touched);
             card.work[usize::from(slot)] = None;
             any = true;

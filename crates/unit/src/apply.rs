@@ -18,7 +18,7 @@ use super::texture::{Texture, stored_bytes};
 use super::touch::{Touch, Touching};
 use super::traverse::{Territory, Traverse};
 use gfx::state::StepMode;
-use work::{Block, LINE, QUAD_SHADED, RequestKind, TileWork};
+use work::{Block, LINE, QUAD_SHADED, Request, RequestKind, Segment, TileWork};
 
 /// The units that are warmed: those that keep something from segment to segment.
 pub struct WarmedUnits<'u> {
@@ -34,6 +34,8 @@ pub struct WarmedUnits<'u> {
     pub color: &'u mut [Color],
     /// Texture units, pipeline by pipeline; as many to each.
     pub texture: &'u mut [Texture],
+    /// Texture units of vertex cores; none where all cores shade vertices.
+    pub vertex_texture: &'u mut [Texture],
     /// Constant caches, as many as texture units, or none.
     pub constant: &'u mut [Constant],
 }
@@ -47,6 +49,7 @@ pub fn apply(card: &mut Card, slot: u16, units: &mut WarmedUnits, memory: &mut T
     }
     let work = &*work;
     geometry(work, memory);
+    vertices(&work.segment, *epoch, units, memory);
     let pipelines = units.color.len();
     let dealt: Vec<_> = units.deal.iter_mut().map(|unit| unit.visit(work)).collect();
     let mut noted = vec![false; units.traverse.len()];
@@ -106,6 +109,46 @@ fn geometry(work: &Work, memory: &mut Touching) {
                     read(line);
                 }
             }
+        }
+    }
+}
+
+/// Invocations that run on one core before those behind them run on the next.
+const BATCH: usize = 32;
+
+/// Looks up what vertex shaders read. Which core gets which vertices is a matter of time: here cores take turns.
+fn vertices(segment: &Segment, epoch: u32, units: &mut WarmedUnits, memory: &mut Touching) {
+    let own = !units.vertex_texture.is_empty();
+    let textures = if own { &mut *units.vertex_texture } else { &mut *units.texture };
+    if segment.requests.is_empty() || textures.is_empty() {
+        return;
+    }
+    for (number, vertex) in segment.vertices.iter().enumerate() {
+        let core = number / BATCH % textures.len();
+        let constant = if own { None } else { units.constant.get_mut(core) };
+        let mut core = (&mut textures[core], constant);
+        for (step, found) in segment.costs[vertex.cost].asking().zip(&segment.requests[vertex.first_request as usize..]) {
+            ask(step.then, found, &segment.lines, epoch, &mut core, memory);
+        }
+    }
+}
+
+/// Looks up the lines of a request in a core's texture unit and its constant cache, if it has one. Stores go to memory.
+fn ask(
+    kind: RequestKind,
+    found: &Request,
+    lines: &[u32],
+    epoch: u32,
+    (texture, constant): &mut (&mut Texture, Option<&mut Constant>),
+    memory: &mut Touching,
+) {
+    let own = &lines[found.first_line as usize..][..usize::from(found.lines)];
+    for (at, &line) in (0..).zip(own) {
+        let halves = if kind == RequestKind::Load { found.halves(lines, at) } else { 3 };
+        match (kind, &mut *constant) {
+            (RequestKind::Constant, Some(unit)) => unit.visit(line, epoch, memory),
+            (RequestKind::Texture | RequestKind::Load | RequestKind::Constant, _) => texture.visit(line, halves, epoch, memory),
+            _ => memory.push(Touch { address: u64::from(line) * LINE, bytes: stored_bytes(found), write: true }),
         }
     }
 }
@@ -212,19 +255,9 @@ impl Place<'_> {
         let each = units.texture.len() / units.color.len();
         let core = self.shades * each + self.at as usize % each.max(1);
         let Some(unit) = units.texture.get_mut(core) else { return };
-        let mut constant = units.constant.get_mut(core);
+        let mut core = (unit, units.constant.get_mut(core));
         for (step, found) in self.tile.costs[quad.cost].asking().zip(&self.tile.requests[quad.first_request as usize..]) {
-            let lines = &self.tile.lines[found.first_line as usize..][..usize::from(found.lines)];
-            for (at, &line) in (0..).zip(lines) {
-                let halves = if step.then == RequestKind::Load { found.halves(&self.tile.lines, at) } else { 3 };
-                match (step.then, &mut constant) {
-                    (RequestKind::Constant, Some(unit)) => unit.visit(line, epoch, memory),
-                    (RequestKind::Texture | RequestKind::Load | RequestKind::Constant, _) => {
-                        unit.visit(line, halves, epoch, memory)
-                    }
-                    _ => memory.push(Touch { address: u64::from(line) * LINE, bytes: stored_bytes(found), write: true }),
-                }
-            }
+            ask(step.then, found, &self.tile.lines, epoch, &mut core, memory);
         }
     }
 }
