@@ -57,7 +57,7 @@ use host::is_guarded;
 
 /// Replays recorded graphics traces on a cycle-approximate model of a graphics card.
 #[derive(Parser)]
-#[command(name = "fillrate", version, about, after_help = "Start with:\n  fillrate replay traces/cube --out out")]
+#[command(name = "fillrate", version = env!("FILLRATE_VERSION"), about, after_help = "Start with:\n  fillrate replay traces/cube --out out")]
 struct Arguments {
     #[command(subcommand)]
     command: Command,

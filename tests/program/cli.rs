@@ -318,6 +318,24 @@ fn each_fidelity_says_what_it_expects_to_be_off_by() {
     }
 }
 
+/// The commit is the one that was checked out when the program was built; another may be by now.
+#[test]
+fn the_version_names_a_commit_of_the_checkout() {
+    let (code, text, _) = run(&["--version"]);
+    assert_eq!(code, 0);
+    let rest = text.strip_prefix(concat!("fillrate ", env!("CARGO_PKG_VERSION"))).expect("the version of the package");
+    let git = |arguments: &[&str]| {
+        let git = std::process::Command::new("git").args(arguments).current_dir(env!("CARGO_MANIFEST_DIR")).output();
+        git.is_ok_and(|output| output.status.success())
+    };
+    if !Path::new(env!("CARGO_MANIFEST_DIR")).join(".git").exists() || !git(&["rev-parse", "HEAD"]) {
+        assert_eq!(rest, "\n");
+        return;
+    }
+    let commit = rest.strip_prefix(" (").and_then(|rest| rest.strip_suffix(")\n")).expect("a commit in parentheses");
+    assert!(commit.len() >= 12 && git(&["cat-file", "-e", &format!("{commit}^{{commit}}")]), "{commit} is no commit");
+}
+
 #[test]
 fn help_shows_an_example_each() {
     for command in ["replay", "import", "inspect", "configs", "compare", "report"] {
