@@ -39,3 +39,4 @@ mod sweep;
 mod timeline;
 mod why;
 mod workloads;
+mod your_unit;
