@@ -6,6 +6,15 @@
 //!
 //! A new target is a constant beside its check, and a place in its section's list; `docs/data/accuracy.md` is then written anew, as
 //! `docs/README.md` says.
+//!
+//! ```
+//! use accuracy::{Setting, Size};
+//!
+//! let target = accuracy::find("walks")?;
+//! let rows = (target.check)(&Setting { seed: 1, size: Size::Small, inject_fault: false })?;
+//! assert!(!rows.is_empty() && rows.iter().all(|row| row.holds()));
+//! # Ok::<(), anyhow::Error>(())
+//! ```
 
 pub mod attila;
 pub mod card;

@@ -3,6 +3,16 @@
 //!
 //! It is a separate package: a program is translated once, so this code need not be optimised. The machine of `import` runs the calls and
 //! computes the uniforms.
+//!
+//! ```
+//! use gl_shader::arb::parse;
+//! use gl_shader::arb::program::Stage;
+//!
+//! let program = parse("!!ARBfp1.0\nMOV result.color, fragment.color;\nEND", Stage::Fragment).expect("a program");
+//! assert_eq!(program.instructions[0].name, "MOV");
+//! let wrong = parse("!!ARBfp1.0\nMOV result.colour, 1;\nEND", Stage::Fragment).expect_err("a wrong name");
+//! assert_eq!(wrong.place.line, 2);
+//! ```
 
 /// A line of code.
 macro_rules! line {

@@ -1,4 +1,15 @@
 //! Floor 0: the machine that this program runs on: its files, text for its terminals, its stacks and heap, its signals.
+//!
+//! ```
+//! // A name from a trace cannot steer the terminal that shows it.
+//! assert_eq!(host::one_line("a\nb"), "a\\nb");
+//! // A file is written as a whole or not at all.
+//! let path = std::env::temp_dir().join(format!("host-example-{}", std::process::id()));
+//! host::write_file(&path, b"complete")?;
+//! assert_eq!(host::read_text(&path, 100)?, "complete");
+//! std::fs::remove_file(&path)?;
+//! # Ok::<(), std::io::Error>(())
+//! ```
 
 mod files;
 mod guard;

@@ -2,6 +2,25 @@
 //!
 //! [`open`] takes any trace, native or foreign, and answers the same [`Trace`] for all of them: a foreign one with its commands
 //! translated in memory and its blobs where they are. [`wgpu`] reads API traces of wgpu, [`gl`] recorded OpenGL programs.
+//!
+//! ```
+//! use gfx::format::Format;
+//! use trace::record::{self, Recorder};
+//!
+//! // A native trace, saved to a folder.
+//! let mut card = Recorder::new("clear");
+//! let target = card.create_texture("target", record::texture_2d(64, 64, Format::Rgba8Unorm));
+//! let view = card.create_view(target);
+//! drop(card.begin_render_pass([record::clear(view, [1.0, 0.0, 0.0, 1.0])], None));
+//! card.present(target);
+//! let folder = tempfile::tempdir()?;
+//! card.save(folder.path())?;
+//!
+//! let found = import::detect(folder.path()).expect("a trace");
+//! assert_eq!(found.kind, import::Kind::Native);
+//! assert_eq!(trace::check(&import::open(folder.path())?)?.frames, 1);
+//! # Ok::<(), Box<dyn std::error::Error>>(())
+//! ```
 
 pub mod gl;
 pub mod wgpu;

@@ -2,6 +2,16 @@
 //!
 //! A package of its own, because the code that reads the text of 200 types is ten times as long as what needs it and no faster where
 //! it is optimised: the build leaves that out.
+//!
+//! ```
+//! use std::cell::Cell;
+//!
+//! // The five words of the header of a SPIR-V module without instructions.
+//! let (words, taken) = ([0x0723_0203, 0x0001_0000, 0, 1, 0], Cell::new(0));
+//! let module = ir_text::read_spirv(&words, &Default::default(), &taken).expect("an empty module");
+//! assert!(module.entry_points.is_empty());
+//! assert_eq!(taken.get(), 5);
+//! ```
 
 use std::cell::Cell;
 

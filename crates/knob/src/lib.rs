@@ -1,5 +1,23 @@
 //! Floor 1: declaring knobs. A unit's configuration is a struct declared with [`knobs!`](crate::knobs), once, with unit, allowed values
 //! and source. The reader, the messages, the resolved text and the documentation all come from that declaration.
+//!
+//! ```
+//! use knob::{Allowed, Section, Setting};
+//!
+//! knob::knobs! {
+//!     /// A queue.
+//!     pub struct QueueConfig {
+//!         /// Items that the queue holds.
+//!         capacity: u32 ["items", Allowed::PowerOfTwo(1, 64), "assumed"],
+//!     }
+//! }
+//!
+//! let mut queue = QueueConfig::default();
+//! assert!(queue.set("capacity", &Setting::Number(16)) && queue.capacity == 16);
+//! // A value outside of the range is refused, and the message follows from the declaration.
+//! assert!(!queue.set("capacity", &Setting::Number(17)));
+//! assert_eq!(QueueConfig::KNOBS[0].allowed.to_string(), "a power of two from 1 to 64");
+//! ```
 
 use std::fmt;
 

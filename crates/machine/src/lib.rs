@@ -1,4 +1,33 @@
 //! Floor 4: machines. A configuration says what a machine is made of; each sort class has one file that lists its units.
+//!
+//! # Example
+//!
+//! ```
+//! use gfx::format::Format;
+//! use machine::{Config, Machine};
+//! use sim::Clock;
+//! use trace::record::{self, Recorder};
+//!
+//! // A pass that clears a texture to red, and a present that ends the frame.
+//! let mut card = Recorder::new("clear");
+//! let target = card.create_texture("target", record::texture_2d(64, 64, Format::Rgba8Unorm));
+//! let view = card.create_view(target);
+//! drop(card.begin_render_pass([record::clear(view, [1.0, 0.0, 0.0, 1.0])], None));
+//! card.present(target);
+//!
+//! // The machine is given the work that the renderer leaves.
+//! let config = Config::built_in("tiny")?;
+//! let mut events = Vec::new();
+//! let options = render::Options { key: config.render_key(), record: true, ..render::Options::default() };
+//! render::render(&card.finish(), &options, &mut |event| {
+//!     events.push(event);
+//!     Ok(())
+//! })?;
+//! let report = Machine::new(&config)?.run(events.into_iter(), Clock::SkipIdle)?;
+//! let picture = report.frames[0].picture.as_ref().expect("a frame that shows the texture");
+//! assert_eq!(picture.bytes[..4], [255, 0, 0, 255]);
+//! # Ok::<(), Box<dyn std::error::Error>>(())
+//! ```
 
 mod blocks;
 pub mod class;

@@ -8,6 +8,24 @@
 //!
 //! A client has a [`MemoryPort`]: a channel of [`Request`]s and one of [`Answer`]s. What is behind it is either this, or an
 //! [`Ideal`] memory of fixed latency and bandwidth; [`MemoryPlan`] wires either into a machine.
+//!
+//! # Example
+//!
+//! The tags of a cache of four lines of 64 bytes, in two sets. A request never crosses a multiple of 256 bytes:
+//!
+//! ```
+//! use mem::{Cache, CacheShape, requests};
+//!
+//! assert!(requests(192, 128).eq([(192, 64), (256, 64)]));
+//!
+//! let mut cache = Cache::new(CacheShape::new(4, 2, 64, 32)?);
+//! let lines = [0, 64, 0, 128, 256, 0].map(|address| cache.line_of(address));
+//! let hits = lines.map(|line| cache.access(line, false).0);
+//! // The lines of 0, 128 and 256 share a set of two ways. When 256 comes, 0 is the least recently used.
+//! assert_eq!(hits, [false, false, true, false, false, false]);
+//! assert_eq!((cache.counts().misses, cache.counts().evictions), (5, 2));
+//! # Ok::<(), String>(())
+//! ```
 
 mod cache;
 mod crossbar;

@@ -1,6 +1,22 @@
 //! Floor 0: the numbers that everything else counts with.
 //!
-//! Newtypes keep cycles, bytes and ids from being mixed up; they cost nothing at run time.
+//! The ids of each kind of object are a type of their own, so that they are not mixed up. This costs nothing at run time.
+//!
+//! ```
+//! use num::{Limits, Random, TextureId, snap};
+//!
+//! // Coordinates in the window are whole numbers of 1/256 pixel.
+//! assert_eq!(snap(1.5), 384);
+//! // Each kind of object has a type of its own for its numbers.
+//! assert_eq!(TextureId(3).to_string(), "TextureId(3)");
+//! // Random numbers depend on their seed alone.
+//! assert_eq!(Random::new(7).bits(), Random::new(7).bits());
+//! // A request of a trace is compared with a limit before it is served.
+//! let mut limits = Limits::default();
+//! limits.set("work.cycles=1_000")?;
+//! assert!(limits.work_cycles.check(1_000).is_ok() && limits.work_cycles.check(1_001).is_err());
+//! # Ok::<(), String>(())
+//! ```
 
 mod bytes;
 mod edits;

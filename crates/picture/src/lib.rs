@@ -1,5 +1,17 @@
 //! Floor 3: pictures: a surface's bytes as one, files of them, and how two differ. What touches every pixel for the reports is here, since the
 //! package of the program is not optimised.
+//!
+//! ```
+//! use gfx::format::Format;
+//! use work::{Surface, SurfaceKey};
+//!
+//! let key = SurfaceKey { texture: 1, level: 0, layer: 0 };
+//! let surface = Surface { key, format: Format::Bgra8Unorm, width: 1, height: 1, samples: 1, address: 0, opaque: false };
+//! // Stored as blue, green, red, alpha.
+//! let red = picture::picture(&surface, &[0, 0, 255, 255])?;
+//! assert_eq!(red.get_pixel(0, 0).0, [255, 0, 0, 255]);
+//! # Ok::<(), String>(())
+//! ```
 
 mod difference;
 mod file;

@@ -15,6 +15,26 @@
 //! element; reads outside a bound buffer give zero and writes are dropped (offsets in runtime-sized arrays wrap in 32 bits);
 //! derivatives without a stated precision are fine ones; a discarded lane goes on as a helper; a subgroup is a batch of 64;
 //! workgroup memory starts as zeros.
+//!
+//! # Example
+//!
+//! ```
+//! use num::Lanes;
+//! use shader::{Executor, Module, Options, Resources, Source, Stage, compile};
+//!
+//! let text = "@fragment fn main(@location(0) x: f32) -> @location(0) vec4f { return vec4f(x, 2 * x, 0, 1); }";
+//! let module = Module::new("double", Source::Wgsl(text))?;
+//! let program = compile(&module, Stage::Fragment, None, &Options::default())?;
+//!
+//! let resources = Resources::default();
+//! let uniforms = program.uniforms(&resources);
+//! let mut executor = Executor::new();
+//! let mut batch = executor.bind(&program, &resources, &uniforms);
+//! *batch.input_mut(0, 0).expect("the program reads x") = Lanes::splat_f32(0.25);
+//! batch.run(!0, 0)?;
+//! assert_eq!(batch.output(0, 1).f32(), &[0.5; 64]);
+//! # Ok::<(), Box<dyn std::error::Error>>(())
+//! ```
 
 mod assemble;
 mod bounds;

@@ -49,6 +49,39 @@
 //! its queues, and it cannot skip. Channels in arrays of fixed size instead of `Vec`s, so that indices are masked and not checked,
 //! gained nothing; units in groups of 64 did. A unit trait object per tick was not pursued: it forbids inlining, and a machine's units are known when it is
 //! compiled.
+//!
+//! # Example
+//!
+//! A queue before a worker that is slower than the source:
+//!
+//! ```
+//! use sim::kit::{Sink, Source, Worker};
+//! use sim::{Circuit, Clock, Link, One, Wiring, run};
+//!
+//! sim::circuit! {
+//!     /// The units in the order of the data flow.
+//!     struct Queue for () {
+//!         source: One<Source>,
+//!         worker: One<Worker>,
+//!         sink: One<Sink>,
+//!     }
+//! }
+//!
+//! let mut wiring = Wiring::new();
+//! let [source, worker, sink] = ["source", "worker", "sink"].map(|name| wiring.unit(name, 0));
+//! let (offer, offered) = wiring.channel("offered", 0, Link::items(4, 1, 1), source, worker);
+//! let (finish, finished) = wiring.channel("finished", 0, Link::items(4, 1, 1), worker, sink);
+//! let (source, worker, sink) = (Source::new(10, 1, offer), Worker::new(3, offered, finish), Sink::new(1, finished));
+//! let mut queue = Queue::new(wiring, One(source), One(worker), One(sink));
+//! run(&mut queue, &mut (), Clock::SkipIdle, 100, |queue, ()| queue.sink.log.len() == 10)?;
+//!
+//! // The first item waits one cycle in each channel and three cycles in the worker. The others follow every three cycles.
+//! assert_eq!(queue.wires().now(), 5 + 9 * 3 + 1);
+//! // The account is closed: the worker, which waits for an item now, is idle.
+//! queue.wires_mut().settle();
+//! assert_eq!(queue.tree().number("units.worker[0].starved"), Some(1.0));
+//! # Ok::<(), sim::Stuck>(())
+//! ```
 
 mod agenda;
 mod budget;

@@ -7,6 +7,30 @@
 //! * [`Histogram`] counts values in power-of-two classes.
 //! * [`Tree`] is the ordered set of named leaves that a run leaves behind; [`Tree::since`] makes a frame's statistics out of
 //!   two readings of counters that only ever grow.
+//!
+//! ```
+//! use stats::{Account, Cycles, Group, Heading, Tree, Why};
+//!
+//! stats::counters! {
+//!     /// The counters of triangle setup.
+//!     pub struct SetupCounts {
+//!         /// Triangles that face away.
+//!         culled: "triangles",
+//!     }
+//! }
+//! const SETUP: Heading = Heading::new("setup[i]", "Triangle setup.");
+//!
+//! // The unit waited for four cycles, then worked for six.
+//! let mut account = Account::new(0);
+//! account.note(0, Why::Starved);
+//! account.note(4, Why::Busy);
+//!
+//! let mut tree = Tree::new();
+//! SETUP.at(&mut tree, 0).extend(SetupCounts { culled: 2 }.tree());
+//! SETUP.at(&mut tree, 0).extend(account.read(10).tree());
+//! assert_eq!(tree.number("setup[0].culled"), Some(2.0));
+//! assert_eq!(SETUP.sum::<Cycles>(&tree), Cycles { busy: 6, starved: 4, ..Cycles::default() });
+//! ```
 
 mod account;
 mod counters;

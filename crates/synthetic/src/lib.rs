@@ -1,5 +1,18 @@
 //! Work made without a trace: triangles, random or given, set up and traversed by `gfx`, with made-up shading costs, texture lines and
 //! colours, and the picture that API order gives.
+//!
+//! ```
+//! use synthetic::{Scene, events};
+//! use work::Event;
+//!
+//! // A triangle with two sides of four pixels in a target of 8x8.
+//! let scene = Scene::plain(8, 8, vec![[[0.0, 0.0], [4.0, 0.0], [0.0, 4.0]]], 1);
+//! let events = events(&scene);
+//! let Some(Event::EndFrame(frame)) = events.last() else { panic!("a scene ends with a frame") };
+//! let clear = &frame.reference[4 * 63..];
+//! let drawn = frame.reference.chunks(4).filter(|&pixel| pixel != clear).count();
+//! assert_eq!(drawn, 6);
+//! ```
 
 mod segment;
 

@@ -22,6 +22,24 @@
 //! the files beside it, which are mapped, not copied. A file is compared with its length and hash when it is first used.
 //!
 //! An imported trace is the same [`Trace`], with its commands in memory and its blobs where the foreign trace has them.
+//!
+//! # Example
+//!
+//! ```
+//! use gfx::format::Format;
+//! use trace::record::{self, Recorder};
+//!
+//! // A pass that clears a texture to red, and a present that ends the frame.
+//! let mut card = Recorder::new("clear");
+//! let target = card.create_texture("target", record::texture_2d(64, 64, Format::Rgba8Unorm));
+//! let view = card.create_view(target);
+//! drop(card.begin_render_pass([record::clear(view, [1.0, 0.0, 0.0, 1.0])], None));
+//! card.present(target);
+//!
+//! let summary = trace::check(&card.finish())?;
+//! assert_eq!((summary.frames, summary.presented), (1, Some([64, 64])));
+//! # Ok::<(), trace::TraceError>(())
+//! ```
 
 mod archive;
 mod archive_end;

@@ -3,6 +3,20 @@
 //!
 //! Units share a [`Card`]: the work that tokens point into, the frame buffer, pools of what is too large for a token. No unit knows
 //! which machine it is part of; a machine lists its units in data-flow order (see the package `machine`).
+//!
+//! # Example
+//!
+//! Four pipelines share the screen in tiles of 16x16 pixels. Two tiles across and two down belong to different pipelines:
+//!
+//! ```
+//! use unit::interleave::{Interleave, Pattern};
+//!
+//! let interleave = Interleave::new(Pattern::Skewed, 4, 16);
+//! // A block has 8x8 pixels, a tile has two by two blocks.
+//! let mut owners = [[0, 0], [2, 0], [0, 2], [2, 2]].map(|[x, y]| interleave.owner(x, y));
+//! owners.sort();
+//! assert_eq!(owners, [0, 1, 2, 3]);
+//! ```
 
 pub mod apply;
 pub mod assembly;

@@ -6,6 +6,15 @@
 //! this schema does not know could change the picture, so it must not be skipped in silence. What has no meaning for
 //! execution (labels of layouts, caches) is read and dropped. Types that exist only to be refused by name
 //! (ray tracing, external textures, mesh pipelines) carry no contents.
+//!
+//! ```
+//! use wgpu_text::{Action, action};
+//!
+//! let text = "Present(PointerId(16)), DropBuffer(PointerId(32))";
+//! let (first, read) = action(text).expect("an action");
+//! assert!(matches!(first, Action::Present(surface) if surface.address() == 16));
+//! assert_eq!(read, "Present(PointerId(16))".len());
+//! ```
 
 mod command;
 mod pipeline;

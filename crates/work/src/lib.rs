@@ -6,6 +6,21 @@
 //!
 //! Addresses are bytes in the card's memory, given out by `render`; a *line* is an address divided by [`LINE`]. Larger cache
 //! lines are unions of these.
+//!
+//! # Example
+//!
+//! The cost of a shader that reads a texture and computes with the result:
+//!
+//! ```
+//! use work::{Class, Cost, RequestKind, Step};
+//!
+//! let reads = Step::dependent([4, 1, 0, 0, 0], RequestKind::Texture);
+//! let ends = Step::dependent([20, 0, 1, 0, 0], RequestKind::End);
+//! let cost = Cost::from(vec![reads, ends]);
+//! assert_eq!(cost.instructions()[Class::Float as usize], 24);
+//! // The end of the program asks nobody.
+//! assert_eq!(cost.requests(), 1);
+//! ```
 
 mod cost;
 mod draw;
