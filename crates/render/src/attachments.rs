@@ -3,11 +3,10 @@
 use gfx::format::{Format, TexelKind};
 use gfx::state::TextureDimension;
 use gfx::texel;
-use num::{OUR_FAULT, TextureId};
+use num::TextureId;
 use work::{Aspects, Contents, Event, Surface, SurfaceKey};
 
 use super::execute::{Fault, Renderer};
-use super::flight::{Source, Tiles};
 use super::ledger::Claim;
 use super::resources::{ImageState, Resources};
 use super::surface::{ALL, Shape, TileSurface};
@@ -93,8 +92,8 @@ impl Clearing {
 }
 
 /// An image's contents, out of the texture for the length of the pass, with some or all of them cleared.
-pub(super) fn take_tiles(res: &mut Resources, place: Place, clearing: Clearing) -> Result<Source, Fault> {
-    let Resources { textures, flights, ledger, .. } = res;
+pub(super) fn take_tiles(res: &mut Resources, place: Place, clearing: Clearing) -> Result<TileSurface, Fault> {
+    let Resources { textures, ledger, .. } = res;
     let texture = textures.get_mut(place.texture.0)?;
     let state = texture.images.get_or_insert_with((place.level, place.layer), ImageState::default);
     let [width, height, _] = texture.image.level_size(place.level);
@@ -102,16 +101,7 @@ pub(super) fn take_tiles(res: &mut Resources, place: Place, clearing: Clearing) 
     let partial = !clearing.whole && clearing.mask != [0; 4];
     state.stored = false;
     let mut tiles = match state.tiles.take() {
-        Some(Tiles::Here(tiles)) => tiles,
-        Some(Tiles::Away(away)) => {
-            if partial {
-                ledger.bytes.charge(shape.bytes())?;
-            }
-            let Some(value) = away.cleared(clearing) else { return Ok(Source::Behind(away, clearing)) };
-            let mut fresh = flights.surface(shape, away);
-            fresh.clear(value);
-            return Ok(Source::Tiles(fresh));
-        }
+        Some(tiles) => tiles,
         None => {
             state.working = None;
             state.working = Some(ledger.claim("the tiles of an attachment", shape.tiled_bytes())?);
@@ -130,11 +120,11 @@ pub(super) fn take_tiles(res: &mut Resources, place: Place, clearing: Clearing) 
         ledger.bytes.charge(shape.bytes())?;
         tiles.clear_masked(clearing.value, clearing.mask);
     }
-    Ok(Source::Tiles(tiles))
+    Ok(tiles)
 }
 
 /// Puts an image's contents back after a pass. A claim replaces that of the tiles that the image had.
-pub(super) fn put_tiles(res: &mut Resources, place: Place, tiles: Tiles, claim: Option<Claim>) -> Result<(), Fault> {
+pub(super) fn put_tiles(res: &mut Resources, place: Place, tiles: TileSurface, claim: Option<Claim>) -> Result<(), Fault> {
     let texture = res.textures.get_mut(place.texture.0)?;
     texture.version += 1;
     let state = texture.images.get_or_insert_with((place.level, place.layer), ImageState::default);
@@ -150,14 +140,11 @@ pub(super) fn announce(
     renderer: &mut Renderer<'_, '_>,
     surface: &Surface,
     loads: Aspects,
-    source: &Source,
+    tiles: &TileSurface,
 ) -> Result<(), Fault> {
     if !renderer.recording() || renderer.res.holdings.holds(surface, loads) {
         return Ok(());
     }
-    let Some(tiles) = source.tiles() else {
-        return Err(format!("the contents of {:?} are not there yet where work is recorded. {OUR_FAULT}", surface.key).into());
-    };
     let bytes = tiles.shape().bytes();
     renderer.ledger.bytes.charge(bytes)?;
     renderer.ledger.passing("the contents of an attachment", 2 * bytes)?;

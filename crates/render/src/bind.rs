@@ -130,11 +130,6 @@ impl ResolvedBindings {
         shader::Resources { bindings: arrays, single, immediates: &self.immediates }
     }
 
-    /// Whether the program reads or writes texels of textures in place.
-    pub fn has_storage_textures(&self) -> bool {
-        self.held.iter().any(|held| matches!(held, Held::Storage { .. }))
-    }
-
     /// Bytes that were looked up and copied for it, about.
     pub fn cost(&self) -> u64 {
         (self.held.len() * size_of::<Held>() + size_of_val(&*self.immediates)) as u64

@@ -66,8 +66,6 @@ pub(super) struct ActiveCompute {
 impl ActiveCompute {
     /// Begins a pass.
     pub fn begin(renderer: &mut Renderer<'_, '_>, timestamps: Option<PassTimestamps>) -> Result<ActiveCompute, Fault> {
-        // Dispatches write what draws in flight may read.
-        renderer.land_all()?;
         if let Some(PassTimestamps { set, begin: Some(index), .. }) = timestamps {
             renderer.write_timestamp(set, index)?;
         }

@@ -13,7 +13,6 @@ use super::transfer::{Region, clear_image, layers_of};
 impl Renderer<'_, '_> {
     /// Counts bytes that are about to be moved; whether those of them that wait between reading and writing find room.
     fn moves(&mut self, bytes: u64, waiting: u64) -> Result<(), Fault> {
-        self.before(bytes)?;
         self.ledger.bytes.charge(bytes)?;
         Ok(self.ledger.passing("a copy", waiting)?)
     }
@@ -27,7 +26,7 @@ impl Renderer<'_, '_> {
                 self.res.buffers.get(id.0)?.range(id, offset, Some(bytes.len() as u64))?;
                 self.moves(bytes.len() as u64, 0)?;
                 let buffer = self.res.buffers.get_mut(id.0)?;
-                buffer.unshared()?.write(offset, &bytes);
+                buffer.words.write(offset, &bytes);
                 buffer.changed();
                 moved = Transfer {
                     kind: TransferKind::Upload,
@@ -55,7 +54,7 @@ impl Renderer<'_, '_> {
                 moved.from = Some(source.address + from_offset);
                 moved.reads = Some(source.extent());
                 let target = self.res.buffers.get_mut(to.0)?;
-                target.unshared()?.write(to_offset, &bytes);
+                target.words.write(to_offset, &bytes);
                 target.changed();
                 moved.to = Some(target.address + to_offset);
                 moved.writes = Some(target.extent());
@@ -78,7 +77,7 @@ impl Renderer<'_, '_> {
                 self.res.buffers.get(to.0)?;
                 self.moves(region.bytes(), 0)?;
                 let target = self.res.buffers.get_mut(to.0)?;
-                region.read_to_buffer(&words, target.unshared()?, layout)?;
+                region.read_to_buffer(&words, &target.words, layout)?;
                 target.changed();
                 moved.from = Some(address);
                 moved.to = Some(target.address + layout.offset);
@@ -92,7 +91,7 @@ impl Renderer<'_, '_> {
                 let (offset, size) = self.res.buffers.get(id.0)?.range(id, offset, size)?;
                 self.moves(size, 0)?;
                 let buffer = self.res.buffers.get_mut(id.0)?;
-                fill_zero(buffer.unshared()?, offset, size);
+                fill_zero(&buffer.words, offset, size);
                 buffer.changed();
                 moved = Transfer {
                     kind: TransferKind::Clear,
@@ -131,7 +130,7 @@ impl Renderer<'_, '_> {
                 let target = self.res.buffers.get_mut(to.0)?;
                 target.range(to, to_offset, Some(size))?;
                 target.changed();
-                let (words, address, writes) = (target.unshared()?.clone(), target.address, Some(target.extent()));
+                let (words, address, writes) = (target.words.clone(), target.address, Some(target.extent()));
                 for index in first..first.saturating_add(count) {
                     let at = to_offset + u64::from(index - first) * set.stride() as u64 * 8;
                     for (k, value) in set.slot(index)?.iter().enumerate() {
@@ -148,7 +147,6 @@ impl Renderer<'_, '_> {
                 if self.options.frames.end() > self.frame {
                     return Ok(());
                 }
-                self.land_all()?;
                 return Err(Fault::Stop);
             }
             command => return Err(format!("{} is not possible outside a pass", command.name()).into()),

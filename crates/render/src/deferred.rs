@@ -5,8 +5,7 @@
 
 use std::sync::{Arc, Mutex, OnceLock, PoisonError};
 
-use super::execute::Fault;
-use super::flight::Failure;
+use super::execute::{Failure, Fault};
 use super::ledger::Claim;
 
 /// An object that is made when it is first used.

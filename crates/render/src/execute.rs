@@ -13,8 +13,7 @@ use work::{EndFrame, Event, Funnel, RenderKey, Segment, Surface, SurfaceKey};
 use super::compute::ActiveCompute;
 use super::debug_groups::DebugGroups;
 use super::draw::{Boxes, DrawError, Skips};
-use super::flight::{Begin, Boarding, Departure, Failure, Flights};
-use super::ledger::{Claim, ConsumerMemory, LARGE, Ledger, Watch};
+use super::ledger::{Claim, ConsumerMemory, Ledger, Watch};
 use super::memory::AddressSpace;
 use super::needs::Needs;
 use super::objects::OpenBundle;
@@ -115,24 +114,23 @@ pub struct Stop;
 /// Takes events in order.
 pub type Sink<'s> = dyn FnMut(Event) -> Result<(), Stop> + 's;
 
+/// A command that could not be run: its number and name, and the reason.
+#[derive(Clone, Debug)]
+pub(super) struct Failure {
+    pub command: (u64, &'static str),
+    pub reason: String,
+}
+
 /// Why a command could not be run.
 pub(super) enum Fault {
     /// The reason of the failure.
     Reason(String),
     /// A blob or text of the trace could not be read; the error names it.
     Trace(TraceError),
-    /// An earlier command could not be run: a draw that was in flight.
-    Earlier(Failure),
     /// The command uses an object that an earlier command describes and that cannot be made.
     Described(Failure),
     /// The receiver stopped.
     Stop,
-}
-
-impl From<Failure> for Fault {
-    fn from(failure: Failure) -> Fault {
-        Fault::Earlier(failure)
-    }
 }
 
 impl From<String> for Fault {
@@ -196,9 +194,6 @@ pub struct Summary {
     pub ledger: Arc<Ledger>,
 }
 
-/// Draws between two copies of attachments for passes in flight, at least: a copy takes as long as some draws.
-const DRAWS_A_COPY: u32 = 64;
-
 /// Bytes that a frame's statistics take where they are kept, about.
 const FRAME: u64 = 16 << 10;
 
@@ -207,45 +202,17 @@ const FRAME: u64 = 16 << 10;
 /// # Errors
 /// If the trace cannot be read, or a command cannot be run; the error names the command.
 pub fn render(trace: &Trace, options: &Options, sink: &mut Sink<'_>) -> Result<Summary, TraceError> {
-    let mut handed_on = 0_u64;
-    let mut counting = |event| {
-        handed_on += 1;
-        sink(event)
-    };
-    if let Some(summary) = attempt(trace, options, true, &mut counting)? {
-        return Ok(summary);
-    }
-    // Without passes in flight the same events come first.
-    let mut again = |event| match handed_on.checked_sub(1) {
-        Some(left) => {
-            handed_on = left;
-            Ok(())
-        }
-        None => sink(event),
-    };
-    attempt(trace, options, false, &mut again)?
-        .ok_or_else(|| trace.error_at(0, format!("passes were in flight where none may be. {OUR_FAULT}")))
-}
-
-/// Renders a trace; none: a limit stopped a command that passes in flight, which came to more than their shares, should have let stop earlier.
-fn attempt(trace: &Trace, options: &Options, flights: bool, sink: &mut Sink<'_>) -> Result<Option<Summary>, TraceError> {
     let ledger = Arc::new(Ledger::new(trace.limits()));
     if let Some(watch) = &options.watch {
         watch.begin(&ledger);
     }
     let mut renderer = Renderer::new(trace, options.clone(), ledger.clone(), sink);
-    renderer.may_fly = flights;
-    let walked = walk(trace, &ledger, &mut |step| match step {
+    walk(trace, &ledger, &mut |step| match step {
         Step::Command(command) => renderer.run(command),
         Step::End => renderer.finish(),
-        Step::Stopped => renderer.land_all(),
-    });
-    if renderer.overtaken {
-        return Ok(None);
-    }
-    walked?;
+    })?;
     let frames = renderer.frame.max(u32::from(renderer.implicit_frame));
-    Ok(Some(Summary { frames, commands: ledger.command().0 + 1, overwritten: renderer.overwritten, ledger }))
+    Ok(Summary { frames, commands: ledger.command().0 + 1, overwritten: renderer.overwritten, ledger })
 }
 
 /// The next step of a walk over a trace.
@@ -254,8 +221,6 @@ pub(super) enum Step<'c> {
     Command(&'c Command),
     /// Its end.
     End,
-    /// It cannot go on: something is wrong with a command or the trace.
-    Stopped,
 }
 
 /// Checks the commands of a trace and hands them on in order; what the trace holds, if it was not stopped before its end.
@@ -281,16 +246,11 @@ pub(super) fn walk(
             each(Step::End)
         });
     }
-    if let Err(Fault::Reason(_) | Fault::Trace(_) | Fault::Described(_)) = result {
-        // The error of an earlier command comes first.
-        result = each(Step::Stopped).and(result);
-    }
     match result {
         Ok(()) => Ok(summary),
         Err(Fault::Stop) => Ok(None),
         Err(Fault::Reason(reason)) => Err(trace.error_at(commands, format!("{}: {reason}", ledger.command().1))),
-        Err(Fault::Earlier(failure) | Fault::Described(failure)) => {
-            let Failure { command: (index, name), reason } = failure;
+        Err(Fault::Described(Failure { command: (index, name), reason })) => {
             Err(trace.error_at(index, format!("{name}: {reason}")))
         }
         Err(Fault::Trace(error)) if error.command.is_none() => Err(error.in_command(commands)),
@@ -315,14 +275,6 @@ pub(super) struct Renderer<'t, 's> {
     pub(super) res: Resources,
     pub(super) addresses: AddressSpace,
     sink: &'s mut Sink<'s>,
-    /// Passes in flight, and events behind them.
-    waiting: VecDeque<Waiting>,
-    /// Number of draws when an attachment was copied for a pass in flight.
-    copied_at: u32,
-    /// Whether passes may be in flight at all.
-    may_fly: bool,
-    /// Whether the sums were over a limit when a pass landed: a command since its departure should have been refused.
-    overtaken: bool,
     scope: Scope,
     /// The bundle that is recorded.
     pub(super) bundle: Option<OpenBundle>,
@@ -376,10 +328,6 @@ impl<'t, 's> Renderer<'t, 's> {
             res: Resources::new(ledger.clone()),
             addresses: AddressSpace::new(),
             sink,
-            waiting: VecDeque::new(),
-            copied_at: 0,
-            may_fly: true,
-            overtaken: false,
             scope: Scope::Outside,
             bundle: None,
             frame: 0,
@@ -435,83 +383,7 @@ impl<'t, 's> Renderer<'t, 's> {
             }
             self.pieces.push_back(self.ledger.claim("recorded work", piece)?);
         }
-        if self.waiting.is_empty() {
-            return Ok((self.sink)(event)?);
-        }
-        self.waiting.push_back(Waiting::Event(event));
-        Ok(())
-    }
-
-    /// Hands on what need not wait any more; with `all`, waits for passes in flight.
-    fn arrivals(&mut self, all: bool) -> Result<(), Fault> {
-        while let Some(first) = self.waiting.front() {
-            if matches!(first, Waiting::Flight) {
-                if !all && !self.res.flights.is_over() {
-                    return Ok(());
-                }
-                self.land()?;
-            } else if let Some(Waiting::Event(event)) = self.waiting.pop_front() {
-                (self.sink)(event)?;
-            }
-        }
-        Ok(())
-    }
-
-    /// Takes in the first pass in flight; waits for its end.
-    fn land(&mut self) -> Result<(), Fault> {
-        self.waiting.pop_front();
-        let Some(landed) = self.res.flights.land() else { return Ok(()) };
-        let (landed, flight) = landed?;
-        self.ledger.quads.add(landed.quads);
-        self.ledger.steps.add(landed.steps);
-        self.ledger.bytes.add(landed.bytes);
-        if self.ledger.verify().is_err() {
-            self.overtaken = true;
-            return Err(Fault::Stop);
-        }
-        self.overwritten += landed.overwritten;
-        match landed.counted {
-            Some(funnel) if flight.is_wanted() && !flight.is_home() => Ok((self.sink)(counts(funnel))?),
-            _ => Ok(()),
-        }
-    }
-
-    /// Waits until nothing is in flight. A pass whose commands are still read goes on with this thread.
-    pub(super) fn land_all(&mut self) -> Result<(), Fault> {
-        if let Scope::Render(pass) = &mut self.scope {
-            pass.close();
-        }
-        self.arrivals(true)?;
-        if let Scope::Render(pass) = &mut self.scope {
-            pass.arrive();
-        }
-        Ok(())
-    }
-
-    /// Makes sure that `bytes` bytes can be charged: large amounts wait until nothing is in flight, so that the sums are exact.
-    pub(super) fn before(&mut self, bytes: u64) -> Result<(), Fault> {
-        if bytes >= LARGE { self.land_all() } else { Ok(()) }
-    }
-
-    /// Whether a pass may be in flight, as far as the renderer can tell; `copies` tells whether an attachment has to be copied for it.
-    pub(super) fn may_depart(&self, copies: bool) -> bool {
-        let counts_only = !self.options.record && !self.options.areas;
-        let copies = copies && self.draws - self.copied_at < DRAWS_A_COPY;
-        self.may_fly && counts_only && !copies && Flights::are_possible() && self.ledger.has_room()
-    }
-
-    /// A pass takes off.
-    pub(super) fn depart(&mut self, begin: Begin, boarding: Vec<Option<Boarding>>) -> Result<Departure, Fault> {
-        self.arrivals(false)?;
-        while self.res.flights.is_full() {
-            self.land()?;
-            self.arrivals(false)?;
-        }
-        if boarding.iter().flatten().any(|boarding| boarding.source.needs_copy()) {
-            self.copied_at = self.draws;
-        }
-        self.waiting.push_back(Waiting::Flight);
-        Ok(self.res.flights.depart(begin, boarding, &self.ledger))
+        Ok((self.sink)(event)?)
     }
 
     /// Claims the images that the receiver keeps of an attachment; it keeps them to the end.
@@ -532,16 +404,6 @@ impl<'t, 's> Renderer<'t, 's> {
     }
 
     fn run(&mut self, command: &Command) -> Result<(), Fault> {
-        if !self.waiting.is_empty() {
-            self.arrivals(false)?;
-            if !self.ledger.has_room() {
-                self.land_all()?;
-            }
-        }
-        self.run_now(command)
-    }
-
-    fn run_now(&mut self, command: &Command) -> Result<(), Fault> {
         if self.objects(command)? {
             return Ok(());
         }
@@ -655,18 +517,11 @@ impl<'t, 's> Renderer<'t, 's> {
             let shown = self.copied.filter(exists).or(self.drawn.filter(exists));
             self.end_frame(shown)?;
         }
-        self.land_all()
+        Ok(())
     }
 }
 
 /// An event that has counts only.
 pub(super) fn counts(funnel: Funnel) -> Event {
     Event::Segment(Arc::new(Segment { funnel, ..Segment::default() }))
-}
-
-/// A pass in flight, or an event behind one.
-enum Waiting {
-    /// The first of [`Flights`] that is not here before.
-    Flight,
-    Event(Event),
 }

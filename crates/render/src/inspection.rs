@@ -10,8 +10,7 @@ use trace::check::Summary;
 use trace::command::*;
 use trace::{Trace, TraceError};
 
-use super::execute::{Fault, Options, Renderer, Step, walk};
-use super::flight::Failure;
+use super::execute::{Failure, Fault, Options, Renderer, Step, walk};
 use super::ledger::Ledger;
 
 /// The contents of a trace, and what a rendering of it would refuse.
@@ -70,7 +69,6 @@ pub fn inspect(trace: &Trace) -> Result<Inspection, TraceError> {
             inspector.frames = Some(inspector.frames(&renderer));
             Ok(())
         }
-        Step::Stopped => Ok(()),
     })?;
     let Inspector { refused, frames, .. } = inspector;
     let errors = |used: bool| {

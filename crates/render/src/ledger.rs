@@ -7,19 +7,7 @@
 use std::sync::atomic::{AtomicU64, Ordering::Relaxed};
 use std::sync::{Arc, Mutex, PoisonError};
 
-use num::{Limit, LimitExceeded, LimitOverrun, Limits, Meter};
-
-/// Passes in flight, at most.
-pub const FLIGHTS: usize = 4;
-
-/// The share of a limit that a pass in flight may use: together half of it.
-const SHARE: u64 = 2 * FLIGHTS as u64;
-
-/// More bytes than one command charges while passes are in flight.
-pub const LARGE: u64 = 1 << 32;
-
-/// More steps than one command charges while passes are in flight.
-pub const MANY_STEPS: u64 = 1 << 28;
+use num::{Limit, LimitExceeded, Limits, Meter};
 
 /// What work beside shaders costs, in steps: a draw, each of its vertices, a triangle that is clipped, and a workgroup. Steps take about 7 ns. A draw takes 4.5 us of a
 /// processor of 3 GHz, a vertex 13 to 42 ns beside its shader, a workgroup 0.6 us.
@@ -134,49 +122,6 @@ impl Ledger {
         self.most_alive.fetch_max(alive, Relaxed);
     }
 
-    /// A ledger for a pass in flight. Each draw reports what is alive. The kinds of work that draws count have limits of their own, each a
-    /// [part](SHARE) of what the trace may do: a pass that exceeds it is drawn again once it is known what the passes before it did.
-    pub fn share(&self) -> Ledger {
-        let part = |meter: &Meter| Meter::new(meter.limit().with(meter.limit().get() / SHARE));
-        let (steps, quads, bytes) = (part(&self.steps), part(&self.quads), part(&self.bytes));
-        Ledger { steps, quads, bytes, ..self.with_sums([0; 7]) }
-    }
-
-    /// Whether the limits leave room for the work of any number of passes in flight, beside one command of the renderer's own.
-    pub fn has_room(&self) -> bool {
-        let far = |meter: &Meter, large: u64| meter.spent() <= meter.limit().get() / 4 && meter.limit().get() / 4 >= large;
-        far(&self.steps, MANY_STEPS) && far(&self.bytes, LARGE) && far(&self.quads, 0)
-    }
-
-    /// Whether all sums are allowed.
-    ///
-    /// # Errors
-    /// If one is more than its limit.
-    pub fn verify(&self) -> Result<(), LimitOverrun> {
-        self.meters().into_iter().try_for_each(Meter::verify)
-    }
-
-    /// A ledger with the same limits, and with these sums.
-    pub fn with_sums(&self, sums: [u64; 7]) -> Ledger {
-        let [commands, vertices, quads, workgroups, steps, bytes, sources] = {
-            let mut sums = sums.into_iter();
-            self.meters().map(|meter| Meter::from(meter.limit(), sums.next().unwrap_or(0)))
-        };
-        let (alive, most_alive) = (AtomicU64::new(0), AtomicU64::new(0));
-        let command = Mutex::new(self.command());
-        Ledger { commands, vertices, quads, workgroups, steps, bytes, sources, memory: self.memory, alive, most_alive, command }
-    }
-
-    /// The sums of all kinds of work, in the order of [`Ledger::meters`].
-    pub fn sums(&self) -> [u64; 7] {
-        self.meters().map(Meter::spent)
-    }
-
-    /// Says what is alive.
-    pub fn set_alive(&self, bytes: u64) {
-        self.alive.store(bytes, Relaxed);
-    }
-
     /// A meter for memory that threads claim while they work, which begins with what is alive.
     pub fn growth(&self) -> Meter {
         Meter::from(self.memory, self.alive())
@@ -273,14 +218,6 @@ mod tests {
         drop(first);
         assert_eq!((ledger.alive(), ledger.most_alive()), (0, 100));
         drop(ledger.claim("a buffer", 100).expect("100 of 100"));
-    }
-
-    #[test]
-    fn passes_are_in_flight_far_from_the_limits_only() {
-        let ledger = Ledger::new(&Limits::default());
-        assert!(ledger.has_room(), "with the default limits nothing would ever be in flight");
-        ledger.steps.add(ledger.steps.limit().get() / 4 + 1);
-        assert!(!ledger.has_room());
     }
 
     #[test]

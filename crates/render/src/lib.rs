@@ -37,7 +37,6 @@ mod copy;
 mod debug_groups;
 mod deferred;
 mod execute;
-mod flight;
 mod inspection;
 mod ledger;
 mod memory;

@@ -163,7 +163,6 @@ impl Renderer<'_, '_> {
     fn object(&mut self, command: &Command) -> Result<(), Fault> {
         match command {
             &Command::CreateBuffer { id, size, .. } => {
-                self.before(size)?;
                 let claim = self.claim("a buffer", size)?;
                 self.ledger.bytes.charge(size)?;
                 let address = self.addresses.buffer(size)?;
@@ -244,7 +243,6 @@ impl Renderer<'_, '_> {
             &Command::CreateQuerySet { id, kind, count } => {
                 let mut set = QuerySet { kind, values: Vec::new() };
                 let values = u64::from(count) * set.stride() as u64;
-                self.before(8 * values)?;
                 let claim = self.claim("a query set", 8 * values)?;
                 self.ledger.bytes.charge(8 * values)?;
                 set.values.try_reserve_exact(values as usize).map_err(|_| NoMemory { bytes: 8 * values })?;
@@ -265,7 +263,6 @@ impl Renderer<'_, '_> {
             samples: desc.samples,
             format: desc.format,
         };
-        self.before(image.bytes())?;
         let claim = self.claim("a texture", image.bytes())?;
         self.ledger.bytes.charge(image.bytes())?;
         let address = self.addresses.texture(texture_bytes(&image))?;

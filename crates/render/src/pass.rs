@@ -14,15 +14,14 @@ use super::attachments::{Clearing, Place, announce, clear_bits, discard, lost, p
 use super::bind::ResolvedBindings;
 use super::draw::{self, BufferRange, IndexRange, RenderPass, Signer};
 use super::execute::{Fault, Renderer, counts};
-use super::flight::{self, Begin, Boarding, Departure, Source, Tiles};
-use super::ledger::{DRAW_STEPS, Ledger, MANY_STEPS, VERTEX_STEPS};
+use super::ledger::{DRAW_STEPS, Ledger, VERTEX_STEPS};
 use super::needs::Need;
 use super::pipeline::RenderPipeline;
-use super::queued::{self, Charges, QueuedDraw, Shared};
+use super::queued::{self, QueuedDraw, Shared};
 use super::resources::Buffer;
 use super::state::{DrawState, IndexSlot, MAX_VERTEX_BUFFERS, VertexSlot};
 use super::stored::stored_blocks;
-use super::surface::Shape;
+use super::surface::{Shape, TileSurface};
 
 /// One attachment while the pass runs.
 struct Bound {
@@ -35,20 +34,9 @@ struct Bound {
     read_only: bool,
 }
 
-/// How far the execution of a pass is, and the threads that draw it.
-#[allow(clippy::large_enum_variant, reason = "there is one, in a box with the rest of its pass")]
-enum Way {
-    /// The renderer's own thread draws it.
-    Here(RenderPass),
-    /// Other threads draw it.
-    Away(Departure),
-    /// No thread draws it any more.
-    Over,
-}
-
 /// A render pass between its begin and its end.
 pub(super) struct ActivePass {
-    way: Way,
+    pass: RenderPass,
     color: Vec<Option<Bound>>,
     depth: Option<Bound>,
     state: DrawState,
@@ -136,7 +124,7 @@ impl ActivePass {
                 resolve: resolve_surface,
             };
             announce(renderer, &attachment.surface, attachment.loads(), &tiles)?;
-            storage.push(Some(tiles));
+            storage.push(Some((tiles, format)));
             bound.push(Some(Bound { place, format, resolve, keeps, read_only: false }));
             attachments.push(Some(attachment));
         }
@@ -191,29 +179,8 @@ impl ActivePass {
             need,
             boxes: renderer.boxes.clone(),
         };
-        let sources = || storage.iter().chain([&depth_storage]).flatten();
-        let plain = |bound: &Bound| bound.resolve.is_none() && !bound.read_only;
-        let departs = occlusion.is_none()
-            && need != Need::Nothing
-            && bound.iter().chain([&depth_bound]).flatten().all(plain)
-            && flight::fits(sources().map(Source::shape))
-            && renderer.may_depart(sources().any(Source::needs_copy));
-        let way = if departs {
-            let begin = Begin { width, height, samples, shared: shared.clone(), wanted: renderer.in_range(), counted: None };
-            let boarding = bound.iter().chain([&depth_bound]).zip(storage.into_iter().chain([depth_storage]));
-            let boarding = boarding.map(|(bound, source)| {
-                let (bound, source) = (bound.as_ref()?, source?);
-                Some(Boarding { source, format: bound.format, keeps: bound.keeps })
-            });
-            Way::Away(renderer.depart(begin, boarding.collect())?)
-        } else {
-            renderer.land_all()?;
-            let color = storage.into_iter().zip(&bound);
-            let color = color.map(|(source, bound)| Some((source?.landed(), bound.as_ref()?.format))).collect();
-            Way::Here(RenderPass::begin(width, height, samples, color, depth_storage.map(Source::landed)))
-        };
         Ok(ActivePass {
-            way,
+            pass: RenderPass::begin(width, height, samples, storage, depth_storage),
             shared,
             color: bound,
             depth: depth_bound,
@@ -304,8 +271,6 @@ impl ActivePass {
                 renderer.res.query_sets.get_mut(set.0)?.slot(index)?[0] = passed;
             }
             &Command::BeginStatisticsQuery { set, index } => {
-                // The counts are read when the query ends.
-                self.come_home(renderer)?;
                 self.open_statistics = Some((set, index, Funnel::default()));
             }
             Command::EndStatisticsQuery => {
@@ -405,25 +370,15 @@ impl ActivePass {
         }
         let pipeline = renderer.res.render_pipeline(id)?;
         let ledger = renderer.ledger.clone();
-        let mut charges = Charges { vertices: u64::from(range.count) * u64::from(range.instances), ..Charges::default() };
-        ledger.vertices.charge(charges.vertices)?;
-        renderer.res.charged.clear();
+        let vertices = u64::from(range.count) * u64::from(range.instances);
+        ledger.vertices.charge(vertices)?;
         let mut bound = std::mem::take(&mut self.spare);
         for (program, resolved) in pipeline.programs().iter().zip(&mut bound.resolved) {
             resolved.resolve(&mut renderer.res, program.interface(), &state.bindings)?;
         }
-        charges.prepared = std::mem::take(&mut renderer.res.charged);
         let uniform: u64 = pipeline.programs().iter().map(Program::uniform_steps).sum();
-        charges.steps = uniform.saturating_add(DRAW_STEPS).saturating_add(charges.vertices.saturating_mul(VERTEX_STEPS));
-        charges.bindings = bound.resolved.iter().map(ResolvedBindings::cost).sum();
-        if charges.steps >= MANY_STEPS {
-            // The sum must be exact.
-            self.come_home(renderer)?;
-            renderer.land_all()?;
-        }
-        let state = &self.state;
-        ledger.steps.charge(charges.steps)?;
-        ledger.bytes.charge(charges.bindings)?;
+        ledger.steps.charge(uniform.saturating_add(DRAW_STEPS).saturating_add(vertices.saturating_mul(VERTEX_STEPS)))?;
+        ledger.bytes.charge(bound.resolved.iter().map(ResolvedBindings::cost).sum())?;
         for slot in &state.vertex {
             bound.vertex_buffers.push(match slot {
                 Some(slot) => {
@@ -462,9 +417,6 @@ impl ActivePass {
             }
         }
         let draw = QueuedDraw {
-            command: ledger.command(),
-            charges,
-            alive: ledger.alive(),
             number,
             group: renderer.groups.innermost(),
             pipeline,
@@ -482,56 +434,16 @@ impl ActivePass {
             reach: self.reach.clone(),
             state: self.states,
         };
-        if !draw.can_wait() {
-            self.come_home(renderer)?;
-        } else if matches!(&self.way, Way::Away(departure) if departure.is_full()) {
-            self.come_home(renderer)?;
-            self.take_off_again(renderer)?;
-        }
-        if let Way::Away(departure) = &mut self.way {
-            departure.push(draw);
-            return Ok(());
-        }
         self.draw_here(renderer, &draw)?;
         self.spare = draw.bound;
         self.spare.clear();
         Ok(())
     }
 
-    /// Goes on with a pass in flight on this thread, alone.
-    fn come_home(&mut self, renderer: &mut Renderer<'_, '_>) -> Result<(), Fault> {
-        if matches!(self.way, Way::Away(_)) {
-            self.close();
-            renderer.land_all()?;
-            self.arrive();
-        }
-        Ok(())
-    }
-
-    /// Hands a pass that has been in flight to other threads once more, from where it is.
-    fn take_off_again(&mut self, renderer: &mut Renderer<'_, '_>) -> Result<(), Fault> {
-        if !renderer.may_depart(true) {
-            return Ok(());
-        }
-        let Way::Here(pass) = std::mem::replace(&mut self.way, Way::Over) else { return Ok(()) };
-        let (width, height, samples) = (self.width, self.height, pass.samples());
-        let counted = self.counted.take();
-        let begin = Begin { width, height, samples, shared: self.shared.clone(), wanted: renderer.in_range(), counted };
-        let ended = pass.end();
-        let tiles = ended.color.into_iter().chain([ended.depth]);
-        let boarding = self.color.iter().chain([&self.depth]).zip(tiles).map(|(bound, tiles)| {
-            let (bound, tiles) = (bound.as_ref()?, tiles?);
-            Some(Boarding { source: Source::Tiles(tiles), format: bound.format, keeps: bound.keeps })
-        });
-        self.way = Way::Away(renderer.depart(begin, boarding.collect())?);
-        Ok(())
-    }
-
     fn draw_here(&mut self, renderer: &mut Renderer<'_, '_>, draw: &QueuedDraw) -> Result<(), Fault> {
-        let Way::Here(pass) = &mut self.way else { return Ok(()) };
         let ledger = renderer.ledger.clone();
         let mut stopped: Result<(), Fault> = Ok(());
-        let outcome = draw.draw(pass, &self.shared, &ledger, &mut |event| {
+        let outcome = draw.draw(&mut self.pass, &self.shared, &ledger, &mut |event| {
             if stopped.is_ok() {
                 stopped = renderer.emit(event);
             }
@@ -562,25 +474,6 @@ impl ActivePass {
         Ok(())
     }
 
-    /// Hands on the draws that wait to be: nothing more comes. Once the pass has been waited for, it [arrives](ActivePass::arrive).
-    pub fn close(&mut self) {
-        if let Way::Away(departure) = &mut self.way {
-            departure.close();
-        }
-    }
-
-    /// Goes on with a pass that has been in flight: closed, waited for, and without a draw that failed.
-    pub fn arrive(&mut self) {
-        self.way = match std::mem::replace(&mut self.way, Way::Over) {
-            Way::Away(departure) => {
-                let (pass, counted) = departure.home();
-                self.counted = counted;
-                Way::Here(pass)
-            }
-            way => way,
-        };
-    }
-
     /// Ends the pass: contents go back to their textures, samples are resolved.
     pub fn end(self, renderer: &mut Renderer<'_, '_>) -> Result<(), Fault> {
         if self.open_occlusion.is_some() || self.open_statistics.is_some() {
@@ -589,14 +482,8 @@ impl ActivePass {
         if let Some(funnel) = self.counted {
             renderer.emit(counts(funnel))?;
         }
-        let images: Vec<Option<Tiles>> = match self.way {
-            Way::Here(pass) => {
-                let ended = pass.end();
-                ended.color.into_iter().chain([ended.depth]).map(|tiles| tiles.map(Tiles::Here)).collect()
-            }
-            Way::Away(departure) => departure.end().into_iter().map(|away| away.map(Tiles::Away)).collect(),
-            Way::Over => Vec::new(),
-        };
+        let ended = self.pass.end();
+        let images: Vec<Option<TileSurface>> = ended.color.into_iter().chain([ended.depth]).collect();
         let stored = match renderer.recording() && renderer.options.stored {
             true => Some(Arc::new(stored(&renderer.ledger, &images, self.color.len())?)),
             false => None,
@@ -618,18 +505,16 @@ impl ActivePass {
                 if lost(bound.keeps, shape.format) != [0; 4] {
                     renderer.ledger.bytes.charge(shape.bytes())?;
                 }
-            } else if let (Some(to), Tiles::Here(tiles), Need::Colors) = (bound.resolve, &tiles, self.shared.need) {
+            } else if let (Some(to), Need::Colors) = (bound.resolve, self.shared.need) {
                 renderer.ledger.bytes.charge(shape.bytes())?;
                 let single = Shape { samples: 1, ..shape };
                 let claim = renderer.ledger.claim("the resolved samples of an attachment", single.tiled_bytes())?;
-                put_tiles(&mut renderer.res, to, Tiles::Here(tiles.resolve(bound.format)), Some(claim))?;
+                put_tiles(&mut renderer.res, to, tiles.resolve(bound.format), Some(claim))?;
                 renderer.drawn = Some((to.texture, to.level, to.layer));
             } else if shape.samples == 1 {
                 renderer.drawn = Some((texture, level, layer));
             }
-            if let Tiles::Here(tiles) = &mut tiles {
-                discard(bound.keeps, tiles);
-            }
+            discard(bound.keeps, &mut tiles);
             put_tiles(&mut renderer.res, bound.place, tiles, None)?;
         }
         if let Some(PassTimestamps { set, end: Some(index), .. }) = self.timestamps {
@@ -640,13 +525,13 @@ impl ActivePass {
 }
 
 /// The memory that the blocks of attachments take. The first `colors` attachments are colours. This reads all texels of the attachments.
-fn stored(ledger: &Ledger, images: &[Option<Tiles>], colors: usize) -> Result<Stored, Fault> {
-    let of = |tiles: &Option<Tiles>| match tiles {
-        Some(Tiles::Here(tiles)) => {
+fn stored(ledger: &Ledger, images: &[Option<TileSurface>], colors: usize) -> Result<Stored, Fault> {
+    let of = |tiles: &Option<TileSurface>| match tiles {
+        Some(tiles) => {
             ledger.bytes.charge(tiles.shape().bytes())?;
             Ok(Some(stored_blocks(tiles)))
         }
-        _ => Ok(None),
+        None => Ok(None),
     };
     let (color, depth) = images.split_at(colors.min(images.len()));
     let color = color.iter().map(of).collect::<Result<_, Fault>>()?;

@@ -5,7 +5,6 @@ use gfx::state::{
     BlendFactor, ColorTarget, DepthStencil, Primitive, StencilFace, StencilOp, StepMode, VertexAttribute, VertexBufferLayout,
     VertexFormat,
 };
-use gfx::texel::aspect_masks;
 use gfx::vertex::{ComponentKind, component_kind};
 use host::one_line;
 use shader::{self, BuiltIn, Connection, InputRegister, Interface, Interpolation, Module, Program, Sampling, Scalar, Slot};
@@ -138,17 +137,6 @@ impl RenderPipeline {
     pub(super) fn named(&self) -> Programs {
         let of = |at: usize| self.programs.get(at).map(Program::instructions).unwrap_or_default();
         Programs { pipeline: self.number, instructions: [of(0), of(1)] }
-    }
-
-    /// The bits of a depth attachment's texels that draws may write, at most.
-    pub(super) fn may_write(&self, format: Format) -> [u32; 4] {
-        let Some(state) = &self.depth_stencil else { return [0; 4] };
-        let (depth, stencil) = aspect_masks(format);
-        let acts =
-            |face: &StencilFace| [face.fail_op, face.depth_fail_op, face.pass_op].iter().any(|op| *op != StencilOp::Keep);
-        let stencils = state.stencil_write_mask != 0 && [&state.stencil_front, &state.stencil_back].into_iter().any(acts);
-        let bits = |written: bool, mask: u32| if written { mask } else { 0 };
-        std::array::from_fn(|w| bits(state.depth_write, depth[w]) | bits(stencils, stencil[w]))
     }
 
     /// Compiles and connects the stages of a description; of what nobody reads, with what is `needless`.

@@ -3,7 +3,6 @@
 use std::sync::{Arc, Mutex};
 
 use gfx::state::{Rect, Viewport};
-use num::LimitExceeded;
 use work::{Event, Reach, RenderKey, Signature};
 
 use super::bind::{Lent, ResolvedBindings};
@@ -11,32 +10,6 @@ use super::draw::{self, Boxes, BufferRange, DrawCall, DrawError, Drawn, IndexRan
 use super::ledger::Ledger;
 use super::needs::Need;
 use super::pipeline::RenderPipeline;
-
-/// The charges that the renderer's thread counts for a draw before the draw is done, in this order.
-#[derive(Clone, Debug, Default)]
-pub(super) struct Charges {
-    /// Vertices, or indices, times instances.
-    pub vertices: u64,
-    /// Bytes of texels that were made ready.
-    pub prepared: Vec<u64>,
-    /// Shader steps of what all invocations share.
-    pub steps: u64,
-    /// Bytes of bindings.
-    pub bindings: u64,
-}
-
-impl Charges {
-    /// Counts them again.
-    ///
-    /// # Errors
-    /// If one passes its limit.
-    pub fn charge(&self, ledger: &Ledger) -> Result<(), LimitExceeded> {
-        ledger.vertices.charge(self.vertices)?;
-        self.prepared.iter().try_for_each(|&bytes| ledger.bytes.charge(bytes))?;
-        ledger.steps.charge(self.steps)?;
-        ledger.bytes.charge(self.bindings)
-    }
-}
 
 /// The state that all draws of a pass share.
 #[derive(Clone)]
@@ -66,11 +39,6 @@ impl Bound {
 
 /// A draw, looked up.
 pub(super) struct QueuedDraw {
-    /// Number and name of the command that it belongs to.
-    pub command: (u64, &'static str),
-    pub charges: Charges,
-    /// Bytes alive when it is its turn.
-    pub alive: u64,
     /// Number in the trace.
     pub number: u32,
     pub group: Arc<str>,
@@ -139,11 +107,5 @@ impl QueuedDraw {
             ledger,
         };
         work(&call)
-    }
-
-    /// Whether another thread may do it while later commands run: it writes attachments only, and what it reads is either not written any
-    /// more or copied before.
-    pub fn can_wait(&self) -> bool {
-        !self.pipeline.has_side_effects() && !self.bound.resolved.iter().any(ResolvedBindings::has_storage_textures)
     }
 }

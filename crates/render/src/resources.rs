@@ -6,17 +6,17 @@ use std::sync::atomic::{AtomicU64, Ordering::Relaxed};
 use gfx::image::ImageDesc;
 use gfx::state::{TextureDimension, ViewDimension};
 use gfx::texture::{self, Sampler, ViewRange};
-use num::{BufferId, NoMemory, NumberMap, TextureId, Words};
+use num::{BufferId, NumberMap, TextureId, Words};
 use shader::Module;
 use trace::command::{BindGroupEntry, BindingKind, BoundResource, Command, LayoutEntry, QueryKind, ViewDesc};
 use work::{Extent, Funnel, Holdings, Surface, SurfaceKey};
 
 use super::deferred::Deferred;
-use super::flight::{Flights, Tiles};
 use super::ledger::{Claim, Ledger};
 use super::memory::{target_offset, texture_bytes};
 use super::objects::{DeferredCompute, DeferredRender, ShaderText};
 use super::parallel;
+use super::surface::TileSurface;
 
 /// Objects of one kind by id.
 #[derive(Debug)]
@@ -99,22 +99,6 @@ impl Buffer {
         Extent::new(self.address, self.words.len())
     }
 
-    /// Its bytes, to write. Draws in flight that read them keep what they have: the buffer goes on with a copy, which does not count as memory
-    /// in use, since it depends on the host how many there are (a few).
-    ///
-    /// # Errors
-    /// If there is no memory for a copy.
-    pub fn unshared(&mut self) -> Result<&Arc<Words>, NoMemory> {
-        if Arc::strong_count(&self.words) > 1 {
-            let copy = Words::try_new(self.words.len())?;
-            for (to, from) in copy.words().iter().zip(self.words.words()) {
-                to.store(from.load(Relaxed), Relaxed);
-            }
-            self.words = Arc::new(copy);
-        }
-        Ok(&self.words)
-    }
-
     /// Counts changes of the contents.
     pub fn version(&self) -> u64 {
         self.version.load(Relaxed)
@@ -148,12 +132,12 @@ impl Buffer {
 #[derive(Debug, Default)]
 pub struct ImageState {
     /// The newest contents, where a pass left them.
-    pub tiles: Option<Tiles>,
+    pub tiles: Option<TileSurface>,
     /// The words have these contents too.
     pub stored: bool,
     /// A pass began with what the words had: the next one will too, so that tiles are kept when they are stored.
     pub loaded: bool,
-    /// Memory of the tiles, there or in the pass that draws in them.
+    /// Memory of the tiles, here or in the pass that draws on them.
     pub working: Option<Claim>,
 }
 
@@ -188,12 +172,11 @@ impl Texture {
             if state.stored {
                 continue;
             }
-            if let Some(tiles) = state.tiles.take() {
-                let mut tiles = tiles.landed();
+            if let Some(mut tiles) = state.tiles.take() {
                 tiles.store(&self.words, image.offset(level, layer));
                 written += tiles.shape().bytes();
                 if state.loaded {
-                    (state.tiles, state.stored) = (Some(Tiles::Here(tiles)), true);
+                    (state.tiles, state.stored) = (Some(tiles), true);
                 } else {
                     state.working = None;
                 }
@@ -235,8 +218,7 @@ impl Texture {
         let mut bytes: Arc<[u8]> = std::iter::repeat_n(0, self.image.layer_bytes(level) as usize).collect();
         let unshared = Arc::get_mut(&mut bytes).expect("nobody else has it yet");
         match self.images.get((level, layer)).and_then(|state| state.tiles.as_ref()) {
-            Some(Tiles::Here(tiles)) => tiles.read(unshared),
-            Some(Tiles::Away(away)) => away.read(unshared),
+            Some(tiles) => tiles.read(unshared),
             None => self.words.read(self.image.offset(level, layer), unshared),
         }
         bytes
@@ -453,9 +435,6 @@ pub struct Resources {
     pub bundles: Table<Arc<Vec<Command>>>,
     pub query_sets: Table<QuerySet>,
     pub ledger: Arc<Ledger>,
-    /// Charges of bytes since a draw began to look up its bindings.
-    pub charged: Vec<u64>,
-    pub flights: Flights,
     /// The contents of the stores of a machine that has taken all events so far.
     pub holdings: Holdings,
 }
@@ -501,15 +480,12 @@ impl Resources {
             bundles: Table::new("bundle"),
             query_sets: Table::new("query set"),
             ledger,
-            charged: Vec::new(),
-            flights: Flights::default(),
             holdings: Holdings::default(),
         }
     }
 
     fn charge(&mut self, bytes: u64) -> Result<(), String> {
         if bytes > 0 {
-            self.charged.push(bytes);
             self.ledger.bytes.charge(bytes).map_err(|error| error.to_string())?;
         }
         Ok(())
@@ -541,9 +517,6 @@ impl Resources {
         }
         view.prepared = None;
         let bytes = texture::View::bytes(&texture.image, &view.range);
-        if bytes > 0 {
-            self.charged.push(bytes);
-        }
         self.ledger.bytes.charge(bytes).map_err(|error| error.to_string())?;
         let claim = self.ledger.claim("a view that is ready for sampling", bytes)?;
         let each = |parts: usize, part: &(dyn Fn(usize) + Sync)| parallel::each_number(parts, parallel::ANY, part);

@@ -52,19 +52,13 @@ impl<'a> PreparedDraw<'a> {
     /// Prepares a call that has these settings. Uniforms are computed in the memory of others: those of the vertex program, then those of the
     /// fragment program.
     pub fn new(call: &DrawCall<'a>, settings: &'a Settings, uniforms: &'a mut [Uniforms; 2]) -> PreparedDraw<'a> {
-        let [vertex_uniforms, fragment_uniforms] = &mut *uniforms;
+        let [vertex_uniforms, fragment_uniforms] = uniforms;
         call.pipeline.vertex().uniforms_into(&call.vertex_resources, vertex_uniforms);
-        if let Some(program) = call.pipeline.fragment().filter(|_| settings.shades) {
-            program.uniforms_into(&call.fragment_resources.unwrap_or_default(), fragment_uniforms);
-        }
-        PreparedDraw::again(call, settings, uniforms)
-    }
-
-    /// Prepares a call whose uniforms [have been computed](PreparedDraw::new).
-    pub fn again(call: &DrawCall<'a>, settings: &'a Settings, uniforms: &'a [Uniforms; 2]) -> PreparedDraw<'a> {
         let pipeline: &RenderPipeline = call.pipeline;
         let fragment = pipeline.fragment().filter(|_| settings.shades);
-        let [vertex_uniforms, fragment_uniforms] = uniforms;
+        if let Some(program) = fragment {
+            program.uniforms_into(&call.fragment_resources.unwrap_or_default(), fragment_uniforms);
+        }
         PreparedDraw {
             settings,
             pipeline,
@@ -145,37 +139,24 @@ pub struct Worker {
 }
 
 /// Scratch memory, one per thread of the pool.
-pub struct Workers {
-    workers: Vec<Mutex<Worker>>,
-    alone: bool,
-}
+pub struct Workers(Vec<Mutex<Worker>>);
 
 impl Workers {
     /// Scratch for every thread of the current pool, and for one that is not of it.
     pub fn new() -> Workers {
-        Workers { workers: (0..=rayon::current_num_threads()).map(|_| Mutex::default()).collect(), alone: false }
-    }
-
-    /// The same for stages that must not share their work: a thread that waits for its share takes up any other task meanwhile.
-    pub fn alone() -> Workers {
-        Workers { alone: true, ..Workers::new() }
-    }
-
-    /// Whether stages may share their work with other threads.
-    pub fn share(&self) -> bool {
-        !self.alone
+        Workers((0..=rayon::current_num_threads()).map(|_| Mutex::default()).collect())
     }
 
     /// Whether there is a worker for every thread of the current pool.
     pub fn suffice(&self) -> bool {
-        self.workers.len() > rayon::current_num_threads()
+        self.0.len() > rayon::current_num_threads()
     }
 
     /// Runs a task with the scratch of this thread. The task must not wait for other tasks.
     pub fn with<R>(&self, task: impl FnOnce(&mut Worker) -> R) -> R {
-        let at = rayon::current_thread_index().map_or(0, |i| i + 1) % self.workers.len();
+        let at = rayon::current_thread_index().map_or(0, |i| i + 1) % self.0.len();
         // A poisoned lock means that a task panicked; its scratch holds no invariant that the next one needs.
-        let mut worker = self.workers[at].lock().unwrap_or_else(std::sync::PoisonError::into_inner);
+        let mut worker = self.0[at].lock().unwrap_or_else(std::sync::PoisonError::into_inner);
         task(&mut worker)
     }
 
@@ -184,7 +165,7 @@ impl Workers {
     /// # Errors
     /// If they are more than the limit.
     pub fn settle(&self, ledger: &Ledger) -> Result<(), LimitOverrun> {
-        for worker in &self.workers {
+        for worker in &self.0 {
             let mut worker = worker.lock().unwrap_or_else(std::sync::PoisonError::into_inner);
             let Worker { vertex, fragment, .. } = &mut *worker;
             ledger.steps.add(vertex.take_steps() + fragment.take_steps());
@@ -195,7 +176,7 @@ impl Workers {
     /// Takes the counts of all threads, which are sums, and so the same however the work was shared.
     pub fn take_counts(&self) -> Drawn {
         let mut counts = Drawn::default();
-        for worker in &self.workers {
+        for worker in &self.0 {
             let mut worker = worker.lock().unwrap_or_else(std::sync::PoisonError::into_inner);
             if let Some(drawn) = worker.drawn.take() {
                 counts += drawn;

@@ -207,10 +207,7 @@ fn geometry(
         areas: call.areas || call.need == Need::Survey,
     };
     let run = |batch: &mut Batch| workers.with(|worker| batch.run(&input, worker));
-    match workers.share() {
-        true => each(&mut batches[..n], run),
-        false => batches[..n].iter_mut().for_each(run),
-    }
+    each(&mut batches[..n], run);
     let clipped: u64 = batches[..n].iter().map(|batch| batch.funnel.clipped).sum();
     call.ledger.steps.charge(CLIPPED_STEPS.saturating_mul(clipped))?;
     batches.truncate(n.max(64));

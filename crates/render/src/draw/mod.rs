@@ -4,10 +4,8 @@
 //! threads in each: the stream of vertices ([`stream`]), vertex shading ([`vertex`]), assembly to setup and sorting into tiles
 //! ([`primitive`], [`batch`]), and the tiles ([`tile`]), each of which one thread takes through traversal, tests, shading and blending with
 //! every primitive of the segment in API order. The first three are the geometry half of a segment ([`geometry`]), the last is its fragment half
-//! ([`fragments`]); of small draws in a row the halves are done by different threads ([`ahead`]). What a thread computes never depends on
-//! which thread it is.
+//! ([`fragments`]). What a thread computes never depends on which thread it is.
 
-mod ahead;
 mod areas;
 mod batch;
 mod clip_distance;

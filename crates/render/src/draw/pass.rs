@@ -9,7 +9,6 @@ use num::{LimitExceeded, LimitOverrun};
 use shader::{ShaderFault, Uniforms};
 use work::Event;
 
-use super::ahead::Ahead;
 use super::fragments::Images;
 use super::frame::{PreparedDraw, Workers};
 use super::geometry::{Segments, Stages, plan};
@@ -53,26 +52,19 @@ impl From<DrawError> for String {
 }
 
 /// Scratch of a draw's stages; what one draw allocated serves the next.
-pub(super) struct Scratch {
-    pub workers: Workers,
+struct Scratch {
+    workers: Workers,
     stages: Stages,
     uniforms: [Uniforms; 2],
-    /// That of draws whose geometry is computed ahead.
-    pub ahead: Ahead,
 }
 
 /// Scratch that no pass uses at the moment: passes come one after the other, and fresh memory costs page faults.
 static IDLE: Mutex<Vec<Scratch>> = Mutex::new(Vec::new());
 
 impl Scratch {
-    pub fn take() -> Box<Scratch> {
+    fn take() -> Box<Scratch> {
         let idle = IDLE.lock().unwrap_or_else(std::sync::PoisonError::into_inner).pop();
-        let fresh = || Scratch {
-            workers: Workers::new(),
-            stages: Stages::default(),
-            uniforms: <[Uniforms; 2]>::default(),
-            ahead: Ahead::new(),
-        };
+        let fresh = || Scratch { workers: Workers::new(), stages: Stages::default(), uniforms: <[Uniforms; 2]>::default() };
         Box::new(idle.filter(|s| s.workers.suffice()).unwrap_or_else(fresh))
     }
 
@@ -83,11 +75,11 @@ impl Scratch {
 
 /// A render pass between begin and end.
 pub struct RenderPass {
-    pub(super) attachments: Attachments,
-    pub(super) images: Images,
-    pub(super) scratch: Option<Box<Scratch>>,
+    attachments: Attachments,
+    images: Images,
+    scratch: Box<Scratch>,
     /// The settings of the last draw.
-    pub(super) settings: Option<Arc<Settings>>,
+    settings: Option<Arc<Settings>>,
 }
 
 /// The attachments of a pass that has ended.
@@ -100,11 +92,7 @@ pub struct EndedPass {
 }
 
 /// The settings of a call with these attachments. Reuses `last`, the settings of the draw before it, if they fit the call.
-pub(super) fn resolve(
-    last: Option<Arc<Settings>>,
-    call: &DrawCall<'_>,
-    attachments: &Attachments,
-) -> Result<Arc<Settings>, DrawError> {
+fn resolve(last: Option<Arc<Settings>>, call: &DrawCall<'_>, attachments: &Attachments) -> Result<Arc<Settings>, DrawError> {
     if attachments.color.len() > MAX_COLORS {
         return Err(DrawError::Attachments(attachments.color.len()));
     }
@@ -112,38 +100,6 @@ pub(super) fn resolve(
         Some(settings) => Ok(settings),
         None => Ok(Arc::new(Settings::new(call, attachments)?)),
     }
-}
-
-/// Memory of one draw.
-pub(super) struct Memory<'a> {
-    pub workers: &'a Workers,
-    pub stages: &'a mut Stages,
-    pub uniforms: &'a mut [Uniforms; 2],
-}
-
-/// A whole draw, with the settings of the last one.
-pub(super) fn draw(
-    call: &DrawCall<'_>,
-    attachments: &Attachments,
-    images: &mut Images,
-    last: &mut Option<Arc<Settings>>,
-    memory: Memory<'_>,
-    sink: &mut dyn FnMut(Event),
-) -> Result<Drawn, DrawError> {
-    let settings = resolve(last.take(), call, attachments)?;
-    let Memory { workers, stages, uniforms } = memory;
-    let frame = PreparedDraw::new(call, &settings, uniforms);
-    let culling = plan(call, &frame, &mut stages.planner)?;
-    if call.record {
-        sink(Event::Draw(Arc::new(record::draw(call, &frame, attachments.depth.is_some(), culling))));
-    }
-    let mut segments = Segments::new(call, &frame, images.tiles);
-    let mut drawn = Drawn::default();
-    while let Some(made) = segments.next(call, &frame, workers, stages)? {
-        drawn += images.fragments(call, &frame, workers, stages, made, sink)?;
-    }
-    *last = Some(settings);
-    Ok(drawn)
 }
 
 impl RenderPass {
@@ -167,12 +123,7 @@ impl RenderPass {
             depth: depth.as_ref().map(TileSurface::shape),
         };
         let tiles = Shape { format: Format::R8Unorm, width, height, samples }.tiles();
-        RenderPass { attachments, images: Images { color, depth, tiles }, scratch: Some(Scratch::take()), settings: None }
-    }
-
-    /// Samples per pixel.
-    pub fn samples(&self) -> u32 {
-        self.attachments.samples
+        RenderPass { attachments, images: Images { color, depth, tiles }, scratch: Scratch::take(), settings: None }
     }
 
     /// Draws. With `call.record` the draw and its segments go to `sink`, in order.
@@ -180,19 +131,26 @@ impl RenderPass {
     /// # Errors
     /// If pipeline and attachments do not fit each other, or a shader does not end.
     pub fn draw(&mut self, call: &DrawCall<'_>, sink: &mut dyn FnMut(Event)) -> Result<Drawn, DrawError> {
-        let mut scratch = self.scratch.take().unwrap_or_else(Scratch::take);
-        let Scratch { workers, stages, uniforms, .. } = &mut *scratch;
-        let memory = Memory { workers, stages, uniforms };
-        let result = draw(call, &self.attachments, &mut self.images, &mut self.settings, memory, sink);
-        self.scratch = Some(scratch);
-        result
+        let RenderPass { attachments, images, scratch, settings: last } = self;
+        let Scratch { workers, stages, uniforms } = &mut **scratch;
+        let settings = resolve(last.take(), call, attachments)?;
+        let frame = PreparedDraw::new(call, &settings, uniforms);
+        let culling = plan(call, &frame, &mut stages.planner)?;
+        if call.record {
+            sink(Event::Draw(Arc::new(record::draw(call, &frame, attachments.depth.is_some(), culling))));
+        }
+        let mut segments = Segments::new(call, &frame, images.tiles);
+        let mut drawn = Drawn::default();
+        while let Some(made) = segments.next(call, &frame, workers, stages)? {
+            drawn += images.fragments(call, &frame, workers, stages, made, sink)?;
+        }
+        *last = Some(settings);
+        Ok(drawn)
     }
 
     /// Ends the pass and gives its attachments back.
-    pub fn end(mut self) -> EndedPass {
-        if let Some(scratch) = self.scratch.take() {
-            scratch.give();
-        }
+    pub fn end(self) -> EndedPass {
+        self.scratch.give();
         let Images { color, depth, .. } = self.images;
         EndedPass { color: color.into_iter().map(|c| c.map(|(surface, _)| surface)).collect(), depth }
     }

@@ -114,7 +114,7 @@ impl Vertices {
         let one = |number: usize, mut task: Task<'_>| {
             workers.with(|w| shade_task::<1>(frame, &mut w.vertex, stream, number * TASK, &mut task, &mut None))
         };
-        if frame.vertex_in_order || room <= TASK || !workers.share() {
+        if frame.vertex_in_order || room <= TASK {
             return tasks.enumerate().map(|(number, task)| one(number, task)).sum();
         }
         parallel::map(tasks, parallel::ANY, one).sum()

@@ -26,7 +26,6 @@ pub(super) fn notes(trace: &Trace, end: u32) -> Result<Dependencies, TraceError>
     walk(trace, &ledger, &mut |step| match step {
         crate::execute::Step::Command(command) => walker.command(&mut renderer, command, end),
         crate::execute::Step::End => walker.finish(&renderer),
-        crate::execute::Step::Stopped => Ok(()),
     })?;
     let Walker { mut notes, frame, .. } = walker;
     notes.end();

@@ -1,6 +1,5 @@
 //! Small pipelines drawn whole and compared: with expected pixels, and one way of drawing with another.
 
-mod ahead;
 mod coverage;
 mod cull;
 mod images;
@@ -67,8 +66,6 @@ struct How {
     counted: bool,
     need: Need,
     areas: bool,
-    /// In halves, with geometry ahead of fragments.
-    ahead: bool,
 }
 
 const USUAL: How = How {
@@ -88,7 +85,6 @@ const USUAL: How = How {
     counted: false,
     need: Need::Colors,
     areas: false,
-    ahead: false,
 };
 
 fn stage(entry: &str) -> Stage {
@@ -239,21 +235,12 @@ impl Scene {
             boxes: Some(&boxes),
             ledger: &ledger,
         };
-        if how.ahead {
-            let mut result = Ok(());
-            pass.draw_all(self.draws.len(), &|number, work| work(&call_of(&self.draws[number])), &mut |_, one| {
-                result = one.map(|one| drawn += one);
-                result.is_ok()
-            });
-            result?;
-        } else {
-            for range in &self.draws {
-                drawn += pass.draw(&call_of(range), &mut |event| match event {
-                    Event::Draw(draw) => draws.push(draw),
-                    Event::Segment(segment) => segments.push(segment),
-                    other => panic!("{other:?}"),
-                })?;
-            }
+        for range in &self.draws {
+            drawn += pass.draw(&call_of(range), &mut |event| match event {
+                Event::Draw(draw) => draws.push(draw),
+                Event::Segment(segment) => segments.push(segment),
+                other => panic!("{other:?}"),
+            })?;
         }
         let ended = pass.end();
         let color = ended.color.into_iter().next().flatten().unwrap();

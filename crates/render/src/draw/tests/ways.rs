@@ -251,7 +251,7 @@ fn panes(source: String) -> Scene {
 #[test]
 fn a_triangle_of_one_colour_is_shaded_once_in_a_tile() {
     let one = Skips { repeated: false, ..USUAL.skips };
-    let steps = |image: &Image| image.ledger.sums()[4];
+    let steps = |image: &Image| image.ledger.steps.spent();
     let with = |from: &str, to: &str| PLAIN.replace(from, to);
     let sided = with("fs(v: V)", "fs(v: V, @builtin(front_facing) front: bool)")
         .replace("return v.c;", "return select(v.c.bgra, v.c, front);");
