@@ -44,7 +44,6 @@ mod needs;
 mod objects;
 mod parallel;
 mod pass;
-mod queued;
 mod resources;
 mod sprites;
 mod state;

@@ -11,13 +11,12 @@ use trace::command::*;
 use work::{Aspects, Attachment, Event, Extent, Funnel, Load, Pass, Reach, Segment, Signature, Stored, Surface};
 
 use super::attachments::{Clearing, Place, announce, clear_bits, discard, lost, place_of, put_tiles, take_tiles};
-use super::bind::ResolvedBindings;
-use super::draw::{self, BufferRange, IndexRange, RenderPass, Signer};
+use super::bind::{Lent, ResolvedBindings};
+use super::draw::{self, BufferRange, DrawCall, Drawn, IndexRange, RenderPass, Signer};
 use super::execute::{Fault, Renderer, counts};
 use super::ledger::{DRAW_STEPS, Ledger, VERTEX_STEPS};
 use super::needs::Need;
 use super::pipeline::RenderPipeline;
-use super::queued::{self, QueuedDraw, Shared};
 use super::resources::Buffer;
 use super::state::{DrawState, IndexSlot, MAX_VERTEX_BUFFERS, VertexSlot};
 use super::stored::stored_blocks;
@@ -48,12 +47,12 @@ pub(super) struct ActivePass {
     /// The open statistics query and what was counted since.
     open_statistics: Option<(QuerySetId, u32, Funnel)>,
     timestamps: Option<PassTimestamps>,
-    /// The state that all of its draws share.
-    shared: Shared,
+    /// The results that are needed.
+    need: Need,
     /// The counts of its draws, if the draws hand on nothing else.
     counted: Option<Funnel>,
-    /// Memory for the next draw.
-    spare: queued::Bound,
+    /// Memory for the resources of the next draw.
+    spare: DrawResources,
     /// The state of the last draw, and its number in the pass.
     drawn: Option<FixedState>,
     states: u32,
@@ -61,6 +60,22 @@ pub(super) struct ActivePass {
     reach: Arc<Reach>,
     /// Where the arguments of the current indirect draws lie.
     arguments: Vec<Extent>,
+}
+
+/// The resources bound to the slots of a draw. The lists are used again for each draw of a pass.
+#[derive(Default)]
+struct DrawResources {
+    vertex_buffers: Vec<Option<BufferRange>>,
+    /// The bindings of the vertex and of the fragment program.
+    resolved: [ResolvedBindings; 2],
+}
+
+impl DrawResources {
+    /// Holds nothing any more, and keeps its memory.
+    fn clear(&mut self) {
+        self.vertex_buffers.clear();
+        self.resolved.iter_mut().for_each(ResolvedBindings::clear);
+    }
 }
 
 /// The part of the state that a card keeps for draws in flight: pipeline, viewport, scissor rectangle, blend constant, stencil reference.
@@ -172,16 +187,9 @@ impl ActivePass {
         let need = renderer.options.needs.as_ref().map_or(Need::Colors, |needs| needs.pass(number));
         let info = Pass { number, label, width, height, samples, color: attachments, depth: depth_attachment };
         renderer.emit(Event::BeginPass(Arc::new(info)))?;
-        let shared = Shared {
-            key: renderer.options.key,
-            areas: renderer.options.areas,
-            skips: renderer.options.skips,
-            need,
-            boxes: renderer.boxes.clone(),
-        };
         Ok(ActivePass {
             pass: RenderPass::begin(width, height, samples, storage, depth_storage),
-            shared,
+            need,
             color: bound,
             depth: depth_bound,
             state: DrawState::new(width, height),
@@ -192,7 +200,7 @@ impl ActivePass {
             open_statistics: None,
             timestamps,
             counted: None,
-            spare: queued::Bound::default(),
+            spare: DrawResources::default(),
             drawn: None,
             states: 0,
             reach: Arc::default(),
@@ -365,7 +373,7 @@ impl ActivePass {
         let id = state.pipeline.ok_or("a draw without a pipeline")?;
         let number = renderer.draws;
         renderer.draws += 1;
-        if range.count == 0 || range.instances == 0 || self.shared.need == Need::Nothing {
+        if range.count == 0 || range.instances == 0 || self.need == Need::Nothing {
             return Ok(());
         }
         let pipeline = renderer.res.render_pipeline(id)?;
@@ -416,60 +424,72 @@ impl ActivePass {
                 self.reach = reach.into();
             }
         }
-        let draw = QueuedDraw {
+        let [mut vertex, mut fragment] = <[Lent<'_>; 2]>::default();
+        let [vertex_resources, fragment_resources] =
+            [bound.resolved[0].lend(&mut vertex), bound.resolved[1].lend(&mut fragment)];
+        let (group, boxes, record) = (renderer.groups.innermost(), renderer.boxes.clone(), renderer.recording());
+        let call = DrawCall {
             number,
-            group: renderer.groups.innermost(),
-            pipeline,
-            bound,
-            index,
+            group: &group,
+            pipeline: &pipeline,
+            vertex_buffers: &bound.vertex_buffers,
+            index: index.as_ref(),
             range,
+            vertex_resources,
+            fragment_resources: pipeline.fragment().map(|_| fragment_resources),
             viewport: state.viewport,
             scissor: state.scissor,
             blend_constant: state.blend_constant,
             stencil_reference: state.stencil_reference,
             count_samples: self.open_occlusion.is_some(),
             counted: self.open_statistics.is_some(),
-            record: renderer.recording(),
+            need: self.need,
+            areas: renderer.options.areas,
+            key: renderer.options.key,
+            record,
             signature,
-            reach: self.reach.clone(),
+            reach: &self.reach,
             state: self.states,
+            skips: renderer.options.skips,
+            boxes: self.open_statistics.is_none().then_some(&*boxes),
+            ledger: &ledger,
         };
-        self.draw_here(renderer, &draw)?;
-        self.spare = draw.bound;
-        self.spare.clear();
-        Ok(())
-    }
-
-    fn draw_here(&mut self, renderer: &mut Renderer<'_, '_>, draw: &QueuedDraw) -> Result<(), Fault> {
-        let ledger = renderer.ledger.clone();
         let mut stopped: Result<(), Fault> = Ok(());
-        let outcome = draw.draw(&mut self.pass, &self.shared, &ledger, &mut |event| {
+        let drawn = self.pass.draw(&call, &mut |event| {
             if stopped.is_ok() {
                 stopped = renderer.emit(event);
             }
         })?;
         stopped?;
-        renderer.overwritten += outcome.overwritten;
+        self.count(renderer, &pipeline, drawn)?;
+        if pipeline.has_side_effects() {
+            for (program, resolved) in pipeline.programs().iter().zip(&bound.resolved) {
+                resolved.note_writes(&mut renderer.res, program.interface())?;
+            }
+        }
+        self.spare = bound;
+        self.spare.clear();
+        Ok(())
+    }
+
+    /// Hands on the counts of a draw.
+    fn count(&mut self, renderer: &mut Renderer<'_, '_>, pipeline: &RenderPipeline, drawn: Drawn) -> Result<(), Fault> {
+        renderer.overwritten += drawn.overwritten;
         if !renderer.options.record && !renderer.options.areas {
             // Sums are all that there is to hand on, and once per pass is enough: to wake a reader for each draw took longer than to draw
             // few pixels.
-            *self.counted.get_or_insert_default() += outcome.funnel;
+            *self.counted.get_or_insert_default() += drawn.funnel;
         } else if !renderer.recording() {
             // Without recorded work the funnel is all that there is to hand on; who reads it counts draws, too.
-            let programs = draw.pipeline.named();
-            let counts = Segment { funnel: outcome.funnel, areas: outcome.areas, programs, ..Segment::default() };
+            let programs = pipeline.named();
+            let counts = Segment { funnel: drawn.funnel, areas: drawn.areas, programs, ..Segment::default() };
             renderer.emit(Event::Segment(Arc::new(counts)))?;
         }
         if let Some((_, passed)) = &mut self.open_occlusion {
-            *passed += outcome.samples_passed;
+            *passed += drawn.samples_passed;
         }
         if let Some((_, _, funnel)) = &mut self.open_statistics {
-            *funnel += outcome.funnel;
-        }
-        if draw.pipeline.has_side_effects() {
-            for (program, bindings) in draw.pipeline.programs().iter().zip(&draw.bound.resolved) {
-                bindings.note_writes(&mut renderer.res, program.interface())?;
-            }
+            *funnel += drawn.funnel;
         }
         Ok(())
     }
@@ -505,7 +525,7 @@ impl ActivePass {
                 if lost(bound.keeps, shape.format) != [0; 4] {
                     renderer.ledger.bytes.charge(shape.bytes())?;
                 }
-            } else if let (Some(to), Need::Colors) = (bound.resolve, self.shared.need) {
+            } else if let (Some(to), Need::Colors) = (bound.resolve, self.need) {
                 renderer.ledger.bytes.charge(shape.bytes())?;
                 let single = Shape { samples: 1, ..shape };
                 let claim = renderer.ledger.claim("the resolved samples of an attachment", single.tiled_bytes())?;

@@ -155,11 +155,6 @@ impl TileSurface {
         self.changed.fill(true);
     }
 
-    /// Whether no tile holds anything but the clear value.
-    pub fn is_clear(&self) -> bool {
-        self.clear.iter().all(|&clear| clear)
-    }
-
     /// Sets the bits of every texel that `mask` selects (an aspect: see [`texel::aspect_masks`](gfx::texel::aspect_masks)) and keeps the others.
     pub fn clear_masked(&mut self, value: [u32; 4], mask: [u32; 4]) {
         let merge = |old: u32, w: usize| old & !mask[w] | value[w] & mask[w];
