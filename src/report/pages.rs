@@ -239,7 +239,8 @@ pub fn configuration() -> Result<String, ConfigError> {
         "# Configuration\n\nGenerated from the declarations in the code; `cargo test --test program pages` checks it.\n\n\
          A configuration is RON with comments. `extends: \"baseline\"` takes every knob that is not named from there; an unknown key or \
          a value outside its range is an error. `--set fetch.cache_lines=512` sets one knob from the command line, \
-         `fillrate configs NAME` prints a configuration with every knob.\n\n",
+         `fillrate configs NAME` prints a configuration with every knob. `--fidelity bound` refuses a value for which estimates do not \
+         hold.\n\n",
     );
     text.push_str(&documentation(&Config::built_in("baseline")?));
     text.truncate(text.trim_end().len());

@@ -1,6 +1,9 @@
 //! Floor 1: declaring knobs. A unit's configuration is a struct declared with [`knobs!`](crate::knobs), once, with unit, allowed values
 //! and source. The reader, the messages, the resolved text and the documentation all come from that declaration.
 //!
+//! Beside the unit that it configures, a knob has two more readers: estimates of cycles, and experiments that find out what holds a machine
+//! back. The declaration says what each of them does with the knob. It does not compile otherwise.
+//!
 //! ```
 //! use knob::{Allowed, Section, Setting};
 //!
@@ -8,7 +11,7 @@
 //!     /// A queue.
 //!     pub struct QueueConfig {
 //!         /// Items that the queue holds.
-//!         capacity: u32 ["items", Allowed::PowerOfTwo(1, 64), "assumed"],
+//!         capacity: u32 ["items", Allowed::PowerOfTwo(1, 64), "assumed"] {estimate: Used, relax: Room},
 //!     }
 //! }
 //!
@@ -51,6 +54,82 @@ impl fmt::Display for Allowed {
     }
 }
 
+/// Values of a knob.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Values {
+    /// One of these, written without quotes.
+    Is(&'static [&'static str]),
+    /// This number and larger ones.
+    AtLeast(u64),
+    /// This number and smaller ones.
+    AtMost(u64),
+}
+
+impl Values {
+    /// Whether a value is one of these.
+    pub fn contain(self, setting: &Setting) -> bool {
+        match (self, setting) {
+            (Values::Is(values), setting) => values.iter().any(|&value| Setting::from(value) == *setting),
+            (Values::AtLeast(least), Setting::Number(number)) => *number >= least,
+            (Values::AtMost(most), Setting::Number(number)) => *number <= most,
+            (Values::AtLeast(_) | Values::AtMost(_), _) => false,
+        }
+    }
+}
+
+impl fmt::Display for Values {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Values::Is(values) => write!(f, "{}", values.join(" or ")),
+            Values::AtLeast(least) => write!(f, "{least} or more"),
+            Values::AtMost(most) => write!(f, "{most} or less"),
+        }
+    }
+}
+
+/// What an estimate of cycles does with a knob.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Estimate {
+    /// It reads the knob.
+    Used,
+    /// It calls this function, which reads the knob.
+    UsedBy(&'static str),
+    /// It does not read the knob, for this reason.
+    Ignored(&'static str),
+    /// It holds for these values of the knob, and a machine with another value is refused. The text names what such a machine has that is
+    /// not estimated.
+    RefusedUnless(Values, &'static str),
+}
+
+/// How an experiment gives a machine more of the resource that a knob limits.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Relax {
+    /// It does not change the knob.
+    Never,
+    /// A number of items or bytes per cycle, which it doubles with all others of the section.
+    Rate,
+    /// The cycles of one item, which it halves with all others of the section.
+    Interval,
+    /// Room for what is in flight, which it doubles with all other room of the section.
+    Room,
+    /// The size of a cache, which it doubles, and then multiplies until the cache is never full.
+    Cache,
+    /// A latency, which it halves with all others.
+    Latency,
+    /// A wait between items of work, which it halves. The text is the experiment's title.
+    Wait(&'static str),
+    /// A number of units, which it doubles. The text is the experiment's title.
+    Units(&'static str),
+    /// A number of channels, or of bytes per cycle, that a memory has: it doubles the memory's bandwidth with it.
+    Bandwidth,
+    /// The size of the parts in which work is dealt, which it divides by 2 and by 8. The text names the parts.
+    Parts(&'static str),
+    /// One of several names, each of which it tries. The text comes before the name in the experiment's title.
+    Each(&'static str),
+    /// A switch that leaves work out. It tries each of these values, which have the titles of the experiments beside them.
+    Skip(&'static [(&'static str, &'static str)]),
+}
+
 /// What one knob is.
 #[derive(Clone, Copy, Debug)]
 pub struct Knob {
@@ -64,6 +143,17 @@ pub struct Knob {
     pub allowed: Allowed,
     /// Where the baseline's value comes from.
     pub source: &'static str,
+    /// What an estimate does with it.
+    pub estimate: Estimate,
+    /// How an experiment changes it.
+    pub relax: Relax,
+}
+
+impl Knob {
+    /// Its path, if it is in a section of this path. The outermost section has none.
+    pub fn path(&self, section: &str) -> String {
+        if section.is_empty() { self.name.to_owned() } else { format!("{section}.{}", self.name) }
+    }
 }
 
 /// The value of a knob as written: what all configuration texts are made of.
@@ -83,6 +173,18 @@ impl fmt::Display for Setting {
             Setting::Number(value) => write!(f, "{value}"),
             Setting::Switch(value) => write!(f, "{value}"),
             Setting::Name(name) => write!(f, "\"{name}\""),
+        }
+    }
+}
+
+impl From<&str> for Setting {
+    /// What is written without quotes.
+    fn from(text: &str) -> Setting {
+        match (text, text.parse()) {
+            ("true", _) => Setting::Switch(true),
+            ("false", _) => Setting::Switch(false),
+            (_, Ok(number)) => Setting::Number(number),
+            (name, Err(_)) => Setting::Name(name.to_owned()),
         }
     }
 }
@@ -185,9 +287,29 @@ macro_rules! choices {
     };
 }
 
-/// Declares a section of knobs:
+/// Declares a section of knobs. The braces have the names of [`Estimate`], [`Values`] and [`Relax`] in scope:
 ///
 /// ```
+/// knob::knobs! {
+///     /// A unit that counts.
+///     pub struct CounterConfig {
+///         /// Items counted per cycle.
+///         rate: u32 ["items/cycle", knob::Allowed::Range(1, 8), "made up"] {estimate: Used, relax: Rate},
+///         /// Items that wait.
+///         queue: u32 ["items", knob::Allowed::Range(1, 64), "made up"]
+///             {estimate: RefusedUnless(AtLeast(4), "short queues"), relax: Room},
+///     }
+/// }
+/// use knob::{Estimate, Section, Setting};
+/// let mut config = CounterConfig::default();
+/// assert!(config.set("rate", &Setting::Number(3)) && config.rate == 3);
+/// assert!(!config.set("rate", &Setting::Number(9)) && !config.set("speed", &Setting::Number(3)));
+/// assert_eq!(config.knobs()[0].estimate, Estimate::Used);
+/// ```
+///
+/// A knob that does not answer to estimates and experiments does not compile:
+///
+/// ```compile_fail
 /// knob::knobs! {
 ///     /// A unit that counts.
 ///     pub struct CounterConfig {
@@ -195,15 +317,12 @@ macro_rules! choices {
 ///         rate: u32 ["items/cycle", knob::Allowed::Range(1, 8), "made up"],
 ///     }
 /// }
-/// use knob::{Section, Setting};
-/// let mut config = CounterConfig::default();
-/// assert!(config.set("rate", &Setting::Number(3)) && config.rate == 3);
-/// assert!(!config.set("rate", &Setting::Number(9)) && !config.set("speed", &Setting::Number(3)));
 /// ```
 #[macro_export]
 macro_rules! knobs {
     ($(#[doc = $about:literal])+ $(#[derive($more:ident)])? $vis:vis struct $name:ident {
-        $($(#[doc = $doc:literal])+ $field:ident: $type:ty [$unit:expr, $allowed:expr, $source:expr]),* $(,)?
+        $($(#[doc = $doc:literal])+ $field:ident: $type:ty [$unit:expr, $allowed:expr, $source:expr]
+            {estimate: $estimate:expr, relax: $relax:expr}),* $(,)?
     }) => {
         $(#[doc = $about])+
         #[derive(Clone, Debug, Default, PartialEq $(, $more)?)]
@@ -220,6 +339,15 @@ macro_rules! knobs {
                     unit: $unit,
                     allowed: $allowed,
                     source: $source,
+                    estimate: {
+                        #[allow(unused_imports, reason = "most declarations need some of the names")]
+                        use $crate::{Estimate::*, Values::*};
+                        $estimate
+                    },
+                    relax: {
+                        use $crate::Relax::*;
+                        $relax
+                    },
                 },)*
             ];
         }

@@ -43,68 +43,90 @@ knob::knobs! {
     #[derive(Copy)]
     pub struct DramConfig {
         /// Channels.
-        channels: u32 ["channels", Allowed::Range(1, 64), "256 bits of GDDR5 in channels of 32 (NVIDIA 2014, GeForce GTX 980 white paper, p. 7)"],
+        channels: u32 ["channels", Allowed::Range(1, 64), "256 bits of GDDR5 in channels of 32 (NVIDIA 2014, GeForce GTX 980 white paper, p. 7)"]
+            {estimate: Used, relax: Bandwidth},
         /// Cycles of the DRAM's command clock in `card_cycles` of the card.
-        clock: u32 ["cycles", Allowed::Range(1, 10000), "1,753 MHz: GDDR5 of 7 Gbit/s a pin (NVIDIA 2014, GeForce GTX 980 white paper, p. 7)"],
+        clock: u32 ["cycles", Allowed::Range(1, 10000), "1,753 MHz: GDDR5 of 7 Gbit/s a pin (NVIDIA 2014, GeForce GTX 980 white paper, p. 7)"]
+            {estimate: Used, relax: Never},
         /// Cycles of the card in which the DRAM's clock ticks `clock` times.
-        card_cycles: u32 ["cycles", Allowed::Range(1, 10000), "assumed: 1,126 MHz: see clock"],
+        card_cycles: u32 ["cycles", Allowed::Range(1, 10000), "assumed: 1,126 MHz: see clock"] {estimate: Used, relax: Never},
         /// Cycles of the card from a slice to the queues of its channel, and from the last data of a read back to the slice: controller, PHY and
         /// wires.
-        latency: u32 ["cycles", Allowed::Range(1, 1024), "60: an access of DRAM takes 150 cycles more than an L2 hit on Maxwell (357 against 207; Arafa et al. 2019, Jia et al. 2019), 30 of them in the chip"],
+        latency: u32 ["cycles", Allowed::Range(1, 1024), "60: an access of DRAM takes 150 cycles more than an L2 hit on Maxwell (357 against 207; Arafa et al. 2019, Jia et al. 2019), 30 of them in the chip"]
+            {estimate: Used, relax: Latency},
         /// Banks of a channel.
-        banks: u32 ["banks", Allowed::Range(1, 64), "16 (GDDR5, JESD212)"],
+        banks: u32 ["banks", Allowed::Range(1, 64), "16 (GDDR5, JESD212)"]
+            {estimate: RefusedUnless(AtLeast(8), "conflicts of banks"), relax: Never},
         /// Groups of banks. Neighbouring banks are of different groups.
-        bank_groups: u32 ["groups", Allowed::PowerOfTwo(1, 16), "4 (GDDR5, JESD212); 1 in memory without bank groups"],
+        bank_groups: u32 ["groups", Allowed::PowerOfTwo(1, 16), "4 (GDDR5, JESD212); 1 in memory without bank groups"]
+            {estimate: Ignored("cycles hardly depend on it"), relax: Never},
         /// Bytes of a row.
-        row_bytes: u32 ["bytes", Allowed::PowerOfTwo(256, 65536), "2 KB (GDDR5); ATTILA bGPU.ini V2MemoryRowSize = 2048"],
+        row_bytes: u32 ["bytes", Allowed::PowerOfTwo(256, 65536), "2 KB (GDDR5); ATTILA bGPU.ini V2MemoryRowSize = 2048"]
+            {estimate: Ignored("cycles hardly depend on it"), relax: Never},
         /// Bytes of a burst.
-        burst_bytes: u32 ["bytes", Allowed::PowerOfTwo(8, 256), "burst of 8 on 32 bits"],
+        burst_bytes: u32 ["bytes", Allowed::PowerOfTwo(8, 256), "burst of 8 on 32 bits"] {estimate: Used, relax: Never},
         /// Cycles of a burst on the data bus.
-        burst_cycles: u32 ["DRAM cycles", Allowed::Range(1, 64), "8 beats, 4 a command clock"],
+        burst_cycles: u32 ["DRAM cycles", Allowed::Range(1, 64), "8 beats, 4 a command clock"]
+            {estimate: Used, relax: Interval},
         /// Burst to burst of one bank group. Without effect where there is one group, or where it is no longer than a burst.
-        t_ccd_l: u32 ["DRAM cycles", Allowed::Range(1, 64), "tCCDL of GDDR5: 3 cycles, one more than a burst (Hynix H5GQ1H24AFR)"],
+        t_ccd_l: u32 ["DRAM cycles", Allowed::Range(1, 64), "tCCDL of GDDR5: 3 cycles, one more than a burst (Hynix H5GQ1H24AFR)"]
+            {estimate: RefusedUnless(AtMost(3), "bursts of bank groups"), relax: Interval},
         /// Activation to column access.
-        t_rcd: u32 ["DRAM cycles", Allowed::Range(1, 1000), "12 ns (Hynix H5GQ1H24AFR)"],
+        t_rcd: u32 ["DRAM cycles", Allowed::Range(1, 1000), "12 ns (Hynix H5GQ1H24AFR)"] {estimate: Used, relax: Latency},
         /// Precharge to activation.
-        t_rp: u32 ["DRAM cycles", Allowed::Range(1, 1000), "12 ns"],
+        t_rp: u32 ["DRAM cycles", Allowed::Range(1, 1000), "12 ns"]
+            {estimate: RefusedUnless(AtMost(72), "misses of rows"), relax: Latency},
         /// Column read to its data.
-        cl: u32 ["DRAM cycles", Allowed::Range(1, 1000), "12 ns"],
+        cl: u32 ["DRAM cycles", Allowed::Range(1, 1000), "12 ns"] {estimate: Used, relax: Latency},
         /// Column write to its data.
-        cwl: u32 ["DRAM cycles", Allowed::Range(1, 1000), "assumed: 4 cycles"],
+        cwl: u32 ["DRAM cycles", Allowed::Range(1, 1000), "assumed: 4 cycles"] {estimate: Used, relax: Latency},
         /// Activation to precharge.
-        t_ras: u32 ["DRAM cycles", Allowed::Range(1, 1000), "28 ns"],
+        t_ras: u32 ["DRAM cycles", Allowed::Range(1, 1000), "28 ns"]
+            {estimate: RefusedUnless(AtMost(126), "rows that stay open"), relax: Latency},
         /// Activation to activation of another bank.
-        t_rrd: u32 ["DRAM cycles", Allowed::Range(1, 1000), "6 ns"],
+        t_rrd: u32 ["DRAM cycles", Allowed::Range(1, 1000), "6 ns"]
+            {estimate: RefusedUnless(AtMost(14), "a limit on activations"), relax: Latency},
         /// A window with at most four activations.
-        t_faw: u32 ["DRAM cycles", Allowed::Range(1, 1000), "23 ns"],
+        t_faw: u32 ["DRAM cycles", Allowed::Range(1, 1000), "23 ns"]
+            {estimate: RefusedUnless(AtMost(56), "a limit on activations"), relax: Latency},
         /// Read to precharge.
-        t_rtp: u32 ["DRAM cycles", Allowed::Range(1, 1000), "assumed: 2 cycles"],
+        t_rtp: u32 ["DRAM cycles", Allowed::Range(1, 1000), "assumed: 2 cycles"]
+            {estimate: RefusedUnless(AtMost(64), "misses of rows"), relax: Latency},
         /// End of write data to precharge.
-        t_wr: u32 ["DRAM cycles", Allowed::Range(1, 1000), "12 ns"],
+        t_wr: u32 ["DRAM cycles", Allowed::Range(1, 1000), "12 ns"]
+            {estimate: RefusedUnless(AtMost(72), "misses of rows"), relax: Latency},
         /// End of write data to a read.
-        t_wtr: u32 ["DRAM cycles", Allowed::Range(1, 1000), "5 ns"],
+        t_wtr: u32 ["DRAM cycles", Allowed::Range(1, 1000), "5 ns"] {estimate: Used, relax: Latency},
         /// End of read data to write data.
-        t_rtw: u32 ["DRAM cycles", Allowed::Range(0, 1000), "assumed: turn of the bus"],
+        t_rtw: u32 ["DRAM cycles", Allowed::Range(0, 1000), "assumed: turn of the bus"] {estimate: Used, relax: Latency},
         /// What a refresh closes and holds up.
-        refresh: RefreshScope ["", Allowed::Choice(RefreshScope::NAMES), "GDDR5 refreshes all banks (JESD212); LPDDR4, HBM and GDDR6 can refresh one"],
+        refresh: RefreshScope ["", Allowed::Choice(RefreshScope::NAMES), "GDDR5 refreshes all banks (JESD212); LPDDR4, HBM and GDDR6 can refresh one"]
+            {estimate: RefusedUnless(Is(&["all-banks"]), "refreshes of single banks"), relax: Never},
         /// Length of a refresh.
-        t_rfc: u32 ["DRAM cycles", Allowed::Range(0, 10000), "65 ns"],
+        t_rfc: u32 ["DRAM cycles", Allowed::Range(0, 10000), "65 ns"] {estimate: Used, relax: Never},
         /// Refresh to refresh of a bank; 0 for none.
-        t_refi: u32 ["DRAM cycles", Allowed::Range(0, 1000000), "1.9 us"],
+        t_refi: u32 ["DRAM cycles", Allowed::Range(0, 1000000), "1.9 us"] {estimate: Used, relax: Never},
         /// When a row is closed that no request wants.
-        page: PagePolicy ["", Allowed::Choice(PagePolicy::NAMES), "open rows serve streams; ATTILA's controller closes them (bGPU.ini V2PagePolicy = 0)"],
+        page: PagePolicy ["", Allowed::Choice(PagePolicy::NAMES), "open rows serve streams; ATTILA's controller closes them (bGPU.ini V2PagePolicy = 0)"]
+            {estimate: RefusedUnless(Is(&["open"]), "rows that are closed early"), relax: Never},
         /// From the last access to a row to its end, where `page` is idle.
-        page_idle: u32 ["DRAM cycles", Allowed::Range(1, 65535), "assumed: about tRC, the time that a row takes to be opened anew"],
+        page_idle: u32 ["DRAM cycles", Allowed::Range(1, 65535), "assumed: about tRC, the time that a row takes to be opened anew"]
+            {estimate: Ignored("without effect where memory.dram.page is open"), relax: Never},
         /// Reads among which the scheduler chooses.
-        window: u32 ["requests", Allowed::Range(1, 64), "assumed; ATTILA bGPU.ini V2MaxChannelTransactions = 64"],
+        window: u32 ["requests", Allowed::Range(1, 64), "assumed; ATTILA bGPU.ini V2MaxChannelTransactions = 64"]
+            {estimate: Ignored("cycles hardly depend on it"), relax: Never},
         /// Writes that wait in the queue of writes.
-        write_queue: u32 ["requests", Allowed::Range(1, 64), "64 (Chatterjee et al. 2012, USIMM; gem5 write_buffer_size)"],
+        write_queue: u32 ["requests", Allowed::Range(1, 64), "64 (Chatterjee et al. 2012, USIMM; gem5 write_buffer_size)"]
+            {estimate: Ignored("cycles hardly depend on it"), relax: Room},
         /// Writes in their queue from which on they go first; all of its places, where it has fewer.
-        write_high: u32 ["requests", Allowed::Range(1, 64), "40 of 64 (USIMM's high watermark); gem5 85 %"],
+        write_high: u32 ["requests", Allowed::Range(1, 64), "40 of 64 (USIMM's high watermark); gem5 85 %"]
+            {estimate: Used, relax: Never},
         /// Writes in their queue with which reads go first again. Where that is not fewer than `write_high`, it is half of `write_high`.
-        write_low: u32 ["requests", Allowed::Range(0, 63), "20 of 64 (USIMM's low watermark); gem5 50 %"],
+        write_low: u32 ["requests", Allowed::Range(0, 63), "20 of 64 (USIMM's low watermark); gem5 50 %"]
+            {estimate: Used, relax: Never},
         /// Whether bank numbers are mixed with row bits.
-        hash_banks: bool ["", Allowed::Switch, "permutation-based interleaving (Zhang et al. 2000)"],
+        hash_banks: bool ["", Allowed::Switch, "permutation-based interleaving (Zhang et al. 2000)"]
+            {estimate: Ignored("cycles hardly depend on it"), relax: Never},
     }
 }
 

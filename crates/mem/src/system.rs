@@ -108,19 +108,26 @@ knob::knobs! {
     /// The units' memory ports, and the ideal memory.
     pub struct MemoryKnobs {
         /// What is behind the ports.
-        kind: MemoryKind ["", Allowed::Choice(MemoryKind::NAMES), "the ideal one isolates the units"],
+        kind: MemoryKind ["", Allowed::Choice(MemoryKind::NAMES), "the ideal one isolates the units"]
+            {estimate: Used, relax: Never},
         /// Bytes per cycle that each port takes and gives.
-        port_width: u32 ["bytes/cycle", Allowed::Range(8, 4096), "assumed; ATTILA bGPU.ini bus widths = 64"],
+        port_width: u32 ["bytes/cycle", Allowed::Range(8, 4096), "assumed; ATTILA bGPU.ini bus widths = 64"]
+            {estimate: Used, relax: Rate},
         /// Cycles from a unit to the crossbar, and from the crossbar back.
-        port_latency: u32 ["cycles", Allowed::Range(1, 1024), "assumed: of the 207 cycles of an L2 hit on GM204 (Jia et al. 2019, table 3.1), less than half are the way to the slice and back"],
+        port_latency: u32 ["cycles", Allowed::Range(1, 1024), "assumed: of the 207 cycles of an L2 hit on GM204 (Jia et al. 2019, table 3.1), less than half are the way to the slice and back"]
+            {estimate: Used, relax: Latency},
         /// Cycles from a depth or colour unit to the crossbar, and from the crossbar back.
-        rop_latency: u32 ["cycles", Allowed::Range(1, 1024), "assumed to be short: 16 ROPs and 512 KB of L2 stand at each memory controller of GM204 (NVIDIA 2014, GeForce GTX 980 white paper)"],
+        rop_latency: u32 ["cycles", Allowed::Range(1, 1024), "assumed to be short: 16 ROPs and 512 KB of L2 stand at each memory controller of GM204 (NVIDIA 2014, GeForce GTX 980 white paper)"]
+            {estimate: Used, relax: Latency},
         /// Requests, and answers, under way on each port.
-        port_queue: u32 ["requests", Allowed::Range(2, 4096), "assumed: two per cycle of the latency, so that the port carries its width in halves of lines"],
+        port_queue: u32 ["requests", Allowed::Range(2, 4096), "assumed: two per cycle of the latency, so that the port carries its width in halves of lines"]
+            {estimate: RefusedUnless(AtLeast(128), "ports that carry less than a request per cycle"), relax: Room},
         /// Latency of the ideal memory.
-        ideal_latency: u32 ["cycles", Allowed::Range(1, 65535), "assumed: the shortest: what units wait for is then their own time, and no hit of the memory that it replaces is sooner"],
+        ideal_latency: u32 ["cycles", Allowed::Range(1, 65535), "assumed: the shortest: what units wait for is then their own time, and no hit of the memory that it replaces is sooner"]
+            {estimate: Used, relax: Latency},
         /// Bytes per cycle of the ideal memory.
-        ideal_bytes_per_cycle: u32 ["bytes/cycle", Allowed::Range(1, 1048576), "assumed: more than all ports carry"],
+        ideal_bytes_per_cycle: u32 ["bytes/cycle", Allowed::Range(1, 1048576), "assumed: more than all ports carry"]
+            {estimate: Used, relax: Bandwidth},
     }
 }
 

@@ -41,20 +41,26 @@ knob::knobs! {
     pub struct AssemblyConfig {
         /// Primitives assembled per cycle.
         primitives_per_cycle: u32 ["primitives/cycle", Allowed::Range(1, 16),
-            "assumed: as many as indices are read for; ATTILA bGPU.ini PRIMITIVEASSEMBLY TrianglesCycle = 2"],
+            "assumed: as many as indices are read for; ATTILA bGPU.ini PRIMITIVEASSEMBLY TrianglesCycle = 2"]
+            {estimate: Used, relax: Rate},
         /// Primitives that get one sequence number and go to one geometry unit before the next one's turn.
         batch: u32 ["primitives", Allowed::Range(1, 1024),
-            "assumed: GPUs switch geometry engines every 16 to 64 primitives; small enough to balance, large enough to amortise marks"],
+            "assumed: GPUs switch geometry engines every 16 to 64 primitives; small enough to balance, large enough to amortise marks"]
+            {estimate: Used, relax: Never},
         /// Whether a batch ends before it has more quads than a pipeline can send on ahead of its turn, and primitives with more than that
         /// go to all pipelines, each of which draws its own tiles of them. Where quads or images are sorted only.
         by_size: bool ["", Allowed::Switch,
-            "Pomegranate (Eldridge et al. 2000) bounds the work of rasterisers in fragments; assumed: sizes are known as primitives are dealt"],
+            "Pomegranate (Eldridge et al. 2000) bounds the work of rasterisers in fragments; assumed: sizes are known as primitives are dealt"]
+            {estimate: Used, relax: Never},
         /// Which geometry unit, or which pipeline whose geometry is its own, gets the next batch.
-        deal: Deal ["", Allowed::Choice(Deal::NAMES), "in turn, as cards do; the other is Molnar et al.'s dynamic assignment"],
+        deal: Deal ["", Allowed::Choice(Deal::NAMES), "in turn, as cards do; the other is Molnar et al.'s dynamic assignment"]
+            {estimate: RefusedUnless(Is(&["round-robin", "least-loaded"]), "one run of a pass for each pipeline"), relax: Never},
         /// Cycles from here to the geometry units.
-        latency: u32 ["cycles", Allowed::Range(1, 64), "assumed; ATTILA bGPU.ini InputBusLatency = 10, less what shading adds here"],
+        latency: u32 ["cycles", Allowed::Range(1, 64), "assumed; ATTILA bGPU.ini InputBusLatency = 10, less what shading adds here"]
+            {estimate: Used, relax: Latency},
         /// Runs of primitives queued before each geometry unit.
-        queue: u32 ["runs", Allowed::Range(2, 1024), "assumed: covers the latency at the rate of primitives; ATTILA bGPU.ini AssemblyQueueSize = 32"],
+        queue: u32 ["runs", Allowed::Range(2, 1024), "assumed: covers the latency at the rate of primitives; ATTILA bGPU.ini AssemblyQueueSize = 32"]
+            {estimate: Used, relax: Room},
     }
 }
 

@@ -23,29 +23,41 @@ knob::knobs! {
     /// A constant cache.
     pub struct ConstantConfig {
         /// Whether cores that shade fragments read uniform buffers through a cache of their own. If not, and in separate vertex cores, they read them through the texture unit.
-        enabled: bool ["", Allowed::Switch, "CUDA C programming guide: cards of every compute capability have one"],
+        enabled: bool ["", Allowed::Switch, "CUDA C programming guide: cards of every compute capability have one"]
+            {estimate: Used, relax: Never},
         /// Bytes of the first level.
-        bytes: u32 ["bytes", Allowed::PowerOfTwo(256, 1048576), "2 KB on Kepler and Maxwell (Jia et al. 2019, table 3.1)"],
+        bytes: u32 ["bytes", Allowed::PowerOfTwo(256, 1048576), "2 KB on Kepler and Maxwell (Jia et al. 2019, table 3.1)"]
+            {estimate: Ignored("cycles hardly depend on it"), relax: Never},
         /// Ways of the first level.
-        ways: u32 ["ways", Allowed::PowerOfTwo(1, 256), "assumed: 4"],
+        ways: u32 ["ways", Allowed::PowerOfTwo(1, 256), "assumed: 4"]
+            {estimate: Ignored("cycles hardly depend on it"), relax: Never},
         /// Bytes of a line of the first level.
-        line_bytes: u32 ["bytes", Allowed::PowerOfTwo(64, 256), "assumed: 64"],
+        line_bytes: u32 ["bytes", Allowed::PowerOfTwo(64, 256), "assumed: 64"]
+            {estimate: Ignored("cycles hardly depend on it"), relax: Never},
         /// Bytes of the second level, a multiple of its line; 0: there is none.
-        second_bytes: u32 ["bytes", Allowed::Range(0, 1048576), "32 KB on Kepler and Maxwell, called L1.5 (Jia et al. 2019, table 3.1)"],
+        second_bytes: u32 ["bytes", Allowed::Range(0, 1048576), "32 KB on Kepler and Maxwell, called L1.5 (Jia et al. 2019, table 3.1)"]
+            {estimate: Ignored("cycles hardly depend on it"), relax: Never},
         /// Ways of the second level.
-        second_ways: u32 ["ways", Allowed::PowerOfTwo(1, 256), "assumed as in the first level"],
+        second_ways: u32 ["ways", Allowed::PowerOfTwo(1, 256), "assumed as in the first level"]
+            {estimate: Ignored("cycles hardly depend on it"), relax: Never},
         /// Bytes of a line of the second level.
-        second_line_bytes: u32 ["bytes", Allowed::PowerOfTwo(64, 256), "assumed: 256"],
+        second_line_bytes: u32 ["bytes", Allowed::PowerOfTwo(64, 256), "assumed: 256"]
+            {estimate: Ignored("cycles hardly depend on it"), relax: Never},
         /// Cycles from an access to its answer where the first level has the line.
-        latency: u32 ["cycles", Allowed::Range(1, 256), "a hit takes 25 cycles on GM204 (Jia et al. 2019, table 3.1), 14 of them outside: the index and the way to the cache and back"],
+        latency: u32 ["cycles", Allowed::Range(1, 256), "a hit takes 25 cycles on GM204 (Jia et al. 2019, table 3.1), 14 of them outside: the index and the way to the cache and back"]
+            {estimate: Used, relax: Latency},
         /// Cycles from an access to its answer where the second level has the line.
-        second_latency: u32 ["cycles", Allowed::Range(1, 1024), "a hit takes 81 cycles on GM204 (Jia et al. 2019, table 3.1), 14 of them outside"],
+        second_latency: u32 ["cycles", Allowed::Range(1, 1024), "a hit takes 81 cycles on GM204 (Jia et al. 2019, table 3.1), 14 of them outside"]
+            {estimate: Ignored("cycles hardly depend on it"), relax: Latency},
         /// Misses of both levels in flight.
-        misses: u32 ["requests", Allowed::Range(1, 1024), "assumed: covers the latency of the card's second level at an address in 16 cycles"],
+        misses: u32 ["requests", Allowed::Range(1, 1024), "assumed: covers the latency of the card's second level at an address in 16 cycles"]
+            {estimate: Ignored("cycles hardly depend on it"), relax: Room},
         /// Accesses of warps between lookup and answer.
-        fifo: u32 ["accesses", Allowed::Range(1, 4096), "assumed: one for each warp of a core"],
+        fifo: u32 ["accesses", Allowed::Range(1, 4096), "assumed: one for each warp of a core"]
+            {estimate: Ignored("cycles hardly depend on it"), relax: Room},
         /// Warps queued before the cache.
-        queue: u32 ["warps", Allowed::Range(2, 256), "assumed: as before a texture unit"],
+        queue: u32 ["warps", Allowed::Range(2, 256), "assumed: as before a texture unit"]
+            {estimate: Ignored("cycles hardly depend on it"), relax: Room},
     }
 }
 

@@ -18,23 +18,32 @@ knob::knobs! {
     /// Packing of quads into warps, and their order after shading.
     pub struct DispatchConfig {
         /// Quads packed per cycle.
-        quads_per_cycle: u32 ["quads/cycle", Allowed::Range(1, 16), "assumed: four; ATTILA: one (bGPU.ini FRAGMENTSHADER InputsPerCycle = 4 fragments)"],
+        quads_per_cycle: u32 ["quads/cycle", Allowed::Range(1, 16), "assumed: four; ATTILA: one (bGPU.ini FRAGMENTSHADER InputsPerCycle = 4 fragments)"]
+            {estimate: Used, relax: Rate},
         /// Cycles that packing `quads_per_cycle` quads takes, for rates below one quad per cycle.
-        interval: u32 ["cycles", Allowed::Range(1, 64), "pipelined; 2 where a core shades two fragments per cycle (Mali-G57, Arm GPU Datasheet v7)"],
+        interval: u32 ["cycles", Allowed::Range(1, 64), "pipelined; 2 where a core shades two fragments per cycle (Mali-G57, Arm GPU Datasheet v7)"]
+            {estimate: Used, relax: Never},
         /// Warps between packing and leaving in order.
-        reorder: u32 ["warps", Allowed::Range(1, 1024), "all warps of four multiprocessors (CUDA, compute capability 5.2: 64 each); ATTILA bGPU.ini ShadedStampQueueSize = 640 stamps, 80 warps of 8"],
+        reorder: u32 ["warps", Allowed::Range(1, 1024), "all warps of four multiprocessors (CUDA, compute capability 5.2: 64 each); ATTILA bGPU.ini ShadedStampQueueSize = 640 stamps, 80 warps of 8"]
+            {estimate: Used, relax: Room},
         /// Cycles without a further quad after which a warp is started though it is not full.
-        patience: u32 ["cycles", Allowed::Range(1, 4096), "assumed: short against a texture access, so that little is lost at the end of work"],
+        patience: u32 ["cycles", Allowed::Range(1, 4096), "assumed: short against a texture access, so that little is lost at the end of work"]
+            {estimate: Ignored("cycles hardly depend on it"), relax: Never},
         /// Warps queued before each core.
-        queue: u32 ["warps", Allowed::Range(2, 256), "assumed: two: one arriving, one waiting"],
+        queue: u32 ["warps", Allowed::Range(2, 256), "assumed: two: one arriving, one waiting"]
+            {estimate: Ignored("cycles hardly depend on it"), relax: Room},
         /// Cycles from here to a core.
-        latency: u32 ["cycles", Allowed::Range(1, 64), "assumed: loading of input registers begins as the warp arrives"],
+        latency: u32 ["cycles", Allowed::Range(1, 64), "assumed: loading of input registers begins as the warp arrives"]
+            {estimate: Used, relax: Latency},
         /// Quads sent on to the ROP per cycle.
-        output_quads: u32 ["quads/cycle", Allowed::Range(1, 16), "assumed: four; ATTILA: one (bGPU.ini FRAGMENTSHADER OutputsPerCycle = 4 fragments)"],
+        output_quads: u32 ["quads/cycle", Allowed::Range(1, 16), "assumed: four; ATTILA: one (bGPU.ini FRAGMENTSHADER OutputsPerCycle = 4 fragments)"]
+            {estimate: Used, relax: Rate},
         /// Cycles from here to the ROP.
-        output_latency: u32 ["cycles", Allowed::Range(1, 64), "assumed; ATTILA bGPU.ini FRAGMENTSHADER OutputLatency = 11"],
+        output_latency: u32 ["cycles", Allowed::Range(1, 64), "assumed; ATTILA bGPU.ini FRAGMENTSHADER OutputLatency = 11"]
+            {estimate: Used, relax: Latency},
         /// Groups of quads queued before the ROP.
-        output_queue: u32 ["groups", Allowed::Range(2, 4096), "assumed; ATTILA bGPU.ini COLORWRITE InputQueueSize = 8, FetchQueueSize in the ROP"],
+        output_queue: u32 ["groups", Allowed::Range(2, 4096), "assumed; ATTILA bGPU.ini COLORWRITE InputQueueSize = 8, FetchQueueSize in the ROP"]
+            {estimate: RefusedUnless(AtLeast(4), "short queues behind the cores"), relax: Room},
     }
 }
 

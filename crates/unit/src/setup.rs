@@ -14,13 +14,16 @@ knob::knobs! {
     /// Triangle setup in each rasteriser.
     pub struct SetupConfig {
         /// Triangles set up per cycle.
-        triangles_per_cycle: u32 ["triangles/cycle", Allowed::Range(1, 8), "assumed; ATTILA bGPU.ini RASTERIZER TrianglesCycle = 2 for the card; one each here"],
+        triangles_per_cycle: u32 ["triangles/cycle", Allowed::Range(1, 8), "assumed; ATTILA bGPU.ini RASTERIZER TrianglesCycle = 2 for the card; one each here"]
+            {estimate: Used, relax: Rate},
         /// Cycles between two triangles of one unit; 1 is fully pipelined.
-        interval: u32 ["cycles", Allowed::Range(1, 64), "pipelined since the GeForce 256"],
+        interval: u32 ["cycles", Allowed::Range(1, 64), "pipelined since the GeForce 256"] {estimate: Used, relax: Interval},
         /// Cycles from here to traversal.
-        latency: u32 ["cycles", Allowed::Range(1, 64), "assumed; ATTILA bGPU.ini SetupLatency = 10"],
+        latency: u32 ["cycles", Allowed::Range(1, 64), "assumed; ATTILA bGPU.ini SetupLatency = 10"]
+            {estimate: Used, relax: Latency},
         /// Triangles queued before traversal.
-        queue: u32 ["triangles", Allowed::Range(2, 1024), "assumed; ATTILA bGPU.ini SetupFIFOSize = 32"],
+        queue: u32 ["triangles", Allowed::Range(2, 1024), "assumed; ATTILA bGPU.ini SetupFIFOSize = 32"]
+            {estimate: Used, relax: Room},
     }
 }
 

@@ -250,6 +250,13 @@ impl Config {
         path.strip_prefix("card.").unwrap_or(path)
     }
 
+    /// The declarations of all knobs, by path.
+    pub fn knobs(&self) -> impl Iterator<Item = (String, &'static Knob)> {
+        let of =
+            |(section, knobs): (&'static str, &dyn Section)| knobs.knobs().iter().map(move |knob| (knob.path(section), knob));
+        self.sections().into_iter().flat_map(of)
+    }
+
     /// The knob at a path, and its value.
     ///
     /// # Errors

@@ -193,20 +193,8 @@ fn whole(number: &Number) -> Option<u64> {
 
 /// Whether every knob is written.
 fn complete(file: &str, written: &[Written]) -> Result<(), ConfigError> {
-    for (section, knobs) in Config::default().sections() {
-        for knob in knobs.knobs() {
-            let path = join(section, knob.name);
-            if !written.iter().any(|known| known.path == path) {
-                return Err(ConfigError::Missing { file: file.to_owned(), key: path });
-            }
-        }
-    }
-    Ok(())
-}
-
-/// The path of a knob.
-pub fn join(section: &str, name: &str) -> String {
-    if section.is_empty() { name.to_owned() } else { format!("{section}.{name}") }
+    let missing = Config::default().knobs().find(|(path, _)| !written.iter().any(|known| known.path == *path));
+    missing.map_or(Ok(()), |(key, _)| Err(ConfigError::Missing { file: file.to_owned(), key }))
 }
 
 /// The knob at a path, and its value.
@@ -247,10 +235,7 @@ fn apply(config: &mut Config, file: &str, path: &str, given: &Given) -> Result<(
 
 /// The key that is nearest to one that there is not: one that has sections in front of it, else the one with the fewest edits.
 fn hint(path: &str) -> String {
-    let config = Config::default();
-    let of =
-        |(section, knobs): (&str, &dyn Section)| knobs.knobs().iter().map(|knob| join(section, knob.name)).collect::<Vec<_>>();
-    let paths: Vec<String> = config.sections().into_iter().flat_map(of).collect();
+    let paths: Vec<String> = Config::default().knobs().map(|(path, _)| path).collect();
     let in_section = |known: &&str| known.strip_suffix(path).is_some_and(|sections| sections.ends_with('.'));
     let known = || paths.iter().map(String::as_str);
     let nearest = known().filter(in_section).min_by_key(|known| known.len()).or_else(|| nearest(known(), path));

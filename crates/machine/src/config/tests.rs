@@ -1,6 +1,5 @@
-use super::read::join;
 use super::*;
-use knob::{Allowed, Knob, Setting};
+use knob::{Allowed, Knob, Relax, Setting};
 
 /// `UPDATE_BASELINE=1 cargo test --lib config` writes the comments anew.
 #[test]
@@ -108,11 +107,7 @@ fn overrides_change_one_knob() {
 
 /// All knobs with their paths.
 fn all() -> Vec<(String, Knob)> {
-    let config = Config::default();
-    let of = |(section, knobs): (&'static str, &dyn Section)| {
-        knobs.knobs().iter().map(|knob| (join(section, knob.name), *knob)).collect::<Vec<_>>()
-    };
-    config.sections().into_iter().flat_map(of).collect()
+    Config::default().knobs().map(|(path, knob)| (path, *knob)).collect()
 }
 
 /// A configuration that changes one knob of the baseline.
@@ -195,8 +190,28 @@ fn the_ends_of_a_knob_are_where_its_declaration_says() {
     for (section, knobs) in baseline.sections() {
         for knob in knobs.knobs() {
             let value = knobs.get(knob.name).unwrap();
-            assert!(knob.allowed.admits(&value), "{} is {value}", join(section, knob.name));
+            assert!(knob.allowed.admits(&value), "{} is {value}", knob.path(section));
         }
+    }
+}
+
+#[test]
+fn what_a_knob_counts_and_how_it_is_relaxed_agree() {
+    for (path, knob) in all() {
+        let is_number = matches!(knob.allowed, Allowed::Range(..) | Allowed::PowerOfTwo(..));
+        let per_cycle = knob.unit.ends_with("/cycle") || knob.unit == "lanes";
+        let fits = match knob.relax {
+            Relax::Never => !per_cycle,
+            Relax::Rate => is_number && per_cycle,
+            Relax::Bandwidth => is_number,
+            Relax::Room | Relax::Cache | Relax::Units(_) | Relax::Parts(_) => is_number && !per_cycle,
+            Relax::Interval | Relax::Latency | Relax::Wait(_) => is_number && knob.unit.contains("cycles"),
+            Relax::Each(_) => matches!(knob.allowed, Allowed::Choice(_)),
+            Relax::Skip(values) => {
+                !values.is_empty() && values.iter().all(|&(value, _)| knob.allowed.admits(&Setting::from(value)))
+            }
+        };
+        assert!(fits, "{path} is {}, in {:?}, and declared as {:?}", knob.allowed, knob.unit, knob.relax);
     }
 }
 

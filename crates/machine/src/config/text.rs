@@ -3,8 +3,7 @@
 use std::fmt::Write;
 
 use super::Config;
-use super::read::join;
-use knob::{Knob, Section};
+use knob::{Estimate, Knob, Section};
 
 /// Longest line of a comment.
 const WIDTH: usize = 120;
@@ -69,26 +68,39 @@ pub fn resolved(config: &Config) -> String {
     out
 }
 
+/// The values for which estimates hold.
+fn estimated(estimate: Estimate) -> String {
+    match estimate {
+        Estimate::Used | Estimate::UsedBy(_) => "all".into(),
+        Estimate::Ignored(reason) => format!("all: {reason}"),
+        Estimate::RefusedUnless(values, _) => values.to_string(),
+    }
+}
+
 /// The page of all knobs, in Markdown, with the values of the baseline.
 pub fn documentation(baseline: &Config) -> String {
     let mut out = String::new();
     for (path, section) in baseline.sections() {
         let title = if path.is_empty() { "top level" } else { path };
         let _ = writeln!(out, "## `{title}`\n\n{}\n", section.about());
-        let _ = writeln!(out, "| key | unit | baseline | allowed | meaning | source of the baseline's value |");
-        let _ = writeln!(out, "|---|---|---|---|---|---|");
+        let _ = writeln!(
+            out,
+            "| key | unit | baseline | allowed | meaning | source of the baseline's value | estimates hold for |"
+        );
+        let _ = writeln!(out, "|---|---|---|---|---|---|---|");
         for knob in section.knobs() {
             let value = section.get(knob.name).expect("every declared knob can be read");
             let cell = |text: &str| text.replace('|', "\\|");
             let _ = writeln!(
                 out,
-                "| `{}` | {} | {} | {} | {} | {} |",
-                join(path, knob.name),
+                "| `{}` | {} | {} | {} | {} | {} | {} |",
+                knob.path(path),
                 cell(knob.unit),
                 value,
                 cell(&knob.allowed.to_string()),
                 cell(knob.meaning),
-                cell(knob.source)
+                cell(knob.source),
+                cell(&estimated(knob.estimate))
             );
         }
         out.push('\n');

@@ -108,20 +108,20 @@ impl Bound<'_> {
 
     /// The lists of a pass.
     pub(super) fn lists(&self, draws: &[DrawProfile], windows: &[Window], cells: &[Cell]) -> Lists {
-        let config = &self.config.bin;
-        let at = BINS.iter().position(|&edge| edge == config.tile).unwrap_or(BINS.len() - 1);
-        let exact = usize::from(config.overlap == Overlap::Bounds);
+        let bin = &self.config.bin;
+        let at = BINS.iter().position(|&edge| edge == bin.tile).unwrap_or(BINS.len() - 1);
+        let exact = usize::from(bin.overlap == Overlap::Bounds);
         let ratio = |draw: &DrawProfile| draw.bins[exact][at] as f64 / draw.visits.max(1) as f64;
         let entries: Vec<f64> = draws.iter().map(ratio).collect();
         let own: f64 = windows.iter().map(|window| f64::from(window.triangles)).sum();
         let kept = |window: &Window| f64::from(window.triangles) * self.kept_bytes(&draws[window.draw as usize]);
         let triangle = windows.iter().map(kept).sum::<f64>() / own.max(1.0);
-        let triangle = if own > 0.0 { triangle } else { f64::from(config.triangle_bytes) };
-        let entry = ENTRY[usize::from(config.compression)];
+        let triangle = if own > 0.0 { triangle } else { f64::from(bin.triangle_bytes) };
+        let entry = ENTRY[usize::from(bin.compression)];
         let (mut rounds, mut round, mut segments, mut first) = (Vec::new(), Round::default(), 0, 0);
         // Fences of all segments that can be kept but one are held back.
-        let most = config.segments.saturating_sub(1).max(1);
-        let room = f64::from(config.memory_kib) * 1024.0;
+        let most = bin.segments.saturating_sub(1).max(1);
+        let room = f64::from(bin.memory_kib) * 1024.0;
         for (number, window) in windows.iter().enumerate() {
             let own: f64 = cells[first..window.end as usize].iter().map(|cell| f64::from(cell.triangles)).sum();
             let added = own * entries[window.draw as usize];

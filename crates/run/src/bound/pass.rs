@@ -193,16 +193,16 @@ impl Bound<'_> {
     /// read too, which has wires of its own but for the requests, and are waited for in order.
     fn resolve(&self, color: &[AttachmentProfile], [touched, drawn]: [f64; 2], traffic: &Traffic) -> f64 {
         let Some(attachment) = color.iter().find(|attachment| attachment.resolved > 0) else { return 0.0 };
-        let (config, request, header) = (&self.config.resolve, REQUEST_BYTES as f64, f64::from(HEADER));
+        let (resolve, request, header) = (&self.config.resolve, REQUEST_BYTES as f64, f64::from(HEADER));
         let part = self.left(attachment);
         let blocks = color.iter().map(|attachment| attachment.resolved as f64 / request).sum::<f64>().max(1.0);
         let drawn = drawn.min(blocks);
         let port = f64::from(self.config.memory.port_width);
         let pixels = request * self.pixels(attachment, touched / blocks);
-        let written = ((pixels + header) / port).max(f64::from(config.block_cycles));
+        let written = ((pixels + header) / port).max(f64::from(resolve.block_cycles));
         let bytes = attachment.block_bytes as f64 * part;
         let asked = (bytes / request).ceil();
-        let misses = f64::from(config.misses);
+        let misses = f64::from(resolve.misses);
         let (blocks, drawn) = (blocks / self.pipelines, drawn / self.pipelines);
         let units = (blocks - drawn) * written + drawn * written.max(bytes / port);
         let wait = self.latency(traffic) + self.behind_writes(traffic, misses * traffic.miss_rate(), units);

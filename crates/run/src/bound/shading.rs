@@ -36,7 +36,6 @@ fn behind(rate: f64, latency: f64) -> f64 {
 impl Bound<'_> {
     /// Warps that a core has under way, at most.
     pub(super) fn resident(&self, registers: u32) -> f64 {
-        // The limit follows from core.warps and core.registers, with core.register_granule and core.register_files.
         f64::from(self.config.core.resident_warps(registers.max(1)))
     }
 
