@@ -263,7 +263,7 @@ pub fn configurations(a: &Config, b: &Config) -> Vec<KnobDifference> {
         for knob in a.knobs() {
             let (Some(a), Some(b)) = (a.get(knob.name), b.get(knob.name)) else { continue };
             if a != b {
-                let path = if section.is_empty() { knob.name.to_owned() } else { format!("{section}.{}", knob.name) };
+                let path = knob.path(section);
                 found.push(KnobDifference { path, a: a.to_string(), b: b.to_string() });
             }
         }

@@ -1,12 +1,11 @@
 //! Relaxations: changes of a configuration that give a frame more of one resource.
 //!
-//! Most are found from the declarations of the knobs: what a knob counts says whether it is a rate, room for what is in flight, a cache or
-//! a latency. A new unit's knobs take part without a word here.
+//! The declaration of a knob says whether it is a rate, room for what is in flight, a cache or a latency ([`Relax`]). A new unit's knobs take
+//! part without a word here.
 
-use crate::knob::{Knob, Setting, Value};
+use crate::knob::{Allowed, Knob, Relax, Setting};
 use crate::machine::Config;
 use crate::machine::config::MemoryKind;
-use crate::unit::interleave::Pattern;
 
 /// A change that gives a frame more of one resource.
 #[derive(Clone, Debug, PartialEq)]
@@ -20,9 +19,6 @@ pub struct Relaxation {
     /// The knobs, with their new values.
     pub changes: Vec<(String, Setting)>,
 }
-
-/// Changes that give more of several resources at once: a core brings a texture unit and caches, a pipeline all of its units.
-const SEVERAL: &[&str] = &["core.per_pipeline", "pipelines", "geometry_units"];
 
 /// What there is more of.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -70,9 +66,10 @@ impl Relaxation {
         self.settings().map(|setting| format!("--set {setting}")).collect::<Vec<_>>().join(" ")
     }
 
-    /// Whether the change gives more of several resources at once, so that it does not name one.
+    /// Whether the change gives more of several resources at once, so that it does not name one: a core brings a texture unit and caches, a
+    /// pipeline all of its units.
     pub fn is_broad(&self) -> bool {
-        self.changes.iter().any(|(path, _)| SEVERAL.contains(&path.as_str()))
+        self.resource == Resource::Units
     }
 
     /// Whether the change is one of scan-out.
@@ -86,96 +83,17 @@ impl Relaxation {
     }
 }
 
-/// Skips that can be switched on, and what they leave out.
-const SKIPS: &[(&str, &str, &str)] = &[
-    ("depth.early", "true", "early Z"),
-    ("traverse.hierarchical_z", "true", "hierarchical Z"),
-    ("traverse.hierarchical_accept", "true", "acceptance by hierarchical Z"),
-    ("color.compression", "true", "compressed colours"),
-    ("depth.compression", "true", "compressed depths"),
-    ("color.fast_clear", "true", "fast clears"),
-    ("color.skip_reads", "true", "no reads of blocks that are overwritten whole"),
-    ("color.masked_writes", "true", "blocks written in part, without reads"),
-    ("command.overlap", "true", "passes and copies beside each other"),
-    ("command.async_compute", "true", "dispatches beside passes"),
-    ("command.skip_empty_passes", "true", "empty passes left out"),
-    ("command.cull", "draws", "draws culled by their bounds"),
-    ("command.cull", "instances", "draws and instances culled by their bounds"),
-    ("fetch.skip_attributes", "true", "only attributes that are read"),
-    ("interpolate.skip_varyings", "true", "only varyings that are read"),
-    ("texture.skip_levels", "true", "only levels that have a weight"),
-    ("clip.cull_facing", "true", "triangles that face away culled early"),
-    ("clip.cull_frustum", "true", "primitives out of view culled early"),
-    ("clip.cull_scissor", "true", "scissored primitives culled early"),
-    ("clip.cull_no_sample", "true", "triangles between samples culled early"),
-    ("distribute.overlap", "exact", "triangles sent to exactly those that draw them"),
-    ("bin.overlap", "exact", "triangles binned exactly"),
-    ("bin.compression", "true", "compressed bins"),
-    ("bin.hide", "true", "hidden surfaces removed by tiles"),
-    ("bin.skip_same_tiles", "true", "unchanged tiles not drawn"),
-    ("compose.compression", "true", "compressed composition"),
-    ("scanout.compressed", "true", "compressed scan-out"),
-    ("scanout.enabled", "false", "no scan-out"),
-];
-
 /// How many times as large a cache is that is taken for perfect.
 const PERFECT: u64 = 64;
 
-/// Sections that are about memory, not about a unit of the pipeline.
-fn is_memory(section: &str) -> bool {
-    section.starts_with("memory")
+/// Whether a section, or the knob of a path, is about memory and not about a unit of the pipeline.
+fn is_memory(path: &str) -> bool {
+    path.starts_with("memory")
 }
 
-/// Whether a knob is a rate that is better when it is higher.
-fn is_rate(knob: &Knob) -> bool {
-    knob.unit.ends_with("/cycle") || knob.unit == "lanes"
-}
-
-/// Whether a knob is the time of one item, better when it is lower.
-fn is_interval(section: &str, knob: &Knob) -> bool {
-    knob.unit.starts_with("cycles/") || (section, knob.name) == ("setup", "interval")
-}
-
-/// Whether a knob is room for what is in flight.
-fn is_room(knob: &Knob) -> bool {
-    const NAMES: &[&str] = &[
-        "misses",
-        "copy_misses",
-        "waiting",
-        "entries",
-        "batches",
-        "segments",
-        "workgroup_runs",
-        "index_lines",
-        "reorder",
-        "warps",
-        "vertex_warps",
-        "registers",
-    ];
-    NAMES.contains(&knob.name) || knob.name.ends_with("queue") || knob.name.ends_with("fifo")
-}
-
-/// Whether a knob is the size of a cache.
-fn is_cache(section: &str, knob: &Knob) -> bool {
-    matches!(knob.name, "cache_lines" | "cache_blocks" | "reuse") || (section, knob.name) == ("memory.l2", "lines")
-}
-
-/// Whether a knob is the latency of a unit of the pipeline.
-fn is_latency(section: &str, knob: &Knob) -> bool {
-    !is_memory(section) && knob.unit == "cycles" && (knob.name == "latency" || knob.name.ends_with("_latency"))
-}
-
-/// Whether a knob is part of the latency of memory.
-fn is_memory_latency(section: &str, knob: &Knob) -> bool {
-    match section {
-        "memory" => knob.name.ends_with("latency"),
-        "memory.l2" => knob.name == "latency",
-        "memory.dram" => {
-            knob.unit == "DRAM cycles" && !matches!(knob.name, "burst_cycles" | "t_ccd_l" | "page_idle" | "t_rfc" | "t_refi")
-                || knob.name == "latency"
-        }
-        _ => false,
-    }
+/// Whether the knob of a path is one of a section, and not of a section within it.
+fn is_of(section: &str, path: &str) -> bool {
+    path.rsplit_once('.').map_or("", |(own, _)| own) == section
 }
 
 struct Finder<'c> {
@@ -205,47 +123,51 @@ impl Finder<'_> {
         (value > 1 && knob.allowed.admits(&setting)).then_some(setting)
     }
 
-    /// Adds a relaxation of knobs that are chosen by section and declaration, each changed by `change`; none are no relaxation.
+    /// Adds a relaxation of all knobs that `change` changes, by path and declaration. Without a change there is no relaxation.
     fn add(
         &mut self,
         title: String,
         section: &'static str,
         resource: Resource,
-        change: impl Fn(&Self, &str, &str, &Knob) -> Option<Setting>,
+        change: impl Fn(&Self, &str, &Knob) -> Option<Setting>,
     ) {
-        let mut changes = Vec::new();
-        for (own, knobs) in self.base.sections() {
-            for knob in knobs.knobs() {
-                let path = if own.is_empty() { knob.name.to_owned() } else { format!("{own}.{}", knob.name) };
-                if let Some(setting) = change(self, own, &path, knob) {
-                    changes.push((path, setting));
-                }
-            }
-        }
+        let changed = |(path, knob): (String, &Knob)| change(self, &path, knob).map(|setting| (path, setting));
+        let changes: Vec<(String, Setting)> = self.base.knobs().filter_map(changed).collect();
         if !changes.is_empty() {
             self.found.push(Relaxation { title, section, resource, changes });
         }
     }
 
-    /// Adds other ways to deal the screen to pipelines: smaller tiles, and every other pattern.
-    fn balance(&mut self) {
-        if self.base.card.pipelines == 1 {
-            return;
-        }
-        for (parts, size) in [(2, "half"), (8, "an eighth")] {
-            let title = format!("screen tiles {size} as wide");
-            self.add(title, "distribute", Resource::Balance, |finder, _, path, knob| {
-                let setting = Setting::Number(u64::from(finder.base.distribute.tile) / parts);
-                (path == "distribute.tile" && knob.allowed.admits(&setting)).then_some(setting)
-            });
-        }
-        let now = self.base.distribute.pattern.to_setting();
-        for name in Pattern::NAMES {
-            let setting = Setting::Name((*name).into());
-            let title = format!("screen tiles dealt in the pattern {name}");
-            self.add(title, "distribute", Resource::Balance, |_, _, path, _| {
-                (path == "distribute.pattern" && setting != now).then(|| setting.clone())
-            });
+    /// Adds the relaxations that change one knob alone.
+    fn add_single(&mut self, section: &'static str, path: String, knob: &Knob) {
+        let Ok((_, now)) = self.base.knob("a relaxation", &path) else { return };
+        let (resource, tried) = match knob.relax {
+            Relax::Units(title) => (Resource::Units, vec![(title.to_owned(), self.times(&path, knob, 2))]),
+            Relax::Wait(title) => (Resource::Latency, vec![(title.to_owned(), self.half(&path, knob))]),
+            // A single pipeline gets all of the work, however it is dealt.
+            Relax::Parts(_) | Relax::Each(_) if self.base.card.pipelines == 1 => return,
+            Relax::Parts(parts) => {
+                let part = |by| if let Setting::Number(size) = now { Some(Setting::Number(size / by)) } else { None };
+                let divided = |(by, text)| (format!("{parts} {text} as wide"), part(by));
+                (Resource::Balance, [(2, "half"), (8, "an eighth")].map(divided).to_vec())
+            }
+            Relax::Each(title) => {
+                let names = if let Allowed::Choice(names) = knob.allowed { names } else { &[] };
+                let named = |&name: &&str| (format!("{title} {name}"), Some(Setting::from(name)));
+                (Resource::Balance, names.iter().map(named).collect())
+            }
+            Relax::Skip(values) => {
+                let switched = |&(value, title): &(&str, &str)| (title.to_owned(), Some(Setting::from(value)));
+                (Resource::Skip, values.iter().map(switched).collect())
+            }
+            Relax::Never | Relax::Rate | Relax::Interval | Relax::Room | Relax::Cache | Relax::Latency | Relax::Bandwidth => {
+                return;
+            }
+        };
+        for (title, setting) in tried {
+            if let Some(setting) = setting.filter(|setting| *setting != now && knob.allowed.admits(setting)) {
+                self.found.push(Relaxation { title, section, resource, changes: vec![(path.clone(), setting)] });
+            }
         }
     }
 }
@@ -258,14 +180,13 @@ pub fn relaxations(base: &Config, has: &dyn Fn(&str) -> bool) -> Vec<Relaxation>
         if section.is_empty() || is_memory(section) || absent(section) {
             continue;
         }
-        finder.add(format!("{section}: twice as fast"), section, Resource::Rate, |finder, own, path, knob| match () {
-            () if own != section => None,
-            () if is_rate(knob) => finder.times(path, knob, 2),
-            () if is_interval(own, knob) => finder.half(path, knob),
-            () => None,
+        finder.add(format!("{section}: twice as fast"), section, Resource::Rate, |finder, path, knob| match knob.relax {
+            Relax::Rate if is_of(section, path) => finder.times(path, knob, 2),
+            Relax::Interval if is_of(section, path) => finder.half(path, knob),
+            _ => None,
         });
-        finder.add(format!("{section}: twice as much in flight"), section, Resource::Room, |finder, own, path, knob| {
-            if own == section && is_room(knob) { finder.times(path, knob, 2) } else { None }
+        finder.add(format!("{section}: twice as much in flight"), section, Resource::Room, |finder, path, knob| {
+            if knob.relax == Relax::Room && is_of(section, path) { finder.times(path, knob, 2) } else { None }
         });
     }
     for (section, _) in base.sections() {
@@ -273,75 +194,41 @@ pub fn relaxations(base: &Config, has: &dyn Fn(&str) -> bool) -> Vec<Relaxation>
             continue;
         }
         for (title, factor) in [("twice as large a cache", 2), ("a cache that is never full", PERFECT)] {
-            finder.add(format!("{section}: {title}"), section, Resource::Cache, |finder, own, path, knob| {
-                if own == section && is_cache(own, knob) { finder.times(path, knob, factor) } else { None }
+            finder.add(format!("{section}: {title}"), section, Resource::Cache, |finder, path, knob| {
+                if knob.relax == Relax::Cache && is_of(section, path) { finder.times(path, knob, factor) } else { None }
             });
         }
     }
-    let units = [
-        ("core.per_pipeline", "core", "twice the cores, each with its texture unit"),
-        ("geometry_units", "", "twice the geometry units"),
-        ("pipelines", "", "twice the pipelines"),
-    ];
-    for (path, section, title) in units {
-        finder.add(
-            title.into(),
-            section,
-            Resource::Units,
-            |finder, _, own, knob| {
-                if own == path { finder.times(own, knob, 2) } else { None }
-            },
-        );
-    }
-    finder.balance();
-    finder.add("half the latency of all units".into(), "", Resource::Latency, |finder, own, path, knob| {
-        if is_latency(own, knob) { finder.half(path, knob) } else { None }
+    finder.add("half the latency of all units".into(), "", Resource::Latency, |finder, path, knob| {
+        if knob.relax == Relax::Latency && !is_memory(path) { finder.half(path, knob) } else { None }
     });
-    finder.add("command: barriers half as long".into(), "command", Resource::Latency, |finder, _, path, knob| {
-        if path == "command.barrier_cycles" { finder.half(path, knob) } else { None }
-    });
-    finder.add("half the memory latency".into(), "memory", Resource::MemoryLatency, |finder, own, path, knob| {
-        // Of DRAM and the ideal memory the machine has one.
-        let other = match own {
-            "memory.dram" | "memory.l2" => finder.base.memory.kind == MemoryKind::Ideal,
-            _ => knob.name == "ideal_latency" && finder.base.memory.kind != MemoryKind::Ideal,
-        };
-        if is_memory_latency(own, knob) && !other { finder.half(path, knob) } else { None }
+    // Of DRAM and the ideal memory the machine has one, and the other's knobs have no effect.
+    let acts = |path: &str| base.no_effect(path).is_none();
+    finder.add("half the memory latency".into(), "memory", Resource::MemoryLatency, |finder, path, knob| {
+        if knob.relax == Relax::Latency && is_memory(path) && acts(path) { finder.half(path, knob) } else { None }
     });
     // Bursts that take one cycle cannot be shorter: twice the channels then.
-    let (wide, ideal) = (base.dram.burst_cycles == 1, base.memory.kind == MemoryKind::Ideal);
-    finder.add("twice the memory bandwidth".into(), "memory", Resource::MemoryBandwidth, |finder, _, path, knob| match path {
-        "memory.dram.burst_cycles" | "memory.dram.t_ccd_l" if !ideal && !wide => finder.half(path, knob),
-        "memory.dram.channels" | "memory.l2.slices" if !ideal && wide => finder.times(path, knob, 2),
-        "memory.ideal_bytes_per_cycle" if ideal => finder.times(path, knob, 2),
-        _ => None,
-    });
-    finder.add(
-        "memory: twice as wide ports and slices".into(),
-        "memory",
-        Resource::MemoryBandwidth,
-        |finder, _, path, knob| match path {
-            "memory.port_width" | "memory.l2.width" | "memory.l2.lookups_per_cycle" => finder.times(path, knob, 2),
+    let bursts = base.memory.kind == MemoryKind::Dram && base.dram.burst_cycles > 1;
+    finder.add("twice the memory bandwidth".into(), "memory", Resource::MemoryBandwidth, |finder, path, knob| {
+        match knob.relax {
+            Relax::Interval if is_memory(path) && bursts => finder.half(path, knob),
+            Relax::Bandwidth if !bursts && acts(path) => finder.times(path, knob, 2),
             _ => None,
-        },
-    );
-    finder.add("memory: twice as many requests in flight".into(), "memory", Resource::Room, |finder, own, path, knob| {
-        if is_memory(own) && is_room(knob) { finder.times(path, knob, 2) } else { None }
-    });
-    for (path, value, title) in SKIPS {
-        let section = path.split_once('.').map_or("", |(section, _)| section);
-        if absent(section) {
-            continue;
         }
-        let value = match *value {
-            "true" => Setting::Switch(true),
-            "false" => Setting::Switch(false),
-            name => Setting::Name(name.into()),
-        };
-        finder.add((*title).into(), section, Resource::Skip, |finder, _, own, _| {
-            let differs = || finder.base.knob("a relaxation", own).is_ok_and(|(_, now)| now != value);
-            (own == *path && differs()).then(|| value.clone())
-        });
+    });
+    finder.add("memory: twice as wide ports and slices".into(), "memory", Resource::MemoryBandwidth, |finder, path, knob| {
+        if knob.relax == Relax::Rate && is_memory(path) { finder.times(path, knob, 2) } else { None }
+    });
+    finder.add("memory: twice as many requests in flight".into(), "memory", Resource::Room, |finder, path, knob| {
+        if knob.relax == Relax::Room && is_memory(path) { finder.times(path, knob, 2) } else { None }
+    });
+    for (section, knobs) in base.sections() {
+        for knob in knobs.knobs() {
+            // The screen is dealt in tiles without a bank of this name, too.
+            if !absent(section) || !matches!(knob.relax, Relax::Skip(_)) {
+                finder.add_single(section, knob.path(section), knob);
+            }
+        }
     }
     finder.found
 }

@@ -5,7 +5,7 @@ use std::panic::{AssertUnwindSafe, catch_unwind};
 
 use crate::common::{config, dispatch, everything, rendered, run};
 use fillrate::gfx::format::Format;
-use fillrate::knob::{Allowed, Knob, Section, Setting};
+use fillrate::knob::{Allowed, Knob, Setting};
 use fillrate::machine::config::SortClass;
 use fillrate::machine::{Config, Machine, MachineReport};
 use fillrate::num::Random;
@@ -76,9 +76,9 @@ fn as_many_as_can_be_are_in_flight_and_none_is_taken_for_another() {
     let works = [false, true].map(|covered| [many(covered, 1100), many(covered, 1)]);
     for class in SortClass::NAMES {
         let mut all = config(class, &[]);
-        for (path, knob) in knobs(&all.clone()).iter().filter(|(path, _)| IN_FLIGHT.contains(&path.as_str())) {
+        for (path, knob) in all.clone().knobs().filter(|(path, _)| IN_FLIGHT.contains(&path.as_str())) {
             let Allowed::Range(_, high) = knob.allowed else { panic!("{path} is a number") };
-            all.put("", path, &Setting::Number(high)).expect("its upper end");
+            all.put("", &path, &Setting::Number(high)).expect("its upper end");
         }
         let works = &works[usize::from(all.render_key().shade == Shade::Covered)];
         for reuse in ["replaced", "batch"] {
@@ -110,15 +110,6 @@ fn any(allowed: Allowed, random: &mut Random) -> Setting {
     }
 }
 
-/// All knobs with their paths.
-fn knobs(config: &Config) -> Vec<(String, &'static Knob)> {
-    let of = |(section, knobs): (&str, &dyn Section)| -> Vec<(String, &'static Knob)> {
-        let path = |name: &str| if section.is_empty() { name.to_owned() } else { format!("{section}.{name}") };
-        knobs.knobs().iter().map(|knob| (path(knob.name), knob)).collect()
-    };
-    config.sections().into_iter().flat_map(of).collect()
-}
-
 /// A display that any memory serves: what is too fast for it is refused when the first frame is shown.
 const DISPLAY: [&str; 2] = ["scanout.line_cycles=300", "scanout.blank_lines=3"];
 
@@ -134,7 +125,7 @@ fn any_knob_with_three_others_at_random_runs_to_the_same_picture() {
     let (mut made, mut ran, mut failed) = (0, 0, Vec::new());
     for class in SortClass::NAMES {
         let plain = config(class, &DISPLAY);
-        let knobs = knobs(&plain);
+        let knobs: Vec<(String, &Knob)> = plain.knobs().collect();
         for (path, knob) in knobs.iter().filter(|(path, _)| !KEPT.contains(&path.as_str())) {
             let ends = match knob.allowed {
                 Allowed::Range(low, high) | Allowed::PowerOfTwo(low, high) => vec![Setting::Number(low), Setting::Number(high)],

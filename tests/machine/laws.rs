@@ -154,7 +154,7 @@ fn every_knob_at_its_ends_makes_a_lawful_machine() {
     let (mut number, mut ran, mut refused) = (0, 0, Vec::new());
     for (section, knobs) in baseline.sections() {
         for knob in knobs.knobs() {
-            let path = if section.is_empty() { knob.name.to_owned() } else { format!("{section}.{}", knob.name) };
+            let path = knob.path(section);
             let ends = match knob.allowed {
                 Allowed::Range(low, high) | Allowed::PowerOfTwo(low, high) => vec![low.to_string(), high.to_string()],
                 Allowed::Switch => vec!["true".into(), "false".into()],
@@ -252,7 +252,7 @@ fn change_at_random(config: &mut Config, mut value: impl FnMut(&Knob) -> Option<
     for (section, knobs) in Config::built_in("four-pipelines").unwrap().sections() {
         for knob in knobs.knobs() {
             if let Some(value) = value(knob) {
-                let path = if section.is_empty() { knob.name.to_owned() } else { format!("{section}.{}", knob.name) };
+                let path = knob.path(section);
                 config.set(&format!("{path}={value}")).unwrap();
             }
         }
@@ -278,7 +278,7 @@ fn knobs_that_are_said_to_have_no_effect_have_none() {
             let mut changed = plain.clone();
             for (section, knobs) in plain.sections() {
                 for knob in knobs.knobs() {
-                    let path = if section.is_empty() { knob.name.to_owned() } else { format!("{section}.{}", knob.name) };
+                    let path = knob.path(section);
                     if plain.no_effect(&path).is_none() {
                         continue;
                     }

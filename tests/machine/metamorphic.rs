@@ -90,7 +90,7 @@ fn more_of_a_resource_costs_at_most_two_per_cent() {
             let before = cycles(&plain, &work);
             for (section, knobs) in plain.sections() {
                 for (k, knob) in knobs.knobs().iter().enumerate() {
-                    let path = if section.is_empty() { knob.name.to_owned() } else { format!("{section}.{}", knob.name) };
+                    let path = knob.path(section);
                     if !is_chosen(23, &[3 * c, s, k]) {
                         continue;
                     }
@@ -176,7 +176,7 @@ fn a_scene_told_in_another_way_takes_as_long() {
             let mut twice = plain.clone();
             for (section, knobs) in plain.sections() {
                 for knob in knobs.knobs().iter().filter(|knob| knob.unit.contains("/cycle") || knob.unit == "lanes") {
-                    let path = if section.is_empty() { knob.name.to_owned() } else { format!("{section}.{}", knob.name) };
+                    let path = knob.path(section);
                     if let Some(value) = more(&plain, &path, knob) {
                         twice.put("", &path, &value).expect("a value of the knob");
                     }
