@@ -191,3 +191,50 @@ pub fn section(input: &Input<'_>) -> Option<Markup> {
         }
     })
 }
+
+#[cfg(test)]
+mod tests {
+    use serde_json::json;
+
+    use super::*;
+    use crate::knob::Relax;
+
+    #[test]
+    fn rules_name_knobs_that_can_give_a_frame_more() {
+        // All rules apply to this frame, and each early test is off.
+        let cache = json!([{ "accesses": 1000, "hits": 10 }]);
+        let frame = json!({
+            "cycles": 1000,
+            "funnel": { "fragments_shaded": 100, "helper_fragments": 900, "fragments_late_failed": 90, "fragments_covered": 100 },
+            "caches": { "texture": cache, "vertex": cache, "color": cache, "depth": cache },
+            "sort": { "load_imbalance": 2.0, "wrong_pixels": 1 },
+            "phases": [{ "kind": "scan-out", "cycles": 300 }, { "kind": "transfers", "cycles": 300 }],
+        });
+        let mut config = Config::built_in("four-pipelines").expect("it is built in");
+        for change in ["depth.early=false", "traverse.hierarchical_z=false"] {
+            config.set(change).expect("a knob");
+        }
+        let advice = counted(&frame, Some(&config));
+        assert_eq!(advice.len(), 11);
+        let mut paths: Vec<&str> =
+            advice.iter().flat_map(|own| &own.set).map(|set| set.split('=').next().unwrap_or(set)).collect();
+        paths.sort();
+        let expected = [
+            "color.cache_blocks",
+            "depth.cache_blocks",
+            "depth.early",
+            "depth.early",
+            "distribute.tile",
+            "fetch.cache_lines",
+            "memory.port_width",
+            "scanout.enabled",
+            "texture.cache_lines",
+            "traverse.hierarchical_z",
+        ];
+        assert_eq!(paths, expected);
+        for path in paths {
+            let (knob, _) = config.knob("advice", path).expect("a knob");
+            assert!(knob.relax != Relax::Never, "{path}: `why` cannot prove what advice says of it");
+        }
+    }
+}
