@@ -165,7 +165,7 @@ limits! {
     /// What shaders do, and what is done around them. A step is one simple operation on up to 64 invocations at once; loads and stores of buffers are
     /// 24, those of arrays and constants 8, atomic and texture operations 64; a draw is 600, a vertex 4, a triangle that is clipped 64, a triangle in
     /// a screen tile 16, a block of 8x8 pixels of it 1, a quad 3, 24 more for each sample of it that is blended in a format other than four bytes, a
-    /// workgroup 80. Recorded traces have up to 598 million.
+    /// workgroup 80. Recorded traces have up to 602 million.
     work_steps: "work.shader_steps", 3_000_000_000, "shader steps";
     /// Turns of one loop between its entry and its end: a program that needs more hangs a card.
     work_loop_turns: "work.loop_turns", 1 << 20, "turns of a loop";
