@@ -34,10 +34,10 @@ Input below 1 MB is read, imported, compiled and drawn by functional rendering, 
 that is known here was measured so (`cargo test --release --test robust every_form -- --ignored --nocapture`): shaders, texts, recordings, archives, pictures and commands. Budgets
 count steps and bytes, so that a refusal does not depend on the host.
 
-A machine of the cycle fidelity takes more. `traces/flight.zip`, a recording of 0.93 MB with 600 frames, takes 38 s and 1,093 million steps on the baseline, and 82 s
-and 3,080 million steps on `tiny`: a limit that ends each input below 1 MB in 30 s would refuse it. A step takes 25 to 50 ns on every machine, so the default of
-`work.machine_steps` ends endless work after 3 to 10 minutes of a processor, and `--limit work.machine_steps=600_000_000` after 15 to 60 s. Cycles say little about time: `tiny` simulates
-7 million in a second, `wide` 0.1 million.
+A machine of the cycle fidelity takes more. `traces/flight.zip`, a recording of 0.93 MB with 600 frames, takes 38 s and some 1,300 million steps on the
+baseline, and 82 s and nearly three times as many steps on `tiny`: a limit that ends each input below 1 MB in 30 s would refuse it. A step takes 25 to 50 ns on every machine,
+so the default of `work.machine_steps` ends endless work after 3 to 10 minutes, and `--limit work.machine_steps=600_000_000` after 15 to 30 s. Rendering in front of a
+machine and beside it has the limits above. Cycles say little about time: `tiny` simulates 7 million in a second, `wide` 0.1 million.
 Sweeps and `why` run many machines, each with this limit. The fidelities bound and sampled render a trace several times.
 
 ## Which files are read

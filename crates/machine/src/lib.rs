@@ -114,7 +114,7 @@ const LOOK: Cycle = 1 << 14;
 const BEGIN_STEPS: u64 = 16;
 
 /// Steps of a machine for each unit and channel of which a frame's report has counters.
-const REPORT_STEPS: u64 = 16;
+const REPORT_STEPS: u64 = 48;
 
 /// Events that are read ahead of the command processor.
 const AHEAD: usize = 2;

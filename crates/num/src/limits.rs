@@ -172,7 +172,8 @@ limits! {
     /// Bytes that creations, copies, clears, loads of attachments and presents touch. Recorded traces have up to 1.9 GB.
     work_bytes: "work.bytes", 1 << 34, "bytes created, copied and cleared";
     /// What the units of one machine do: a cycle in which a unit is busy is a step, an item that goes through a channel is 8, a step of a program
-    /// that a warp begins is 16, and a frame's report is 16 for each unit and channel. A step takes 25 to 50 ns. Recorded traces take up to 1,093 million on the baseline, and 3,080 million on the smallest machine.
+    /// that a warp begins is 16, and a frame's report is 48 for each unit and channel. A step takes 25 to 50 ns. Recorded traces take up to 1,300
+    /// million on the baseline, and nearly three times as many on the smallest machine.
     work_machine: "work.machine_steps", 6_000_000_000, "steps of a machine's units";
     /// Cycles of one machine, in which its units may wait. Recorded traces take up to 20 million on the baseline.
     work_cycles: "work.cycles", 100_000_000_000, "cycles of a machine";

@@ -9,8 +9,8 @@ use std::sync::{Arc, Mutex, PoisonError};
 
 use num::{Limit, LimitExceeded, Limits, Meter};
 
-/// What work beside shaders costs, in steps: a draw, each of its vertices, a triangle that is clipped, and a workgroup. Steps take about 7 ns. A draw takes 4.5 us of a
-/// processor of 3 GHz, a vertex 13 to 42 ns beside its shader, a workgroup 0.6 us.
+/// What work beside shaders costs, in steps: a draw, each of its vertices, a triangle that is clipped, and a workgroup. Steps take about 7 ns.
+/// A draw takes 4.5 us of a processor of 3 GHz, a vertex 13 to 42 ns beside its shader, a workgroup 0.6 us.
 pub const DRAW_STEPS: u64 = 600;
 /// See [`DRAW_STEPS`].
 pub const VERTEX_STEPS: u64 = 4;
