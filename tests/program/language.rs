@@ -4,7 +4,7 @@ use std::fs;
 use std::path::{Path, PathBuf};
 
 /// The phrases to avoid, in lower case. No comment and no page contains one of them. A phrase joins the list when it is gone everywhere.
-/// Instead of "so many", a sentence names the parameter; a rate has "per" before its unit, not an article.
+/// A sentence names the parameter that it counts, and a rate has "per" before its unit.
 const AVOIDED: &[&str] = &[
     "so many",
     "so much",

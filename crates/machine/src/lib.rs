@@ -353,7 +353,7 @@ impl Machine {
                 if now >= look {
                     let at = now / LOOK * LOOK;
                     look = at + LOOK;
-                    let begun: u64 = circuit.core.iter().map(|core| core.begun()).sum();
+                    let begun: u64 = circuit.core.iter().chain(&circuit.vertex_core).map(|core| core.begun()).sum();
                     let others = BEGIN_STEPS.saturating_mul(begun).saturating_add(reported);
                     passed = steps.filter(|steps| circuit.wires().steps_at(at).saturating_add(others) > steps.get());
                 }

@@ -231,15 +231,19 @@ fn render(
         let (send, events) = channel::bounded(EVENTS_IN_FLIGHT);
         let ended = Arc::new(AtomicBool::new(false));
         let turn = Turn { free: free.clone(), back: back.clone(), mine: false };
+        // The renderer waits for a consumer that has dropped its events until it is known whether that failed.
+        let known = events.clone();
         let mut work = Work { events, turn, ended: ended.clone() };
         sends.push(send);
         runs.push(move || {
             work.turn.begin();
-            run(work).map_err(|error| {
+            let done = run(work).map_err(|error| {
                 failed.store(true, Relaxed);
                 let own = !ended.load(Relaxed) || limit(&error);
                 Failed { error, own }
-            })
+            });
+            drop(known);
+            done
         });
     }
     std::thread::scope(|scope| {
