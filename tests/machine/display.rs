@@ -288,6 +288,35 @@ fn a_display_beside_drawing_reads_at_its_rate_and_is_no_time_of_a_frame() {
 }
 
 #[test]
+fn a_machine_that_is_given_its_frames_in_parts_goes_on_as_if_it_had_all() {
+    let cases: [(&[&str], &[&str]); 2] = [
+        (&["sort-middle", "sort-middle-binned", "sort-last-image"], &["scanout.mode=after-frame"]),
+        (SortClass::NAMES, &["scanout.mode=free-running", "scanout.show_last=false", "scanout.line_cycles=40"]),
+    ];
+    for (classes, changes) in cases {
+        for class in classes {
+            let config = config(class, changes);
+            let covered = config.render_key().shade == Shade::Covered;
+            let scene = Scene { width: 72, height: 56, triangles: 40, size: 30.0, frames: 4, covered, ..Scene::default() };
+            let work = events(&scene);
+            let whole = run(&config, &work, Clock::SkipIdle);
+            let mut machine = Machine::new(&config).expect("knobs that fit");
+            machine.watch_draws();
+            let parts: Vec<&[Event]> = work.split_inclusive(|event| matches!(event, Event::EndFrame(_))).collect();
+            for (number, part) in parts.iter().enumerate() {
+                let follow = (number + 1 < parts.len()).then_some(Event::FramesFollow);
+                let report = machine.run(part.iter().cloned().chain(follow), Clock::SkipIdle).expect("a frame");
+                let (own, all) = (&report.frames[0], &whole.frames[number]);
+                let what = format!("{class}, {changes:?}: frame {number}");
+                assert_eq!((report.frames.len(), report.cycles, own.cycles), (1, own.cycles, all.cycles), "{what}");
+                assert!(own.tree.json() == all.tree.json(), "{what}: statistics");
+                assert!(own.picture == all.picture, "{what}: picture");
+            }
+        }
+    }
+}
+
+#[test]
 fn estimates_and_samples_know_a_display_beside_drawing() {
     let trace = Trace::open(Path::new(env!("CARGO_MANIFEST_DIR")).join("traces/flight.zip")).expect("a trace");
     let of = |fidelity, changes: &[&str]| {

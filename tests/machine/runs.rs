@@ -19,7 +19,11 @@ fn open(trace: &str) -> Trace {
 }
 
 fn card(changes: &[&str]) -> Config {
-    let mut config = Config::built_in("four-pipelines").expect("it is built in");
+    changed("four-pipelines", changes)
+}
+
+fn changed(name: &str, changes: &[&str]) -> Config {
+    let mut config = Config::built_in(name).expect("it is built in");
     changes.iter().for_each(|change| config.set(change).expect("a knob"));
     config
 }
@@ -82,11 +86,16 @@ fn one_run_is_one_machine_on_recorded_traces() {
 
 #[test]
 fn runs_show_the_same_pictures_and_take_nearly_the_same_cycles() {
-    for (name, frames, frames_per_run, allowed) in [("particles", 4, 1, 3e-3), ("flight.zip", 12, 3, 4e-3)] {
+    // The display of the baseline runs beside drawing.
+    for (name, base, frames, frames_per_run, allowed) in [
+        ("particles", "four-pipelines", 4, 1, 3e-3),
+        ("flight.zip", "four-pipelines", 12, 3, 4e-3),
+        ("flight.zip", "baseline", 32, 4, 7e-3),
+    ] {
         // What a class carries over is the same for a long sequence.
         let classes: [&[&str]; 3] = [&[], &["sort=sort-first"], &["sort=sort-last-fragment"]];
         for changes in classes.into_iter().take(if frames > 4 { 1 } else { 3 }) {
-            let (trace, config) = (open(name), card(changes));
+            let (trace, config) = (open(name), changed(base, changes));
             let (one, all) = simulated(&trace, &config, frames, None);
             let (runs, sum) = simulated(&trace, &config, frames, Some(frames_per_run));
             assert_eq!(one.len(), runs.len());
@@ -96,7 +105,7 @@ fn runs_show_the_same_pictures_and_take_nearly_the_same_cycles() {
             let cycles: f64 = runs.iter().map(|frame| frame.tree.number("cycles").expect("cycles")).sum();
             assert_eq!(cycles, sum.cycles as f64);
             let off = sum.cycles as f64 / all.cycles as f64 - 1.0;
-            assert!(off.abs() < allowed, "{name}, {changes:?}: {} cycles in runs, {} in all", sum.cycles, all.cycles);
+            assert!(off.abs() < allowed, "{name}, {base}, {changes:?}: {} cycles in runs, {} in all", sum.cycles, all.cycles);
         }
     }
 }

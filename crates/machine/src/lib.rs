@@ -315,7 +315,7 @@ impl Machine {
         self.card.closed = false;
         let sort = self.config.card.sort;
         // A free-running display is never quiet; what is on its way when a frame ends belongs to the next. Behind the last frame it is switched
-        // off, unless it is to show that.
+        // off, unless it is to show that or frames follow elsewhere.
         let free = self.config.scanout.runs_free();
         let shows_last = self.config.scanout.show_last;
         // Without reports, scan-out of a frame takes no simulated time.
@@ -370,6 +370,7 @@ impl Machine {
                     Some(Event::BeginPass(_)) => !card.closed && card.events.len() == 1,
                     // The last frame switches a display off.
                     Some(Event::EndFrame(_)) => free && !card.closed && card.events.len() == 1,
+                    Some(Event::FramesFollow) => true,
                     Some(_) => false,
                 };
                 let applies = matches!(card.events.front(), Some(Event::Applied(_)));
@@ -382,8 +383,14 @@ impl Machine {
                     || circuit.scanout.captures()
                     || applies && circuit.command.idle()
                     || free && drawing.is_stuck(circuit, patience);
+                let stays = free && matches!(card.events.front(), Some(Event::FramesFollow));
                 let goes_on = free && (shows_last || !card.closed || !card.events.is_empty());
-                stops || if circuit.command.frame_over() { goes_on || quiet() } else { done && (!card.closed || quiet()) }
+                stops
+                    || if circuit.command.frame_over() {
+                        goes_on || quiet()
+                    } else {
+                        done && (!card.closed || stays || quiet())
+                    }
             };
             let ran = loop {
                 let ran = sim::run(&mut self.circuit, &mut self.card, clock, patience, &mut done);
@@ -436,11 +443,16 @@ impl Machine {
                     due = watcher.due();
                 }
                 each(frame);
-            } else if self.card.closed && self.card.events.is_empty() && self.circuit.command.idle() {
-                break;
+            } else if self.card.closed && self.circuit.command.idle() {
+                match self.card.events.pop_front() {
+                    None => return self.empty(),
+                    // The display goes on.
+                    Some(Event::FramesFollow) if free => return Ok(()),
+                    Some(Event::FramesFollow) => {}
+                    Some(event) => self.card.events.push_front(event),
+                }
             }
         }
-        self.empty()
     }
 
     /// Functional warming of the segments at the head of the events that are marked for it; whether there was one.
@@ -450,7 +462,8 @@ impl Machine {
         let (mut any, mut touched) = (false, Touching::new());
         while let Some(slot) = circuit.command.apply(card) {
             let Parts { deal, assembly, traverse, depth, color, texture, vertex_texture, constant, crossbar, l2, .. } = circuit;
-            let mut units = WarmedUnits { deal, assembly, traverse, depth, color, texture, vertex_texture, constant };
+            let mut units =
+                WarmedUnits { deal, assembly, traverse, depth, color, texture, vertex_texture, constant };
             apply(card, slot, &mut units, &mut touched);
             card.work[usize::from(slot)] = None;
             any = true;

@@ -6,7 +6,7 @@
 
 use std::collections::BTreeMap;
 use std::ops::Range;
-use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
+use std::sync::{Condvar, Mutex, MutexGuard, PoisonError};
 use std::time::Duration;
 
 use anyhow::{Context, Result, anyhow};
@@ -20,7 +20,7 @@ use machine::{Config, FrameReport, Machine, Totals};
 use num::{Limits, OUR_FAULT};
 use render::ConsumerMemory;
 use sim::Clock;
-use work::{EndFrame, Event};
+use work::Event;
 
 /// Whether a frame only warms up the machine for later frames.
 pub type WarmsUp<'w> = &'w (dyn Fn(u32) -> bool + Sync);
@@ -241,12 +241,11 @@ struct Machines<'s, 'e> {
 }
 
 impl<'s> Machines<'s, '_> {
-    /// Begins a run of frames below `end` on a machine when one may run; gives where its work goes, or nothing where something has failed.
+    /// Begins a run of frames on a machine when one may run; gives where its work goes, or nothing where something has failed.
     fn begin<'t>(
         &self,
         scope: &'t std::thread::Scope<'t, '_>,
         run: usize,
-        end: u32,
         machine: impl FnOnce() -> Result<Machine>,
     ) -> Result<Option<Feed<'s>>>
     where
@@ -264,12 +263,7 @@ impl<'s> Machines<'s, '_> {
         let work = Waiting { events, room };
         let simulate = move || -> Ran {
             let busy = Stopwatch::start();
-            let each = |frame: FrameReport| {
-                if frame.number < end {
-                    outlet.put(run, frame.into());
-                }
-            };
-            let report = machine.run_each(work, clock, each)?;
+            let report = machine.run_each(work, clock, |frame: FrameReport| outlet.put(run, frame.into()))?;
             Ok((report.totals, busy.elapsed()))
         };
         let thread = move || {
@@ -384,10 +378,9 @@ fn lead_anew<'s, 't>(
 where
     's: 't,
 {
-    let free = config.scanout.runs_free();
     for (run, frames) in runs.iter().enumerate() {
         let machine = || Ok(Machine::new(config)?.within(machines.limits));
-        let Some(mut feed) = machines.begin(scope, run, frames.end, machine)? else { return Ok(()) };
+        let Some(mut feed) = machines.begin(scope, run, machine)? else { return Ok(()) };
         let mut number = frames.start;
         for event in work.by_ref() {
             let event = match event {
@@ -402,17 +395,10 @@ where
                 break;
             }
         }
-        if free {
-            feed.put(Event::EndFrame(behind(frames)));
-        }
+        // A frame of a sequence does not wait for the display, and no chosen frame is to.
+        feed.put(Event::FramesFollow);
     }
     Ok(())
-}
-
-/// An empty frame behind a run of frames, which is not handed on. A machine switches a free-running display off behind its last frame, and
-/// waits for it; frames of a sequence do not.
-fn behind(frames: &Range<u32>) -> EndFrame {
-    EndFrame { number: frames.end, shown: None, reference: Arc::new([]), drawn: false, sprites: Arc::new([]) }
 }
 
 /// Hands the work of each run to a clone of a machine that is warmed with it afterwards.
@@ -430,13 +416,19 @@ where
     let (mut warmed, mut run) = (Machine::new(config)?.within(machines.limits), 0);
     let mut ahead = work.next();
     while ahead.is_some() {
-        let Some(mut feed) = machines.begin(scope, run, u32::MAX, || Ok(warmed.clone()))? else { break };
-        let mut left = frames;
+        let Some(mut feed) = machines.begin(scope, run, || Ok(warmed.clone()))? else { break };
+        let (mut left, mut ends) = (frames, false);
         let events = std::iter::from_fn(|| {
-            if left == 0 {
+            if ends {
                 return None;
             }
-            let event = ahead.take().or_else(|| work.next())?;
+            let event = if left > 0 {
+                ahead.take().or_else(|| work.next())?
+            } else {
+                ends = true;
+                ahead = work.next();
+                ahead.as_ref().map(|_| Event::FramesFollow)?
+            };
             left -= u32::from(matches!(event, Event::EndFrame(_)));
             feed.put(event.clone());
             Some(event)
@@ -444,7 +436,6 @@ where
         warmed.warm(events, machines.clock)?;
         drop(feed);
         run += 1;
-        ahead = work.next();
     }
     locked(&machines.outlet.state).warming = busy.elapsed();
     Ok(())

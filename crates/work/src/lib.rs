@@ -100,6 +100,9 @@ pub enum Event {
     Transfer(Transfer),
     /// A frame ends.
     EndFrame(EndFrame),
+    /// The events end here, and frames follow that are not among them. A free-running display is not switched off, and a frame does not wait
+    /// for it. Rendering makes none of these.
+    FramesFollow,
 }
 
 impl Event {

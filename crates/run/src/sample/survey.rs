@@ -481,7 +481,7 @@ impl Counts {
                     add(14, u64::from(shown.width) * u64::from(shown.height) * u64::from(shown.format.block_bytes()));
                 }
             }
-            Event::Contents(_) | Event::EndPass(_) | Event::Groups(_) => {}
+            Event::Contents(_) | Event::EndPass(_) | Event::Groups(_) | Event::FramesFollow => {}
         }
     }
 }

@@ -73,6 +73,8 @@ impl Command {
             }
             // Waits until nothing is in flight; then it is taken from here ([`Command::apply`]).
             Event::Applied(_) => return None,
+            // The machine takes it when it stops.
+            Event::FramesFollow => return None,
             Event::Draw(draw) => {
                 let draw = draw.clone();
                 let changes = self.states.differs(draw.state);

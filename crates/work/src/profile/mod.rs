@@ -285,7 +285,7 @@ impl Profiler {
             self.end_dispatch();
         }
         match event {
-            Event::Contents(_) => {}
+            Event::Contents(_) | Event::FramesFollow => {}
             Event::BeginPass(pass) => self.begin_pass(pass),
             Event::Draw(draw) => {
                 if let Some(pass) = &mut self.pass {
