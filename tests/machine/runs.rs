@@ -90,7 +90,7 @@ fn runs_show_the_same_pictures_and_take_nearly_the_same_cycles() {
     for (name, base, frames, frames_per_run, allowed) in [
         ("particles", "four-pipelines", 4, 1, 3e-3),
         ("flight.zip", "four-pipelines", 12, 3, 4e-3),
-        ("flight.zip", "baseline", 32, 4, 7e-3),
+        ("flight.zip", "baseline", 32, 4, 3e-3),
     ] {
         // What a class carries over is the same for a long sequence.
         let classes: [&[&str]; 3] = [&[], &["sort=sort-first"], &["sort=sort-last-fragment"]];

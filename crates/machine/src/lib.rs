@@ -461,9 +461,23 @@ impl Machine {
         let interleave = circuit.crossbar.as_ref().map(Crossbar::interleave);
         let (mut any, mut touched) = (false, Touching::new());
         while let Some(slot) = circuit.command.apply(card) {
-            let Parts { deal, assembly, traverse, depth, color, texture, vertex_texture, constant, crossbar, l2, .. } = circuit;
+            let Parts {
+                route,
+                fetch,
+                deal,
+                assembly,
+                traverse,
+                depth,
+                color,
+                texture,
+                vertex_texture,
+                constant,
+                crossbar,
+                l2,
+                ..
+            } = circuit;
             let mut units =
-                WarmedUnits { deal, assembly, traverse, depth, color, texture, vertex_texture, constant };
+                WarmedUnits { route, fetch, deal, assembly, traverse, depth, color, texture, vertex_texture, constant };
             apply(card, slot, &mut units, &mut touched);
             card.work[usize::from(slot)] = None;
             any = true;
@@ -472,9 +486,9 @@ impl Machine {
                 touched.clear();
                 continue;
             };
-            for Touch { address, bytes, write } in touched.drain(..) {
+            for Touch { port, address, bytes, write } in touched.drain(..) {
                 for (address, bytes) in requests(address, bytes) {
-                    crossbar.iter_mut().for_each(|crossbar| crossbar.visit(address));
+                    crossbar.iter_mut().for_each(|crossbar| crossbar.visit(port, address));
                     let (slice, address) = interleave.split(address);
                     l2[slice as usize].visit(address, bytes, write);
                 }

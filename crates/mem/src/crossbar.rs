@@ -93,10 +93,10 @@ impl Crossbar {
         (translation.translated(client, now).map(|(place, request)| (Some(place), request)).or(head), aside)
     }
 
-    /// Has an address translated without any time, for functional warming: its page is known then, and nothing is counted.
-    pub fn visit(&mut self, address: u64) {
+    /// Has an address of a port translated without any time, for functional warming: its page is known then, and nothing is counted.
+    pub fn visit(&mut self, port: u16, address: u64) {
         if let Some(translation) = &mut self.translation {
-            translation.visit(address);
+            translation.visit(port.into(), address);
         }
     }
 

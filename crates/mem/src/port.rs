@@ -91,6 +91,8 @@ pub struct Answer {
 /// A client's memory port.
 #[derive(Clone, Debug)]
 pub struct MemoryPort {
+    /// Number among the ports of the memory.
+    pub number: u16,
     /// Requests.
     pub requests: Out<Request>,
     /// Answers to reads and atomics.

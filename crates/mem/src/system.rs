@@ -320,7 +320,7 @@ impl MemoryPlan {
         self.names.push((name, index));
         self.requests.push(taken);
         self.answers.push(given);
-        MemoryPort { requests, answers }
+        MemoryPort { number: port as u16, requests, answers }
     }
 
     /// The units.

@@ -165,9 +165,12 @@ impl Translation {
         (ready > now).then_some(ready)
     }
 
-    /// Has the page of an address looked up without any time: the second level knows it then, and nothing is counted. The first levels stay as they
-    /// are, since it is not known which port asks.
-    pub fn visit(&mut self, address: u64) {
+    /// Has the page of an address of a port looked up without any time: both levels know it then, and nothing is counted.
+    pub fn visit(&mut self, port: usize, address: u64) {
+        if self.first[port].find(address).is_some() {
+            return;
+        }
+        self.first[port].put(address, 0);
         if self.second.find(address).is_none() {
             self.second.put(address, 0);
         }

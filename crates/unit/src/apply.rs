@@ -13,7 +13,9 @@ use super::constant::Constant;
 use super::deal::Deal;
 use super::depth::Depth;
 use super::depths::test_group;
+use super::fetch::Fetch;
 use super::frame::FrameBuffers;
+use super::route::Route;
 use super::texture::{Texture, stored_bytes};
 use super::touch::{Touch, Touching};
 use super::traverse::{Territory, Traverse};
@@ -22,6 +24,10 @@ use work::{Block, LINE, QUAD_SHADED, Request, RequestKind, Segment, TileWork};
 
 /// The units that are warmed: those that keep something from segment to segment.
 pub struct WarmedUnits<'u> {
+    /// The units that route primitives by their bounds, if the machine has any.
+    pub route: &'u [Route],
+    /// Vertex fetch, by front.
+    pub fetch: &'u [Fetch],
     /// The units that deal primitives to pipelines, if the machine has any.
     pub deal: &'u mut [Deal],
     /// Primitive assembly.
@@ -48,7 +54,7 @@ pub fn apply(card: &mut Card, slot: u16, units: &mut WarmedUnits, memory: &mut T
         work.shared = unit.too_large(work);
     }
     let work = &*work;
-    geometry(work, memory);
+    geometry(work, units, memory);
     vertices(&work.segment, *epoch, units, memory);
     let pipelines = units.color.len();
     let dealt: Vec<_> = units.deal.iter_mut().map(|unit| unit.visit(work)).collect();
@@ -89,12 +95,24 @@ pub fn apply(card: &mut Card, slot: u16, units: &mut WarmedUnits, memory: &mut T
 }
 
 /// Touches the memory that geometry reads of a segment: indices, and the lines of its vertices' attributes, each once where neighbours share it.
-fn geometry(work: &Work, memory: &mut Touching) {
+/// Which front reads what depends on its primitives: here each reads all.
+fn geometry(work: &Work, units: &WarmedUnits, memory: &mut Touching) {
     let segment = &work.segment;
-    let mut read = |line: u64| memory.push(Touch { address: line * LINE, bytes: LINE as u32, write: false });
+    let mut read = |ports: &[u16], line: u64| {
+        let touch = |&port: &u16| Touch { port, address: line * LINE, bytes: LINE as u32, write: false };
+        memory.extend(ports.iter().map(touch));
+    };
+    let (routing, fetching) = (units.route.iter().map(Route::ports), units.fetch.iter().map(Fetch::ports));
+    // Those that route have read the indices.
+    let indices: Vec<u16> = if units.route.is_empty() {
+        fetching.clone().map(|[index, _]| index).collect()
+    } else {
+        routing.clone().map(|[index, _]| index).collect()
+    };
+    let attributes: Vec<u16> = routing.chain(fetching).map(|[_, vertex]| vertex).collect();
     if let Some(address) = segment.index_address {
         let bytes = segment.stream.len() as u64 * u64::from(segment.index_bytes);
-        (address / LINE..(address + bytes).div_ceil(LINE)).for_each(&mut read);
+        (address / LINE..(address + bytes).div_ceil(LINE)).for_each(|line| read(&indices, line));
     }
     for fetch in &work.draw.attributes {
         let mut last = None;
@@ -106,7 +124,7 @@ fn geometry(work: &Work, memory: &mut Touching) {
             let address = fetch.address + u64::from(element) * fetch.stride;
             for line in address / LINE..(address + u64::from(fetch.bytes)).div_ceil(LINE) {
                 if last.replace(line) != Some(line) {
-                    read(line);
+                    read(&attributes, line);
                 }
             }
         }
@@ -148,7 +166,7 @@ fn ask(
         match (kind, &mut *constant) {
             (RequestKind::Constant, Some(unit)) => unit.visit(line, epoch, memory),
             (RequestKind::Texture | RequestKind::Load | RequestKind::Constant, _) => texture.visit(line, halves, epoch, memory),
-            _ => memory.push(Touch { address: u64::from(line) * LINE, bytes: stored_bytes(found), write: true }),
+            _ => memory.push(texture.store(line, stored_bytes(found))),
         }
     }
 }

@@ -405,7 +405,7 @@ impl BlockCache {
                     let store = &mut frame.stores[surface];
                     let bytes = self.compression.bytes(store, block);
                     store.blocks[block as usize] = BlockState::Stored(bytes as u16);
-                    memory.push(Touch { address: store.address(block), bytes, write: true });
+                    memory.push(Touch { port: self.memory.number, address: store.address(block), bytes, write: true });
                     left.push((surface, block));
                 }
                 if !fits {
@@ -413,7 +413,7 @@ impl BlockCache {
                     continue;
                 }
                 if let Some((address, bytes)) = frame.stores[surface].stored(block) {
-                    memory.push(Touch { address, bytes, write: false });
+                    memory.push(Touch { port: self.memory.number, address, bytes, write: false });
                 }
                 let needs = self.misses.frontier();
                 self.replace(victim, key, Line { needs, places, ..Line::default() });

@@ -204,7 +204,8 @@ impl Constant {
                 }),
             };
             if let Some(bytes) = missing {
-                memory.push(Touch { address: address - address % u64::from(bytes), bytes, write: false });
+                let address = address - address % u64::from(bytes);
+                memory.push(Touch { port: self.memory.number, address, bytes, write: false });
             }
             self.first.put(address, there);
         }

@@ -122,6 +122,11 @@ pub struct Route {
 }
 
 impl Route {
+    /// Numbers of the memory ports for indices and for positions.
+    pub(super) fn ports(&self) -> [u16; 2] {
+        [self.ports.index.number, self.ports.position.number]
+    }
+
     /// An idle routing unit of pipeline `pipeline`. `runs` are the runs of primitives to be routed.
     pub fn new(config: RouteConfig, overlap: Overlap, runs: IndexRuns, pipeline: u8, ports: RoutePorts) -> Route {
         Route {

@@ -258,11 +258,16 @@ impl Texture {
         let frontier = self.misses.frontier();
         if let Some(place) = found {
             while let Some((run, address, bytes)) = self.missing(place, key, wanted) {
-                memory.push(Touch { address, bytes, write: false });
+                memory.push(Touch { port: self.memory.number, address, bytes, write: false });
                 self.tags.data(place).ask(run, frontier);
             }
         }
         self.tags.recount(counts);
+    }
+
+    /// The touch of a store of bytes to a line.
+    pub(super) fn store(&self, line: u32, bytes: u32) -> Touch {
+        Touch { port: self.memory.number, address: u64::from(line) * LINE, bytes, write: true }
     }
 
     /// The number of the cache's line that a line of memory lies in.

@@ -3,6 +3,8 @@
 /// A touch of memory by a cache.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Touch {
+    /// Number of the memory port.
+    pub port: u16,
     /// First byte.
     pub address: u64,
     /// Bytes.

@@ -2,6 +2,7 @@
 
 use super::client::Order;
 use super::slices::{dram_memory, go_with};
+use crate::tlb::Translation;
 use crate::{TlbConfig, TlbCounts};
 use num::Cycle;
 
@@ -80,4 +81,13 @@ fn waiting_requests_are_as_many_as_there_is_room_for() {
     // What waits goes on one per cycle, and so does what comes later: the last is as late.
     assert_eq!(end(4), (end(16).0, 1, 4));
     assert_eq!(end(16), (end(4).0, 1, 16));
+}
+
+#[test]
+fn a_page_that_is_looked_up_without_time_is_known_to_its_port_and_to_the_second_level() {
+    let mut translation = Translation::new(TLB, 2).expect("it has entries");
+    translation.visit(0, 64);
+    assert_eq!([0, 1].map(|port| translation.waits_until(port, 128, 100)), [None, Some(110)]);
+    let TlbCounts { misses, walks, .. } = translation.counts();
+    assert_eq!((misses, walks), (1, 0));
 }

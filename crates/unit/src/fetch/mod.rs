@@ -247,6 +247,11 @@ pub struct Fetch {
 }
 
 impl Fetch {
+    /// Numbers of the memory ports for indices and for attributes.
+    pub(super) fn ports(&self) -> [u16; 2] {
+        [self.ports.index.number, self.ports.vertex.number]
+    }
+
     /// An idle fetch unit, which fills batches of `width` vertices.
     pub fn new(config: FetchConfig, width: u32, ports: FetchPorts) -> Fetch {
         Fetch {
