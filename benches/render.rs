@@ -12,15 +12,18 @@ use std::time::Instant;
 
 use fillrate::gfx::format::Format;
 use fillrate::gfx::image::ImageDesc;
+use fillrate::gfx::stage::{self, StageMap};
 use fillrate::gfx::state::*;
 use fillrate::gfx::texture;
 use fillrate::import;
 use fillrate::num::{Limits, ShaderId, Words};
-use fillrate::render::draw::{BufferRange, DrawCall, IndexRange, Range, RenderPass, Skips};
+use fillrate::render::draw::{
+    BoundStage, BufferRange, DrawCall, DynamicState, IndexRange, OpenQueries, PassOptions, Range, RenderPass, Skips,
+};
 use fillrate::render::pipeline::RenderPipeline;
 use fillrate::render::surface::{Shape, TileSurface};
 use fillrate::render::{Ledger, Need, Options, render};
-use fillrate::shader::{self, Module, Resource, Resources};
+use fillrate::shader::{self, Module, Resource, Resources, Uniforms};
 use fillrate::trace::command::{RenderPipelineDesc, Stage};
 use fillrate::work::RenderKey;
 use mesh::{HEIGHT, Mesh, STRIDE, WIDTH};
@@ -213,22 +216,23 @@ fn run(name: &str, workload: &Workload, frames: usize, skips: Skips, record: boo
         fragment: Some(stage()),
         targets: vec![Some(ColorTarget { format: Format::Rgba8Unorm, blend: None, write_mask: 15 })],
     };
-    let pipeline = RenderPipeline::new(&desc, &module, Some(&module), RenderKey::default().needless, name)
-        .map_or_else(|e| panic!("{e}"), Arc::new);
+    let module = Arc::new(module);
+    let modules = StageMap::from_fn(|_| Some(module.clone()));
+    let pipeline =
+        RenderPipeline::new(&desc, &modules, RenderKey::default().needless, name).map_or_else(|e| panic!("{e}"), Arc::new);
     let group = "".into();
-    let bindings: Vec<Vec<Vec<Resource<'_>>>> = pipeline
-        .programs()
-        .iter()
-        .map(|program| {
-            let resource = |binding: &shader::Binding| match binding.binding {
-                0 => Resource::Buffer(shader::BufferRange { words: &camera.words, offset: 0, size: 64, address: 0 }),
-                1 => Resource::Texture(image.as_ref().expect("a texture")),
-                _ => Resource::Sampler(&sampler),
-            };
-            program.interface().bindings.iter().map(|b| vec![resource(b)]).collect()
-        })
-        .collect();
-    let resources = |stage: usize| Resources { bindings: &bindings[stage], ..Resources::default() };
+    let bound = |kind: stage::Stage| -> Vec<Vec<Resource<'_>>> {
+        let resource = |binding: &shader::Binding| match binding.binding {
+            0 => Resource::Buffer(shader::BufferRange { words: &camera.words, offset: 0, size: 64, address: 0 }),
+            1 => Resource::Texture(image.as_ref().expect("a texture")),
+            _ => Resource::Sampler(&sampler),
+        };
+        let bindings = pipeline.stage(kind).map_or(&[][..], |stage| &stage.interface().bindings);
+        bindings.iter().map(|binding| vec![resource(binding)]).collect()
+    };
+    let bindings = StageMap::from_fn(bound);
+    let mut uniforms = StageMap::<Uniforms>::default();
+    let options = PassOptions { need: Need::Colors, areas: false, key: RenderKey::default(), record, skips };
     let shape = |format| Shape { format, width: WIDTH, height: HEIGHT, samples: 1 };
     let mut color = Some(TileSurface::new(shape(Format::Rgba8Unorm)));
     let mut depth = Some(TileSurface::new(shape(Format::Depth32Float)));
@@ -242,31 +246,25 @@ fn run(name: &str, workload: &Workload, frames: usize, skips: Skips, record: boo
         let (mut c, mut d) = (color.take().expect("colour"), depth.take().expect("depth"));
         c.clear([0xff00_0000, 0, 0, 0]);
         d.clear([1.0_f32.to_bits(), 0, 0, 0]);
-        let mut pass = RenderPass::begin(WIDTH, HEIGHT, 1, vec![Some((c, Format::Rgba8Unorm))], Some(d));
+        let mut pass = RenderPass::begin(WIDTH, HEIGHT, 1, vec![Some((c, Format::Rgba8Unorm))], Some(d), options);
+        let state =
+            pass.state(&pipeline, &DynamicState::new(WIDTH, HEIGHT), OpenQueries::default()).unwrap_or_else(|e| panic!("{e}"));
+        let mut stages = StageMap::default();
+        for (kind, uniforms) in stage::Stage::ALL.into_iter().zip(uniforms.values_mut()) {
+            let resources = Resources { bindings: &bindings[kind], ..Resources::default() };
+            stages[kind] = pipeline.stage(kind).map(|stage| BoundStage::new(stage, resources, uniforms));
+        }
         let reach = Default::default();
         let call = DrawCall {
-            reach: &reach,
+            state: &state,
             number: 0,
             group: &group,
-            pipeline: &pipeline,
             vertex_buffers: &vertices,
             index: Some(&indices),
             range: Range { count: workload.mesh.indices.len() as u32, instances: 1, ..Range::default() },
-            vertex_resources: resources(0),
-            fragment_resources: Some(resources(1)),
-            viewport: Viewport { x: 0., y: 0., width: WIDTH as f32, height: HEIGHT as f32, min_depth: 0., max_depth: 1. },
-            scissor: Rect { x: 0, y: 0, width: WIDTH, height: HEIGHT },
-            blend_constant: [0.0; 4],
-            stencil_reference: 0,
-            count_samples: false,
-            counted: false,
-            need: Need::Colors,
-            areas: false,
-            key: RenderKey::default(),
-            record,
+            stages,
             signature: None,
-            state: 0,
-            skips,
+            reach: &reach,
             boxes: None,
             ledger: &ledger,
         };

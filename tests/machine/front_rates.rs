@@ -161,7 +161,7 @@ fn more_indices_a_cycle_make_no_class_slower() {
 fn draws_share_a_state_until_a_command_changes_it() {
     let events = rendered("town.zip");
     let states = |events: &[Event]| -> Vec<u32> {
-        let state = |event: &Event| if let Event::Draw(draw) = event { Some(draw.state) } else { None };
+        let state = |event: &Event| if let Event::Draw(draw) = event { Some(draw.state.number) } else { None };
         events.iter().filter_map(state).collect()
     };
     let states = states(&events);

@@ -322,8 +322,9 @@ fn depths_of_a_shader_that_comes_after_the_test_do_not_count() {
     let with_depths = |event| match event {
         Event::Draw(draw) => {
             let mut draw = draw.as_ref().clone();
-            (draw.depth_words, draw.payload_words) = (4, draw.payload_words + 4);
-            draw.targets.iter_mut().flatten().for_each(|target| target.payload = Some(4));
+            let state = Arc::make_mut(&mut draw.state);
+            (state.depth_words, state.payload_words) = (4, state.payload_words + 4);
+            state.targets.iter_mut().flatten().for_each(|target| target.payload = Some(4));
             Event::Draw(Arc::new(draw))
         }
         Event::Segment(segment) => {

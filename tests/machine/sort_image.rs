@@ -174,7 +174,8 @@ fn premultiplied(scene: &Scene) -> Vec<Event> {
     let premultiply = |event| match event {
         Event::Draw(draw) => {
             let mut draw = draw.as_ref().clone();
-            draw.targets.iter_mut().flatten().for_each(|target| target.blend = Some(Blend { color: over, alpha: over }));
+            let targets = Arc::make_mut(&mut draw.state).targets.iter_mut();
+            targets.flatten().for_each(|target| target.blend = Some(Blend { color: over, alpha: over }));
             Event::Draw(Arc::new(draw))
         }
         Event::Segment(segment) => {

@@ -23,6 +23,7 @@
 pub mod format;
 pub mod image;
 pub mod simd;
+pub mod stage;
 pub mod state;
 
 pub mod math;

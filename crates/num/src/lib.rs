@@ -22,6 +22,7 @@ mod bytes;
 mod edits;
 mod fixed;
 mod ids;
+mod keyed;
 mod lanes;
 mod limits;
 mod map;

@@ -2,9 +2,10 @@
 
 use std::sync::Arc;
 
+use gfx::stage::{Stage as Kind, StageMap};
 use host::one_line;
 use num::LANES;
-use shader::{self, Executor, Extra, Module, Program, QuadCost, Recorder, Stage as Kind};
+use shader::{self, Executor, Extra, Module, Program, QuadCost, Recorder};
 use trace::command::{Command, PassTimestamps, Stage};
 use work::{Dispatch, Event, Extent, Groups, Packet, Programs, Reach, ShaderShape};
 
@@ -146,6 +147,8 @@ impl ActiveCompute {
         if groups == 0 {
             return Ok(());
         }
+        let mut instructions = StageMap::default();
+        instructions[Kind::Compute] = pipeline.program.instructions();
         let announced = |pipeline: &ComputePipeline, reach: Reach| Dispatch {
             reach,
             number,
@@ -154,10 +157,7 @@ impl ActiveCompute {
             groups,
             invocations,
             shared_bytes: interface.workgroup_bytes,
-            programs: Programs {
-                pipeline: pipeline.number,
-                instructions: [pipeline.program.instructions(), Default::default()],
-            },
+            programs: Programs { pipeline: pipeline.number, instructions },
         };
         if !renderer.recording() {
             renderer.emit(Event::Dispatch(Arc::new(announced(&pipeline, Reach::default()))))?;

@@ -3,6 +3,7 @@
 use std::sync::Arc;
 
 use gfx::image::ImageDesc;
+use gfx::stage::StageMap;
 use gfx::texture::Sampler;
 use host::one_line;
 use num::{BundleId, Limits, NoMemory, TextureId, Words};
@@ -69,8 +70,7 @@ pub struct RenderPlan {
     label: String,
     /// Its number among all pipelines.
     number: u64,
-    vertex: Arc<Shader>,
-    fragment: Option<Arc<Shader>>,
+    shaders: StageMap<Option<Arc<Shader>>>,
     needless: Needless,
 }
 
@@ -111,12 +111,14 @@ impl Resources {
     /// A render pipeline that a draw uses. The first one compiles it.
     pub(super) fn render_pipeline(&self, id: u32) -> Result<Arc<RenderPipeline>, Fault> {
         let ledger = &self.ledger;
-        self.render_pipelines.get(id)?.get(|RenderPlan { desc, label, number, vertex, fragment, needless }| {
-            let vertex = vertex.stage(ledger)?;
-            let fragment = fragment.map(|fragment| fragment.stage(ledger)).transpose()?;
-            let mut pipeline = RenderPipeline::new(&desc, &vertex, fragment.as_deref(), needless, &label)?;
+        self.render_pipelines.get(id)?.get(|RenderPlan { desc, label, number, shaders, needless }| {
+            let mut modules = StageMap::default();
+            for (module, shader) in modules.values_mut().zip(shaders.values()) {
+                *module = shader.as_ref().map(|shader| shader.stage(ledger)).transpose()?;
+            }
+            let mut pipeline = RenderPipeline::new(&desc, &modules, needless, &label)?;
             pipeline.number = number;
-            let programs = pipeline.programs().iter().map(program_bytes).sum();
+            let programs = pipeline.stages().map(|stage| program_bytes(&stage.program)).sum();
             let claim = ledger.claim("a render pipeline", programs)?;
             Ok((pipeline, claim))
         })
@@ -202,17 +204,19 @@ impl Renderer<'_, '_> {
                 self.res.bind_groups.add(id.0, group, claim)?;
             }
             Command::CreateRenderPipeline { id, desc, label } => {
-                let vertex = self.res.shaders.get(desc.vertex.shader.0)?.clone();
-                let fragment = desc.fragment.as_ref().map(|stage| self.res.shaders.get(stage.shader.0).cloned()).transpose()?;
+                let mut shaders = StageMap::default();
+                let mut bytes = size_of::<RenderPipelineDesc>() as u64;
+                for (kind, stage) in desc.stages() {
+                    shaders[kind] = Some(self.res.shaders.get(stage.shader.0)?.clone());
+                    bytes += stage_bytes(stage);
+                }
                 let buffers = desc.buffers.iter().flatten().map(|buffer| size_of_val(&*buffer.attributes) as u64).sum::<u64>();
-                let bytes = size_of::<RenderPipelineDesc>() as u64 + buffers + stage_bytes(&desc.vertex);
-                let claim = self.claim("a render pipeline", bytes + desc.fragment.as_ref().map_or(0, stage_bytes))?;
+                let claim = self.claim("a render pipeline", bytes + buffers)?;
                 let plan = RenderPlan {
                     desc: desc.clone(),
                     label: label.clone().unwrap_or_default(),
                     number: self.pipelines,
-                    vertex,
-                    fragment,
+                    shaders,
                     needless: self.options.key.needless,
                 };
                 self.pipelines += 1;

@@ -3,22 +3,24 @@
 use std::sync::Arc;
 
 use gfx::format::Format;
-use gfx::state::{Rect, Viewport};
+use gfx::stage::{Stage, StageMap};
 use gfx::texel;
 use num::QuerySetId;
-use shader::{self, BuiltIn, Interface, Program};
+use shader::{BuiltIn, Interface, Uniforms};
 use trace::command::*;
 use work::{Aspects, Attachment, Event, Extent, Funnel, Load, Pass, Reach, Segment, Signature, Stored, Surface};
 
 use super::attachments::{Clearing, Place, announce, clear_bits, discard, lost, place_of, put_tiles, take_tiles};
 use super::bind::{Lent, ResolvedBindings};
-use super::draw::{self, BufferRange, DrawCall, Drawn, IndexRange, RenderPass, Signer};
+use super::draw::{
+    self, BoundStage, BufferRange, DrawCall, Drawn, DynamicState, IndexRange, OpenQueries, PassOptions, RenderPass, Signer,
+};
 use super::execute::{Fault, Renderer, counts};
 use super::ledger::{DRAW_STEPS, Ledger, VERTEX_STEPS};
 use super::needs::Need;
-use super::pipeline::RenderPipeline;
+use super::pipeline::{PipelineStage, RenderPipeline};
 use super::resources::Buffer;
-use super::state::{DrawState, IndexSlot, MAX_VERTEX_BUFFERS, VertexSlot};
+use super::state::{IndexSlot, MAX_VERTEX_BUFFERS, PassState, VertexSlot};
 use super::stored::stored_blocks;
 use super::surface::{Shape, TileSurface};
 
@@ -38,7 +40,7 @@ pub(super) struct ActivePass {
     pass: RenderPass,
     color: Vec<Option<Bound>>,
     depth: Option<Bound>,
-    state: DrawState,
+    state: PassState,
     width: u32,
     height: u32,
     occlusion: Option<QuerySetId>,
@@ -53,9 +55,6 @@ pub(super) struct ActivePass {
     counted: Option<Funnel>,
     /// Memory for the resources of the next draw.
     spare: DrawResources,
-    /// The state of the last draw, and its number in the pass.
-    drawn: Option<FixedState>,
-    states: u32,
     /// Memory that the last draw may touch beside attachments.
     reach: Arc<Reach>,
     /// Where the arguments of the current indirect draws lie.
@@ -66,20 +65,19 @@ pub(super) struct ActivePass {
 #[derive(Default)]
 struct DrawResources {
     vertex_buffers: Vec<Option<BufferRange>>,
-    /// The bindings of the vertex and of the fragment program.
-    resolved: [ResolvedBindings; 2],
+    /// The bindings of each stage.
+    resolved: StageMap<ResolvedBindings>,
+    /// The values that invocations of each stage share.
+    uniforms: StageMap<Uniforms>,
 }
 
 impl DrawResources {
     /// Holds nothing any more, and keeps its memory.
     fn clear(&mut self) {
         self.vertex_buffers.clear();
-        self.resolved.iter_mut().for_each(ResolvedBindings::clear);
+        self.resolved.values_mut().for_each(ResolvedBindings::clear);
     }
 }
-
-/// The part of the state that a card keeps for draws in flight: pipeline, viewport, scissor rectangle, blend constant, stencil reference.
-type FixedState = (u32, Viewport, Rect, [f32; 4], u32);
 
 impl ActivePass {
     /// Begins a pass.
@@ -187,12 +185,19 @@ impl ActivePass {
         let need = renderer.options.needs.as_ref().map_or(Need::Colors, |needs| needs.pass(number));
         let info = Pass { number, label, width, height, samples, color: attachments, depth: depth_attachment };
         renderer.emit(Event::BeginPass(Arc::new(info)))?;
+        let options = PassOptions {
+            need,
+            areas: renderer.options.areas,
+            key: renderer.options.key,
+            record: renderer.recording(),
+            skips: renderer.options.skips,
+        };
         Ok(ActivePass {
-            pass: RenderPass::begin(width, height, samples, storage, depth_storage),
+            pass: RenderPass::begin(width, height, samples, storage, depth_storage, options),
             need,
             color: bound,
             depth: depth_bound,
-            state: DrawState::new(width, height),
+            state: PassState::new(width, height),
             width,
             height,
             occlusion,
@@ -201,8 +206,6 @@ impl ActivePass {
             timestamps,
             counted: None,
             spare: DrawResources::default(),
-            drawn: None,
-            states: 0,
             reach: Arc::default(),
             arguments: Vec::new(),
         })
@@ -236,7 +239,7 @@ impl ActivePass {
                     None => None,
                 };
             }
-            Command::SetViewport(viewport) => state.viewport = *viewport,
+            Command::SetViewport(viewport) => state.dynamic.viewport = *viewport,
             Command::SetScissor(rect) => {
                 let inside = |at: u32, size: u32, all: u32| at.checked_add(size).is_some_and(|end| end <= all);
                 if !inside(rect.x, rect.width, self.width) || !inside(rect.y, rect.height, self.height) {
@@ -244,10 +247,10 @@ impl ActivePass {
                         format!("scissor {rect:?} reaches outside the {} x {} attachments", self.width, self.height).into()
                     );
                 }
-                state.scissor = *rect;
+                state.dynamic.scissor = *rect;
             }
-            Command::SetBlendConstant(color) => state.blend_constant = color.map(|c| c as f32),
-            Command::SetStencilReference(reference) => state.stencil_reference = *reference,
+            Command::SetBlendConstant(color) => state.dynamic.blend_constant = color.map(|c| c as f32),
+            Command::SetStencilReference(reference) => state.dynamic.stencil_reference = *reference,
             &Command::Draw { vertices, instances, first_vertex, first_instance } => {
                 let range = draw::Range {
                     first: first_vertex,
@@ -381,12 +384,12 @@ impl ActivePass {
         let vertices = u64::from(range.count) * u64::from(range.instances);
         ledger.vertices.charge(vertices)?;
         let mut bound = std::mem::take(&mut self.spare);
-        for (program, resolved) in pipeline.programs().iter().zip(&mut bound.resolved) {
-            resolved.resolve(&mut renderer.res, program.interface(), &state.bindings)?;
+        for stage in pipeline.stages() {
+            bound.resolved[stage.kind()].resolve(&mut renderer.res, stage.interface(), &state.bindings)?;
         }
-        let uniform: u64 = pipeline.programs().iter().map(Program::uniform_steps).sum();
+        let uniform: u64 = pipeline.stages().map(|stage| stage.program.uniform_steps()).sum();
         ledger.steps.charge(uniform.saturating_add(DRAW_STEPS).saturating_add(vertices.saturating_mul(VERTEX_STEPS)))?;
-        ledger.bytes.charge(bound.resolved.iter().map(ResolvedBindings::cost).sum())?;
+        ledger.bytes.charge(bound.resolved.values().map(ResolvedBindings::cost).sum())?;
         for slot in &state.vertex {
             bound.vertex_buffers.push(match slot {
                 Some(slot) => {
@@ -404,17 +407,14 @@ impl ActivePass {
                 Some(IndexRange { range: range_of(buffer, slot.offset, slot.size), format: slot.format })
             }
         };
-        let unasked = self.open_occlusion.is_none() && self.open_statistics.is_none();
+        let queries = OpenQueries { occlusion: self.open_occlusion.is_some(), statistics: self.open_statistics.is_some() };
+        let unasked = !queries.occlusion && !queries.statistics;
         let signed = renderer.recording() && renderer.options.key.signatures && unasked;
-        let signature = if signed { signature(&pipeline, &bound.resolved[1], state) } else { None };
-        let fixed = (id, state.viewport, state.scissor, state.blend_constant, state.stencil_reference);
-        if self.drawn.replace(fixed) != Some(fixed) {
-            self.states += 1;
-        }
+        let signature = if signed { signature(&pipeline, &bound.resolved[Stage::Fragment], &state.dynamic) } else { None };
         if renderer.recording() {
             let mut reach = Reach::default();
-            for (program, resolved) in pipeline.programs().iter().zip(&bound.resolved) {
-                resolved.reach(program.interface(), &mut reach);
+            for stage in pipeline.stages() {
+                bound.resolved[stage.kind()].reach(stage.interface(), &mut reach);
             }
             let vertices = bound.vertex_buffers.iter().flatten().chain(index.as_ref().map(|index| &index.range));
             vertices.for_each(|range| reach.reads.add(range.extent()));
@@ -424,34 +424,26 @@ impl ActivePass {
                 self.reach = reach.into();
             }
         }
-        let [mut vertex, mut fragment] = <[Lent<'_>; 2]>::default();
-        let [vertex_resources, fragment_resources] =
-            [bound.resolved[0].lend(&mut vertex), bound.resolved[1].lend(&mut fragment)];
-        let (group, boxes, record) = (renderer.groups.innermost(), renderer.boxes.clone(), renderer.recording());
+        let drawn_with = self.pass.state(&pipeline, &state.dynamic, queries)?;
+        let mut lent = StageMap::<Lent<'_>>::default();
+        let mut stages = StageMap::default();
+        for ((kind, lent), uniforms) in Stage::ALL.into_iter().zip(lent.values_mut()).zip(bound.uniforms.values_mut()) {
+            if let Some(stage) = pipeline.stage(kind).filter(|_| drawn_with.runs(kind)) {
+                stages[kind] = Some(BoundStage::new(stage, bound.resolved[kind].lend(lent), uniforms));
+            }
+        }
+        let (group, boxes) = (renderer.groups.innermost(), renderer.boxes.clone());
         let call = DrawCall {
+            state: &drawn_with,
             number,
             group: &group,
-            pipeline: &pipeline,
             vertex_buffers: &bound.vertex_buffers,
             index: index.as_ref(),
             range,
-            vertex_resources,
-            fragment_resources: pipeline.fragment().map(|_| fragment_resources),
-            viewport: state.viewport,
-            scissor: state.scissor,
-            blend_constant: state.blend_constant,
-            stencil_reference: state.stencil_reference,
-            count_samples: self.open_occlusion.is_some(),
-            counted: self.open_statistics.is_some(),
-            need: self.need,
-            areas: renderer.options.areas,
-            key: renderer.options.key,
-            record,
+            stages,
             signature,
             reach: &self.reach,
-            state: self.states,
-            skips: renderer.options.skips,
-            boxes: self.open_statistics.is_none().then_some(&*boxes),
+            boxes: (!queries.statistics).then_some(&*boxes),
             ledger: &ledger,
         };
         let mut stopped: Result<(), Fault> = Ok(());
@@ -463,8 +455,8 @@ impl ActivePass {
         stopped?;
         self.count(renderer, &pipeline, drawn)?;
         if pipeline.has_side_effects() {
-            for (program, resolved) in pipeline.programs().iter().zip(&bound.resolved) {
-                resolved.note_writes(&mut renderer.res, program.interface())?;
+            for stage in pipeline.stages() {
+                bound.resolved[stage.kind()].note_writes(&mut renderer.res, stage.interface())?;
             }
         }
         self.spare = bound;
@@ -566,16 +558,16 @@ fn range_of(buffer: &Buffer, offset: u64, size: u64) -> BufferRange {
 
 /// The signature of what a draw's pixels depend on beside attachments and primitives; none where it does more than write pixels, or where
 /// they depend on the company that a fragment is shaded in.
-fn signature(pipeline: &RenderPipeline, fragment: &ResolvedBindings, state: &DrawState) -> Option<Signature> {
-    let interface = pipeline.fragment().map(Program::interface);
+fn signature(pipeline: &RenderPipeline, fragment: &ResolvedBindings, dynamic: &DynamicState) -> Option<Signature> {
+    let interface = pipeline.fragment().map(PipelineStage::interface);
     let apart = |interface: &Interface| !interface.subgroups && interface.input(BuiltIn::PrimitiveIndex).is_none();
     if pipeline.has_side_effects() || !interface.is_none_or(apart) {
         return None;
     }
     let mut signer = Signer::default();
     signer.value(&pipeline.number);
-    signer.value(&(state.viewport, state.scissor, state.stencil_reference));
-    signer.words(&state.blend_constant.map(f32::to_bits));
+    signer.value(&(dynamic.viewport, dynamic.scissor, dynamic.stencil_reference));
+    signer.words(&dynamic.blend_constant.map(f32::to_bits));
     if let Some(interface) = interface {
         fragment.sign(&mut signer, interface.immediate_bytes.div_ceil(4) as usize);
     }

@@ -1,6 +1,9 @@
 //! A render pipeline made ready: programs, how their values are connected, and what its state allows.
 
+use std::sync::Arc;
+
 use gfx::format::{Format, TexelKind};
+use gfx::stage::{Stage, StageMap};
 use gfx::state::{
     BlendFactor, ColorTarget, DepthStencil, Primitive, StencilFace, StencilOp, StepMode, VertexAttribute, VertexBufferLayout,
     VertexFormat,
@@ -30,10 +33,10 @@ pub struct Attribute {
     pub components: usize,
 }
 
-/// A value that goes from the vertex to the fragment stage.
+/// A value that goes from the geometry stage through the rasteriser to the fragment stage.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Varying {
-    /// Output slot of the vertex program.
+    /// Output slot of the geometry stage's program.
     pub output: usize,
     /// Input slot of the fragment program.
     pub input: usize,
@@ -66,8 +69,9 @@ pub struct RenderPipeline {
     pub(super) label: String,
     /// Number among all pipelines that the trace creates: no other has it, whatever its id.
     pub(super) number: u64,
-    /// Vertex program, then the fragment program if there is one.
-    programs: Vec<Program>,
+    stages: StageMap<Option<PipelineStage>>,
+    /// The last stage before the rasteriser.
+    geometry: Stage,
     pub(super) attributes: Vec<Attribute>,
     /// Other attributes of its vertex buffers, of which no components are read; none where they are not asked for.
     pub(super) unread: Vec<Attribute>,
@@ -90,8 +94,15 @@ pub struct RenderPipeline {
     pub(super) early: bool,
     /// The varyings that the fragment program reads.
     pub(super) classes: Vec<VaryingClass>,
-    /// Values that the card gives to the vertex and to the fragment program, with their slots.
-    pub(super) builtins: [Vec<(usize, BuiltIn)>; 2],
+}
+
+/// A stage of a pipeline.
+#[derive(Debug)]
+pub struct PipelineStage {
+    /// The compiled program.
+    pub program: Program,
+    /// The inputs that the card gives: the slot of each, and its meaning.
+    pub builtins: Vec<(usize, BuiltIn)>,
 }
 
 /// Varyings that are interpolated with the same weights.
@@ -124,29 +135,46 @@ fn classes(varyings: &[Varying], program: &Program, samples: u32) -> Vec<Varying
     classes
 }
 
-fn builtins(program: &Program) -> Vec<(usize, BuiltIn)> {
-    let builtin = |(at, slot): (usize, &Slot)| match slot.connection {
-        Connection::BuiltIn(builtin) if slot.used => Some((at, builtin)),
-        _ => None,
-    };
-    program.interface().inputs.iter().enumerate().filter_map(builtin).collect()
+impl PipelineStage {
+    fn new(program: Program) -> PipelineStage {
+        let builtin = |(at, slot): (usize, &Slot)| match slot.connection {
+            Connection::BuiltIn(builtin) if slot.used => Some((at, builtin)),
+            _ => None,
+        };
+        let builtins = program.interface().inputs.iter().enumerate().filter_map(builtin).collect();
+        PipelineStage { program, builtins }
+    }
+
+    /// Which stage it is.
+    pub fn kind(&self) -> Stage {
+        self.interface().stage
+    }
+
+    /// The interface of its program.
+    pub fn interface(&self) -> &Interface {
+        self.program.interface()
+    }
+
+    /// The locations that the program reads.
+    fn read_locations(&self) -> Vec<u32> {
+        self.interface().inputs.iter().filter(|slot| slot.used).filter_map(Slot::location).collect()
+    }
 }
 
 impl RenderPipeline {
     /// Its number, and what its programs have of instructions.
     pub(super) fn named(&self) -> Programs {
-        let of = |at: usize| self.programs.get(at).map(Program::instructions).unwrap_or_default();
-        Programs { pipeline: self.number, instructions: [of(0), of(1)] }
+        let of = |stage: Stage| self.stage(stage).map(|stage| stage.program.instructions()).unwrap_or_default();
+        Programs { pipeline: self.number, instructions: StageMap::from_fn(of) }
     }
 
-    /// Compiles and connects the stages of a description; of what nobody reads, with what is `needless`.
+    /// Compiles and connects the stages of a description, each from its module; of what nobody reads, with what is `needless`.
     ///
     /// # Errors
     /// If a stage does not compile or the parts do not fit each other; the message names what.
     pub fn new(
         desc: &RenderPipelineDesc,
-        vertex: &Module,
-        fragment: Option<&Module>,
+        modules: &StageMap<Option<Arc<Module>>>,
         needless: Needless,
         label: &str,
     ) -> Result<Self, String> {
@@ -157,63 +185,65 @@ impl RenderPipeline {
                 format!("render pipeline `{}`: {message}", one_line(label))
             }
         };
-        Self::build(desc, vertex, fragment, needless, label).map_err(fail)
+        Self::build(desc, modules, needless, label).map_err(fail)
     }
 
     fn build(
         desc: &RenderPipelineDesc,
-        vertex: &Module,
-        fragment: Option<&Module>,
+        modules: &StageMap<Option<Arc<Module>>>,
         needless: Needless,
         label: &str,
     ) -> Result<Self, String> {
-        let compile = |module: &Module, kind: shader::Stage, stage: &trace::command::Stage, outputs: Option<&[u32]>| {
-            let options = shader::Options { constants: &stage.constants, outputs, ..Default::default() };
-            shader::compile(module, kind, stage.entry.as_deref(), &options).map_err(|e| e.to_string())
-        };
-        // Outputs that are neither stored nor read are not computed. So the fragment stage is compiled first.
         let written = |(location, target): (usize, &Option<ColorTarget>)| {
             let coverage = location == 0 && desc.multisample.alpha_to_coverage;
             target.filter(|t| t.write_mask & 15 != 0 || coverage).map(|_| location as u32)
         };
-        let stored: Vec<u32> = desc.targets.iter().enumerate().filter_map(written).collect();
-        let fragment = match &desc.fragment {
-            Some(stage) => {
-                let module = fragment.ok_or("the fragment stage's module is missing")?;
-                Some(compile(module, shader::Stage::Fragment, stage, Some(&stored))?)
-            }
-            None => None,
+        // Outputs that are neither stored nor read are not computed. So the last stage is compiled first.
+        let mut stages = StageMap::<Option<PipelineStage>>::default();
+        let mut read = Vec::new();
+        for (kind, stage) in desc.stages().rev() {
+            let module = modules[kind].as_ref().ok_or_else(|| format!("the {} stage's module is missing", kind.name()))?;
+            let outputs = match kind {
+                Stage::Vertex => (!needless.varyings).then_some(read),
+                Stage::Fragment => Some(desc.targets.iter().enumerate().filter_map(written).collect()),
+                Stage::Compute => None,
+            };
+            let options = shader::Options { constants: &stage.constants, outputs: outputs.as_deref(), ..Default::default() };
+            let program = shader::compile(module, kind, stage.entry.as_deref(), &options).map_err(|e| e.to_string())?;
+            let stage = stages[kind].insert(PipelineStage::new(program));
+            read = stage.read_locations();
+        }
+        let last = stages.values().flatten().rfind(|stage| stage.kind().is_geometry()).ok_or("there is no geometry stage")?;
+        let (geometry, outputs) = (last.kind(), last.interface());
+        let fragment = stages[Stage::Fragment].as_ref();
+        let position =
+            outputs.output(BuiltIn::Position).ok_or_else(|| format!("the {} stage writes no position", geometry.name()))?;
+        let clip_distances =
+            outputs.output(BuiltIn::ClipDistances).map(|slot| (slot, outputs.outputs[slot].components as usize));
+        let attributes = match &stages[Stage::Vertex] {
+            Some(vertex) => attributes(desc, vertex.interface())?,
+            None => Vec::new(),
         };
-        let inputs = fragment.iter().flat_map(|f| &f.interface().inputs);
-        let read: Vec<u32> = inputs.filter(|slot| slot.used).filter_map(Slot::location).collect();
-        let mut programs = vec![compile(vertex, shader::Stage::Vertex, &desc.vertex, (!needless.varyings).then_some(&read))?];
-        programs.extend(fragment);
-        let vertex = programs[0].interface();
-        let fragment = programs.get(1).map(Program::interface);
-        let position = vertex.output(BuiltIn::Position).ok_or("the vertex stage writes no position")?;
-        let clip_distances = vertex.output(BuiltIn::ClipDistances).map(|slot| (slot, vertex.outputs[slot].components as usize));
-        let attributes = attributes(desc, vertex)?;
         let unread = if needless.attributes { unread(desc, &attributes) } else { Vec::new() };
         let (varyings, varying_words) = match fragment {
-            Some(fragment) => connect(vertex, fragment)?,
+            Some(fragment) => connect(last.interface(), fragment.interface())?,
             None => (Vec::new(), 0),
         };
-        let written = vertex.outputs.iter().filter(|slot| slot.location().is_some()).map(|slot| slot.components as usize).sum();
+        let written =
+            outputs.outputs.iter().filter(|slot| slot.location().is_some()).map(|slot| slot.components as usize).sum();
         let interpolated = if needless.varyings { written } else { varying_words };
         if !matches!(desc.multisample.count, 1 | 4) {
             return Err(format!("{} samples per pixel; 1 and 4 are possible", desc.multisample.count));
         }
-        let targets = targets(desc, fragment)?;
+        let targets = targets(desc, fragment.map(PipelineStage::interface))?;
         if let Some(state) = &desc.depth_stencil
             && !state.format.is_depth_stencil()
         {
             return Err(format!("{} is no depth or stencil format", state.format.name()));
         }
-        let early = early(desc, fragment);
-        let fragment_program = programs.get(1);
         Ok(RenderPipeline {
-            classes: fragment_program.map_or_else(Vec::new, |program| classes(&varyings, program, desc.multisample.count)),
-            builtins: [builtins(&programs[0]), fragment_program.map_or_else(Vec::new, builtins)],
+            classes: fragment.map_or_else(Vec::new, |stage| classes(&varyings, &stage.program, desc.multisample.count)),
+            early: early(desc, fragment.map(PipelineStage::interface)),
             label: label.to_owned(),
             number: 0,
             attributes,
@@ -229,35 +259,40 @@ impl RenderPipeline {
             samples: desc.multisample.count,
             sample_mask: desc.multisample.mask,
             alpha_to_coverage: desc.multisample.alpha_to_coverage && desc.multisample.count > 1,
-            early,
-            programs,
+            geometry,
+            stages,
         })
     }
 
-    /// The compiled stages: vertex, then fragment if there is one.
-    pub fn programs(&self) -> &[Program] {
-        &self.programs
+    /// The stages, in the order in which data flow through them.
+    pub fn stages(&self) -> impl Iterator<Item = &PipelineStage> {
+        self.stages.values().flatten()
     }
 
-    /// The vertex program.
-    pub fn vertex(&self) -> &Program {
-        &self.programs[0]
+    /// A stage, if the pipeline has it.
+    pub fn stage(&self, stage: Stage) -> Option<&PipelineStage> {
+        self.stages[stage].as_ref()
     }
 
-    /// The fragment program.
-    pub fn fragment(&self) -> Option<&Program> {
-        self.programs.get(1)
+    /// The geometry stage: the last one before the rasteriser, which reads its outputs.
+    pub fn geometry(&self) -> &PipelineStage {
+        self.stages[self.geometry].as_ref().expect("a pipeline has its geometry stage")
+    }
+
+    /// The fragment stage. None: depth and stencil only.
+    pub fn fragment(&self) -> Option<&PipelineStage> {
+        self.stage(Stage::Fragment)
     }
 
     /// Whether the fragment stage has to run even if its colours are not needed: it decides which samples are covered, or writes memory.
     pub fn shades_for_coverage(&self) -> bool {
         let decides = |i: &Interface| i.side_effects || i.discards || i.writes_sample_mask;
-        !self.early || self.alpha_to_coverage || self.fragment().is_some_and(|program| decides(program.interface()))
+        !self.early || self.alpha_to_coverage || self.fragment().is_some_and(|stage| decides(stage.interface()))
     }
 
     /// Whether a stage writes memory.
     pub fn has_side_effects(&self) -> bool {
-        self.programs.iter().any(|p| p.interface().side_effects)
+        self.stages().any(|stage| stage.interface().side_effects)
     }
 }
 
@@ -321,8 +356,8 @@ fn unread(desc: &RenderPipelineDesc, read: &[Attribute]) -> Vec<Attribute> {
     others.filter(|one| read.iter().all(|known| place(known) != place(one))).collect()
 }
 
-/// Matches what the fragment stage reads with what the vertex stage writes.
-fn connect(vertex: &Interface, fragment: &Interface) -> Result<(Vec<Varying>, usize), String> {
+/// Matches what the fragment stage reads with what the geometry stage writes.
+fn connect(geometry: &Interface, fragment: &Interface) -> Result<(Vec<Varying>, usize), String> {
     let (mut varyings, mut words) = (Vec::new(), 0);
     for (input, slot) in fragment.inputs.iter().enumerate() {
         let &Slot { connection: Connection::Location { location, interpolation, sampling, .. }, components, scalar, used } =
@@ -330,17 +365,18 @@ fn connect(vertex: &Interface, fragment: &Interface) -> Result<(Vec<Varying>, us
         else {
             continue;
         };
-        // The vertex program was compiled without the outputs that the fragment program does not read.
+        // The geometry stage was compiled without the outputs that the fragment stage does not read.
         if !used {
             continue;
         }
-        let output = vertex
-            .output_location(location)
-            .ok_or_else(|| format!("the fragment stage reads @location({location}), which the vertex stage does not write"))?;
-        let from = &vertex.outputs[output];
+        let writer = geometry.stage.name();
+        let output = geometry.output_location(location).ok_or_else(|| {
+            format!("the fragment stage reads @location({location}), which the {writer} stage does not write")
+        })?;
+        let from = &geometry.outputs[output];
         if from.scalar != scalar || from.components < components {
             return Err(format!(
-                "@location({location}) is {:?} x {} in the vertex stage and {scalar:?} x {components} in the fragment stage",
+                "@location({location}) is {:?} x {} in the {writer} stage and {scalar:?} x {components} in the fragment stage",
                 from.scalar, from.components
             ));
         }

@@ -1,7 +1,9 @@
 //! State that commands set inside passes and bundles.
 
-use gfx::state::{IndexFormat, Rect, Viewport};
+use gfx::state::IndexFormat;
 use num::{BindGroupId, BufferId};
+
+use super::draw::DynamicState;
 
 /// The largest number of bind groups that a pipeline can use (wgpu's native limit).
 pub const MAX_BIND_GROUPS: usize = 8;
@@ -93,9 +95,9 @@ impl Bindings {
     }
 }
 
-/// Dynamic state of a render pass.
+/// State that the commands of a render pass set.
 #[derive(Clone, Debug)]
-pub struct DrawState {
+pub struct PassState {
     /// The pipeline.
     pub pipeline: Option<u32>,
     /// Bind groups and immediates.
@@ -104,28 +106,19 @@ pub struct DrawState {
     pub vertex: Vec<Option<VertexSlot>>,
     /// Index buffer.
     pub index: Option<IndexSlot>,
-    /// Viewport.
-    pub viewport: Viewport,
-    /// Scissor rectangle.
-    pub scissor: Rect,
-    /// Blend constant.
-    pub blend_constant: [f32; 4],
-    /// Stencil reference.
-    pub stencil_reference: u32,
+    /// Viewport, scissor rectangle, blend constant, stencil reference.
+    pub dynamic: DynamicState,
 }
 
-impl DrawState {
+impl PassState {
     /// The state at the beginning of a pass of this many pixels.
-    pub fn new(width: u32, height: u32) -> DrawState {
-        DrawState {
+    pub fn new(width: u32, height: u32) -> PassState {
+        PassState {
             pipeline: None,
             bindings: Bindings::default(),
             vertex: Vec::new(),
             index: None,
-            viewport: Viewport { x: 0.0, y: 0.0, width: width as f32, height: height as f32, min_depth: 0.0, max_depth: 1.0 },
-            scissor: Rect { x: 0, y: 0, width, height },
-            blend_constant: [0.0; 4],
-            stencil_reference: 0,
+            dynamic: DynamicState::new(width, height),
         }
     }
 

@@ -277,7 +277,7 @@ impl Surface {
         // The instructions of each cost.
         let costs: Vec<u32> = tile.costs.costs.iter().map(|cost| cost.instructions().iter().sum()).collect();
         let requests: Vec<usize> = tile.costs.costs.iter().map(work::Cost::requests).collect();
-        let shades = draw.fragment.is_some();
+        let shades = draw.shades();
         for block in &tile.blocks {
             let first = block.first_quad as usize;
             for quad in &tile.quads[first..first + usize::from(block.quads)] {

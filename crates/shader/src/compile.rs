@@ -4,12 +4,13 @@ use naga::back::PipelineConstants;
 use naga::back::pipeline_constants::process_overrides;
 
 use super::assemble::assemble;
-use super::interface::Stage;
+use super::interface::naga_stage;
 use super::lower;
 use super::module::{Module, ShaderError, chain};
 use super::optimize;
 use super::options::Options;
 use super::program::Program;
+use gfx::stage::Stage;
 use host::{guarded, with_room_for};
 
 /// Compiles an entry point. Without a name, the module's only one of the stage.
@@ -44,14 +45,14 @@ fn compile_here(module: &Module, stage: Stage, entry: Option<&str>, options: &Op
         constants.insert(key.clone(), *value);
     }
     let resolve = || {
-        let entry = Some((stage.to_naga(), name));
+        let entry = Some((naga_stage(stage), name));
         process_overrides(&module.ir, &module.info, entry, &constants).map_err(|e| chain(&e))
     };
     let (ir, info) = guarded(resolve).and_then(|resolved| resolved).map_err(|message| fail(Some(name), message))?;
     let index = ir
         .entry_points
         .iter()
-        .position(|e| e.stage == stage.to_naga() && e.name == name)
+        .position(|e| e.stage == naga_stage(stage) && e.name == name)
         .ok_or_else(|| fail(Some(name), "the entry point was lost while constants were resolved".to_owned()))?;
     let keep = |location: u32| options.outputs.is_none_or(|kept| kept.contains(&location));
     let mut lowered = lower::lower(module, &ir, &info, index, &keep, options.optimisations)?;

@@ -1,36 +1,20 @@
 //! The interface of a compiled entry point: bindings, inputs, outputs, flags.
 
 use gfx::format::Format;
+use gfx::stage::Stage;
 use gfx::state::ViewDimension;
 
-/// A programmable stage.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
-pub enum Stage {
-    /// Once per vertex.
-    Vertex,
-    /// Once per fragment (or sample).
-    Fragment,
-    /// Once per invocation of a dispatch.
-    Compute,
+/// The stage of naga's name for it; none for those that are not implemented (task, mesh, ray tracing).
+pub(super) fn stage_of(stage: naga::ShaderStage) -> Option<Stage> {
+    Stage::ALL.into_iter().find(|&known| naga_stage(known) == stage)
 }
 
-impl Stage {
-    /// The stage of naga's name for it; none for those that are not implemented (task, mesh, ray tracing).
-    pub fn from_naga(stage: naga::ShaderStage) -> Option<Stage> {
-        match stage {
-            naga::ShaderStage::Vertex => Some(Stage::Vertex),
-            naga::ShaderStage::Fragment => Some(Stage::Fragment),
-            naga::ShaderStage::Compute => Some(Stage::Compute),
-            _ => None,
-        }
-    }
-
-    pub(super) fn to_naga(self) -> naga::ShaderStage {
-        match self {
-            Stage::Vertex => naga::ShaderStage::Vertex,
-            Stage::Fragment => naga::ShaderStage::Fragment,
-            Stage::Compute => naga::ShaderStage::Compute,
-        }
+/// Naga's name for a stage.
+pub(super) fn naga_stage(stage: Stage) -> naga::ShaderStage {
+    match stage {
+        Stage::Vertex => naga::ShaderStage::Vertex,
+        Stage::Fragment => naga::ShaderStage::Fragment,
+        Stage::Compute => naga::ShaderStage::Compute,
     }
 }
 

@@ -68,6 +68,7 @@ mod tests;
 pub use bounds::{Encloser, Range};
 pub use compile::compile;
 pub use exec::{Bound, Executor, Extra, InputRegister, Outcome, QuadCost, Recorder, ShaderFault, Uniforms, Why};
+pub use gfx::stage::Stage;
 pub use interface::*;
 pub use module::{Module, Place, ShaderError, Source};
 pub use options::{Fault, Optimisations, Options};

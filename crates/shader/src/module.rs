@@ -5,10 +5,11 @@ use std::sync::Arc;
 use naga::valid::{Capabilities, ModuleInfo, ValidationFlags, Validator};
 
 use super::extent;
-use super::interface::Stage;
+use super::interface::stage_of;
 use super::spirv;
 use super::unsupported;
 use super::wgsl;
+use gfx::stage::Stage;
 use host::{guarded, one_line, ron_reason, with_room_for};
 use num::Limits;
 
@@ -302,7 +303,7 @@ impl Module {
 
     /// The entry points: stage and name, in source order. Stages beyond raster and compute are left out.
     pub fn entry_points(&self) -> impl Iterator<Item = (Stage, &str)> {
-        self.ir.entry_points.iter().filter_map(|e| Some((Stage::from_naga(e.stage)?, e.name.as_str())))
+        self.ir.entry_points.iter().filter_map(|e| Some((stage_of(e.stage)?, e.name.as_str())))
     }
 
     /// The name given at creation.

@@ -21,6 +21,7 @@ use std::sync::Arc;
 use gfx::format::Format;
 use gfx::rop::{self, ColorState, DepthStencilState};
 use gfx::setup::{DepthBias, SetupState};
+use gfx::stage::{Stage, StageMap};
 use gfx::state::{
     Blend, BlendComponent, BlendFactor, BlendOp, ColorTarget, Compare, CullMode, DepthStencil, FrontFace, Rect, StencilFace,
     StencilOp, StepMode, Viewport,
@@ -287,13 +288,14 @@ fn draw(scene: &Scene, number: u32, random: &mut Random, reference: &mut Referen
         second: None,
     };
     let words = 4 * target.words;
-    let draw = Draw {
-        number,
+    let mut shapes = StageMap::default();
+    shapes[Stage::Vertex] = Some(ShaderShape { registers: 16, inputs: 8, outputs: 8 });
+    shapes[Stage::Fragment] = Some(ShaderShape { registers: 24, inputs: 8, outputs: 4 });
+    let drawn_with = RecordedState {
+        // Draws that are all alike share one state.
+        number: if scene.compares.is_empty() && scene.early && !scene.blind && !scene.stencil { 0 } else { number },
         label: String::new(),
-        group: "".into(),
-        vertex: ShaderShape { registers: 16, inputs: 8, outputs: 8 },
-        fragment: Some(ShaderShape { registers: 24, inputs: 8, outputs: 4 }),
-        attributes: vec![AttributeFetch { address: 1 << 22, stride: 32, step: StepMode::Vertex, bytes: 32 }],
+        shapes,
         depth_stencil: state,
         stencil_reference: 0,
         targets: vec![Some(target)],
@@ -303,11 +305,15 @@ fn draw(scene: &Scene, number: u32, random: &mut Random, reference: &mut Referen
         early,
         hierarchical_z: early && !stencil,
         depth_range: [0.0, 1.0],
+    };
+    let draw = Draw {
+        number,
+        group: "".into(),
+        state: Arc::new(drawn_with),
+        attributes: vec![AttributeFetch { address: 1 << 22, stride: 32, step: StepMode::Vertex, bytes: 32 }],
         signature: None,
-        reach: Default::default(),
         culling: Default::default(),
-        // Draws that are all alike share one state.
-        state: if scene.compares.is_empty() && scene.early && !scene.blind && !scene.stencil { 0 } else { number },
+        reach: Default::default(),
     };
     out.push(Event::Draw(Arc::new(draw)));
     let depth = state.map(|state| DepthStencilState::new(&state, 0, [0.0, 1.0]));

@@ -223,6 +223,24 @@ pub struct RenderPipelineDesc {
     pub targets: Vec<Option<ColorTarget>>,
 }
 
+impl RenderPipelineDesc {
+    /// The stages that it has, in the order in which data flow through them.
+    pub fn stages(&self) -> impl DoubleEndedIterator<Item = (gfx::stage::Stage, &Stage)> {
+        let RenderPipelineDesc {
+            layout: _,
+            vertex,
+            buffers: _,
+            primitive: _,
+            depth_stencil: _,
+            multisample: _,
+            fragment,
+            targets: _,
+        } = self;
+        let stages = [(gfx::stage::Stage::Vertex, Some(vertex)), (gfx::stage::Stage::Fragment, fragment.as_ref())];
+        stages.into_iter().filter_map(|(stage, desc)| Some((stage, desc?)))
+    }
+}
+
 /// A colour attachment of a pass.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]

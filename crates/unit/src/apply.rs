@@ -194,7 +194,7 @@ impl Place<'_> {
         let Place { work, pass, .. } = self;
         let state = work.depth.as_ref().filter(|state| !state.is_idle());
         let tested = state.zip(pass.depth);
-        let shaded = work.draw.fragment.is_some();
+        let shaded = work.draw.shades();
         let (mut looked_up, mut alive) = (false, 0_u32);
         for first in (0..self.block.quads).step_by(4) {
             let mut group = self.group(first);

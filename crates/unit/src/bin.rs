@@ -10,6 +10,7 @@ use super::network::Receiver;
 use super::rendering_elimination;
 use super::sorting::{Keep, Merge, OrderCounts, SortCounts};
 use super::token::{Ack, Kind, TileToken, TriangleToken};
+use gfx::stage::Stage;
 use knob::Allowed;
 use mem::{MemoryPort, REQUEST_BYTES, requests};
 use sim::{Budget, Counted, In, Out, StallProbe, Tick, Unit, Wires};
@@ -83,7 +84,7 @@ knob::knobs! {
 impl BinConfig {
     /// Bytes that are kept of a vertex of a segment.
     pub fn vertex_bytes(&self, work: &Work) -> u64 {
-        let words = work.draw.fragment.map_or(0, |shape| shape.inputs);
+        let words = work.draw.shape(Stage::Fragment).inputs;
         u64::from(self.position_bytes + words * self.word_bytes)
     }
 

@@ -9,6 +9,7 @@ use super::sorting::SortCounts;
 use super::token::fragments;
 use super::token::{GroupToken, Kind, Packing, WarpToken, bytes};
 use super::warp::{Item, Program};
+use gfx::stage::Stage;
 use knob::Allowed;
 use num::{Cycle, prefetch};
 use sim::{In, Out, StallProbe, Tick, Unit, Wires};
@@ -207,7 +208,7 @@ impl Dispatch {
         }
         // A test that comes before the shader in API order is made before what the shader discards is dropped, wherever it is made.
         let tested_there = work.early && work.depth.is_some() && matches!(self.ports.output, Outlet::Owners(_));
-        let keeps = work.draw.fragment.is_some() && !tested_there;
+        let keeps = work.draw.shades() && !tested_there;
         let (mut come, mut alive) = (0, 0);
         for (live, quad) in group.live[..usize::from(group.count)].iter_mut().zip(quads) {
             come += u32::from(*live != 0);
@@ -406,7 +407,7 @@ impl Dispatch {
                 return Tick::Moved;
             }
             let work = card.work[usize::from(group.slot)].as_ref().expect("a group's segment is in flight");
-            if work.draw.fragment.is_none() {
+            if !work.draw.shades() {
                 // Nothing to be shaded.
                 if self.order.len() >= 2 * self.config.reorder as usize {
                     return did.or(Tick::Blocked);
@@ -424,7 +425,7 @@ impl Dispatch {
                     if self.order.len() >= self.config.reorder as usize {
                         return did.or(Tick::Blocked);
                     }
-                    let registers = work.draw.fragment.map_or(0, |shape| shape.registers);
+                    let registers = work.draw.shape(Stage::Fragment).registers;
                     let open = card.warps[pipeline].insert(Program::Fragment, group.slot, registers);
                     self.order.push_back(Entry::Warp(open));
                     self.open = Some(open);

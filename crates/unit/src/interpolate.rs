@@ -2,6 +2,7 @@
 
 use super::card::Card;
 use super::token::{GroupToken, Kind, bytes};
+use gfx::stage::Stage;
 use knob::Allowed;
 use sim::{In, Out, Tick, Unit, Wires};
 
@@ -67,7 +68,7 @@ impl Unit<Card> for Interpolate {
             // 2. A quad takes as many turns as its words need.
             if token.kind == Kind::DATA {
                 let group = &card.groups[usize::from(token.pool)][token.group];
-                let words = card.work(group.slot).draw.fragment.map_or(0, |shape| shape.inputs);
+                let words = card.work(group.slot).draw.shape(Stage::Fragment).inputs;
                 let turns = u64::from(words.div_ceil(self.config.words_per_cycle).max(1) * self.config.interval);
                 self.free_at = self.free_at.max(wires.now() * rate) + turns * u64::from(token.quads);
                 self.items += u64::from(token.quads);

@@ -326,7 +326,7 @@ pub fn any_order(work: &Work) -> Option<Opaque> {
     };
     // A fragment that is discarded after an early test leaves its depth, but not its colours.
     let discards = |quad: &Quad| quad.kept & quad.coverage != quad.coverage;
-    let early = work.early && work.draw.fragment.is_some();
+    let early = work.early && work.draw.shades();
     if early && work.segment.tiles.iter().any(|tile| tile.quads.iter().any(discards)) {
         return None;
     }

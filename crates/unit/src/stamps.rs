@@ -124,7 +124,7 @@ impl PassOrder {
     pub fn note(&mut self, draw: &Draw, depth: Option<&DepthStencilState>, colors: &[Option<ColorState>]) -> Marks {
         let mut channels = 0;
         let mut blended = 0;
-        if draw.fragment.is_some() {
+        if draw.shades() {
             for (n, (target, state)) in draw.targets.iter().zip(colors).enumerate() {
                 let (Some(target), Some(state)) = (target, state) else { continue };
                 if target.payload.is_some() && !state.is_idle() {

@@ -3,6 +3,7 @@
 use std::sync::Arc;
 
 use crate::{Reach, Signature};
+use gfx::stage::{Stage, StageMap};
 use gfx::state::{Blend, DepthStencil, StepMode};
 
 /// Shading of a colour target, as the ROPs need it.
@@ -47,21 +48,45 @@ pub struct ShaderShape {
     pub outputs: u32,
 }
 
-/// A draw call's state, shared by its segments.
+/// A draw call, shared by its segments.
 #[derive(Clone, Debug)]
 pub struct Draw {
     /// Number in the trace, from 0.
     pub number: u32,
-    /// Label of the pipeline, or empty.
-    pub label: String,
     /// Label of the innermost debug group that the draw is in, or empty.
     pub group: Arc<str>,
-    /// Vertex stage.
-    pub vertex: ShaderShape,
-    /// Fragment stage; none: depth and stencil only.
-    pub fragment: Option<ShaderShape>,
+    /// The state that it is drawn with.
+    pub state: Arc<RecordedState>,
     /// Where attributes come from.
     pub attributes: Vec<AttributeFetch>,
+    /// Signature of all that its pixels depend on beside attachments and primitives; none: not asked for, or there is more to the draw
+    /// than pixels.
+    pub signature: Option<Signature>,
+    /// What of it was left out by bounds.
+    pub culling: Culling,
+    /// Memory that it may touch beside the attachments of its pass.
+    pub reach: Arc<Reach>,
+}
+
+impl std::ops::Deref for Draw {
+    type Target = RecordedState;
+
+    #[inline(always)]
+    fn deref(&self) -> &RecordedState {
+        &self.state
+    }
+}
+
+/// The state of a draw. Draws that follow each other mostly share it.
+#[derive(Clone, Debug)]
+pub struct RecordedState {
+    /// Number of the state in its pass. Of two draws of a pass that follow each other, the second has the same number if no command between
+    /// them has changed the pipeline, the viewport, the scissor rectangle, the blend constant or the stencil reference.
+    pub number: u32,
+    /// Label of the pipeline, or empty.
+    pub label: String,
+    /// The stages that run. Without a fragment stage, depth and stencil are all that is drawn.
+    pub shapes: StageMap<Option<ShaderShape>>,
     /// Depth and stencil state, if the pass has such an attachment and the draw uses it.
     pub depth_stencil: Option<DepthStencil>,
     /// Stencil reference.
@@ -81,16 +106,20 @@ pub struct Draw {
     pub hierarchical_z: bool,
     /// Viewport's depth range, to which depth is clamped.
     pub depth_range: [f32; 2],
-    /// Signature of all that its pixels depend on beside attachments and primitives; none: not asked for, or there is more to the draw
-    /// than pixels.
-    pub signature: Option<Signature>,
-    /// What of it was left out by bounds.
-    pub culling: Culling,
-    /// Memory that it may touch beside the attachments of its pass.
-    pub reach: Arc<Reach>,
-    /// Number of its state. Of two draws of a pass that follow each other, the second has the same number if no command between them has
-    /// changed the pipeline, the viewport, the scissor rectangle, the blend constant or the stencil reference.
-    pub state: u32,
+}
+
+impl RecordedState {
+    /// Whether fragments are shaded.
+    #[inline(always)]
+    pub fn shades(&self) -> bool {
+        self.shapes[Stage::Fragment].is_some()
+    }
+
+    /// The shape of a stage; zeros for a stage that does not run.
+    #[inline(always)]
+    pub fn shape(&self, stage: Stage) -> ShaderShape {
+        self.shapes[stage].unwrap_or_default()
+    }
 }
 
 /// What tests of bounds against the view volume came to.

@@ -3,6 +3,7 @@
 use crate::{Class, CostId, CostTable, Funnel, Signature};
 use gfx::format::TexelClass;
 use gfx::setup::DepthPlane;
+use gfx::stage::StageMap;
 
 /// How an input primitive ended.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -267,8 +268,8 @@ pub struct Segment {
 pub struct Programs {
     /// Number of the pipeline among all that the trace creates.
     pub pipeline: u64,
-    /// Instructions by [`Class`] of an invocation whose loops make one turn: of the vertex and the fragment program, or of a compute program.
-    pub instructions: [[u32; Class::COUNT]; 2],
+    /// For each stage the instructions by [`Class`] of an invocation whose loops make one turn; zeros for a stage that the pipeline has not.
+    pub instructions: StageMap<[u32; Class::COUNT]>,
 }
 
 /// What primitives are expected to cover, estimated from their areas and extents without traversal, in 1/256, so that sums do not depend on

@@ -348,7 +348,7 @@ fn depths_that_are_forgotten_are_seen() {
         match event {
             Event::Draw(draw) => {
                 let mut draw = (*draw).clone();
-                if let Some(state) = &mut draw.depth_stencil {
+                if let Some(state) = &mut Arc::make_mut(&mut draw.state).depth_stencil {
                     state.depth_write = false;
                 }
                 forgetful.push(Event::Draw(Arc::new(draw)));

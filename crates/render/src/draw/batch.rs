@@ -11,12 +11,13 @@ use gfx::state::{PolygonMode, Topology};
 use num::{SUBPIXEL, prefetch};
 use work::{Areas, Funnel, Outcome, TILE};
 
+use super::DrawCall;
 use super::areas;
-use super::frame::{PreparedDraw, Worker};
 use super::needless::Late;
 use super::plan::{Piece, entries_of};
 use super::stream::Stream;
 use super::vertex::Vertices;
+use super::workers::Worker;
 
 /// Primitives of a batch: one task assembles, clips and sorts as many. Every batch has a list for every tile; more batches
 /// would be more, and shorter, lists.
@@ -142,13 +143,11 @@ pub fn cut(topology: Topology, pieces: &[Piece], batches: &mut Vec<Batch>) -> us
 
 /// The inputs that all batches of a segment share.
 pub struct Input<'a, 'f> {
-    pub frame: &'a PreparedDraw<'f>,
+    pub call: &'a DrawCall<'f>,
     pub stream: &'a Stream,
     pub vertices: &'a Vertices,
     /// Tiles across the attachments and in all.
     pub tiles: (u32, u32),
-    /// Whether [`Batch`]es record how primitives end.
-    pub record: bool,
     /// Only the bounds of triangles are found here, and the tiles set them up: what is set up is eight times as large as its
     /// vertices' numbers, and writing and reading it back costs more than doing it again in the few tiles it touches.
     pub late_setup: bool,
@@ -159,19 +158,19 @@ pub struct Input<'a, 'f> {
 }
 
 /// Whether setup may be left to the tiles.
-pub fn late_setup(frame: &PreparedDraw<'_>, record: bool) -> bool {
-    let triangles = PrimitiveKind::of(frame.topology) == PrimitiveKind::Triangle;
-    triangles && frame.pipeline.primitive.polygon_mode == PolygonMode::Fill && !record
+pub fn late_setup(call: &DrawCall<'_>) -> bool {
+    let triangles = PrimitiveKind::of(call.topology) == PrimitiveKind::Triangle;
+    triangles && call.pipeline.primitive.polygon_mode == PolygonMode::Fill && !call.options.record
 }
 
 /// Whether small triangles may be set up together, given that setup is left to the tiles.
-pub fn mark_small(frame: &PreparedDraw<'_>) -> bool {
+pub fn mark_small(call: &DrawCall<'_>) -> bool {
     #[cfg(target_arch = "x86_64")]
     let wide = gfx::simd::has_avx2();
     #[cfg(not(target_arch = "x86_64"))]
     let wide = false;
-    let tests = !frame.early || frame.depth.is_none() || frame.tests_blocks;
-    wide && tests && frame.samples == 1 && frame.sample_mask & 1 == 1 && frame.setup.bias.is_none()
+    let tests = !call.early || call.depth.is_none() || call.tests_blocks;
+    wide && tests && call.samples == 1 && call.sample_mask & 1 == 1 && call.setup.bias.is_none()
 }
 
 /// Nothing is set up together here.
@@ -256,7 +255,7 @@ impl Batch {
         self.areas = Areas::default();
         self.funnel = Funnel::default();
         worker.pairs.clear();
-        if input.record {
+        if input.call.options.record {
             // The memory of the last segment is gone, and lists that grow are copied.
             let primitives = self.primitives as usize;
             self.ended.reserve_exact(primitives);
@@ -285,7 +284,7 @@ impl Batch {
         pairs: &mut Vec<(u32, u32)>,
     ) {
         if !input.late_setup {
-            return self.put(input, number, setup::within(&input.frame.setup, screen, bounds), corners, pairs);
+            return self.put(input, number, setup::within(&input.call.setup, screen, bounds), corners, pairs);
         }
         let small = input.mark_small && is_small(screen, &bounds);
         self.put_late(input, number, screen, bounds, small, corners, pairs);
@@ -314,7 +313,7 @@ impl Batch {
         if x0 == x1 && y0 == y1 {
             pairs.push((y0 * input.tiles.0 + x0, reference));
         } else {
-            spread(input, &setup::within(&input.frame.setup, screen, bounds), reference, tiles, pairs);
+            spread(input, &setup::within(&input.call.setup, screen, bounds), reference, tiles, pairs);
         }
         self.corners.push(corners);
         self.primitive.push(number);
@@ -341,9 +340,9 @@ impl Batch {
                 _ => areas::of_thin(b),
             };
         }
-        if input.record {
+        if input.call.options.record {
             let corners = corners.vertices.map(at);
-            self.unclipped.push(input.frame.setup.unclipped(triangle.shape, &corners));
+            self.unclipped.push(input.call.setup.unclipped(triangle.shape, &corners));
             let (w, h) = (u64::from(b.x1 - b.x0), u64::from(b.y1 - b.y0));
             self.quads_estimate += match triangle.shape {
                 // Half the box, and its circumference.
@@ -374,14 +373,14 @@ impl Batch {
 
     /// A triangle, set up here where that was left to the tiles.
     #[inline(always)]
-    pub fn set_up(&self, number: usize, frame: &PreparedDraw<'_>, vertices: &Vertices) -> Triangle {
+    pub fn set_up(&self, number: usize, call: &DrawCall<'_>, vertices: &Vertices) -> Triangle {
         if let Some(triangle) = self.triangles.get(number) {
             return *triangle;
         }
         let mut screen = [ScreenVertex::default(); 3];
         self.screen_into(number, vertices, &mut screen);
         // The bounds were not empty when the triangle was kept.
-        setup::within(&frame.setup, &screen, setup::bounds(&frame.setup, &screen).unwrap_or_default())
+        setup::within(&call.setup, &screen, setup::bounds(&call.setup, &screen).unwrap_or_default())
     }
 
     /// Sorts the references by tile; those of a tile stay in order.
@@ -452,24 +451,24 @@ const LONG_ROW: u32 = 4;
 
 /// Notes the tiles that may hold samples of a primitive that spans several.
 fn spread(input: &Input<'_, '_>, triangle: &Triangle, reference: u32, [x0, y0, x1, y1]: [u32; 4], pairs: &mut Vec<(u32, u32)>) {
-    let frame = input.frame;
+    let call = input.call;
     if triangle.shape != Shape::Triangle {
         pairs.extend((y0..=y1).flat_map(|ty| (x0..=x1).map(move |tx| (ty * input.tiles.0 + tx, reference))));
         return;
     }
     let (b, base) = (triangle.bounds, triangle.base());
-    let reach = if frame.samples == 1 { 0 } else { SAMPLE_REACH };
+    let reach = if call.samples == 1 { 0 } else { SAMPLE_REACH };
     let at = |p: i32, origin: i32| (p - origin) * SUBPIXEL;
     for ty in y0..=y1 {
         // The rectangle of a tile's samples: first its rows.
         let py0 = (ty * TILE) as i32;
-        let py1 = (py0 + TILE as i32).min(frame.height as i32);
+        let py1 = (py0 + TILE as i32).min(call.height as i32);
         let (top, bottom) = (at(py0, base[1]) - reach, at(py1 - 1, base[1]) + reach);
         let long = x1 - x0 >= LONG_ROW;
         let columns = if long { columns(triangle, [x0, x1], [top, bottom], base[0], reach) } else { x0..x1 + 1 };
         for tx in columns {
             let px0 = (tx * TILE) as i32;
-            let px1 = (px0 + TILE as i32).min(frame.width as i32);
+            let px1 = (px0 + TILE as i32).min(call.width as i32);
             let (left, right) = (at(px0, base[0]) - reach, at(px1 - 1, base[0]) + reach);
             let (mut touched, mut covered) = (true, true);
             for edge in &triangle.edges {
@@ -482,7 +481,7 @@ fn spread(input: &Input<'_, '_>, triangle: &Triangle, reference: u32, [x0, y0, x
                 continue;
             }
             let inside = i32::from(b.x0) <= px0 && i32::from(b.y0) <= py0 && i32::from(b.x1) >= px1 && i32::from(b.y1) >= py1;
-            let whole = if frame.overwrites && covered && inside { WHOLE } else { 0 };
+            let whole = if call.overwrites && covered && inside { WHOLE } else { 0 };
             pairs.push((ty * input.tiles.0 + tx, reference | whole));
         }
     }

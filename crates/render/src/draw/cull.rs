@@ -14,10 +14,10 @@ use std::collections::HashMap;
 
 use gfx::state::{IndexFormat, StepMode, VertexFormat};
 use num::{LANES, Lanes};
-use shader::{BuiltIn, Encloser, InputRegister, Program, Range};
+use shader::{BuiltIn, Encloser, InputRegister, Range};
 use work::{Cull, Culling};
 
-use super::frame::PreparedDraw;
+use super::super::pipeline::PipelineStage;
 use super::{BufferRange, DrawCall};
 
 /// Entries after which what is known of buffers is forgotten.
@@ -71,7 +71,6 @@ pub struct Boxes {
 /// A draw that is to be tested.
 pub struct Candidate<'a> {
     pub call: &'a DrawCall<'a>,
-    pub frame: &'a PreparedDraw<'a>,
     /// Index that ends a strip.
     pub restart: Option<u32>,
     /// Primitives of an instance, and entries of its stream.
@@ -106,7 +105,7 @@ impl Candidate<'_> {
         if self.outside(boxes, &given) == Some(true) {
             seen.instances.clear();
             seen.culling.draws += 1;
-        } else if self.call.key.cull == Cull::Instances && self.call.range.instances > 1 {
+        } else if self.call.options.key.cull == Cull::Instances && self.call.range.instances > 1 {
             seen.instances.clear();
             self.test_each(boxes, &mut given, known, &mut seen);
         }
@@ -147,20 +146,21 @@ impl Candidate<'_> {
 
     /// Whether all positions lie outside one plane. None if the positions have no known bounds.
     fn outside(&self, boxes: &mut Boxes, given: &[Given]) -> Option<bool> {
-        let program = self.frame.pipeline.vertex();
-        if !boxes.encloser.enclose(program, &self.frame.vertex_resources, self.frame.vertex_uniforms, given) {
+        let vertex = self.call.vertex();
+        let program = &vertex.stage.program;
+        if !boxes.encloser.enclose(program, &vertex.resources, vertex.uniforms, given) {
             return None;
         }
         let mut ends = [(0.0, 0.0); 4];
         for (c, ends) in ends.iter_mut().enumerate() {
-            *ends = boxes.encloser.output(program, self.frame.pipeline.position, c).ends()?;
+            *ends = boxes.encloser.output(program, self.call.pipeline.position, c).ends()?;
         }
-        Some(self.frame.clip.rejects(ends))
+        Some(self.call.clip.rejects(ends))
     }
 
     /// The known ranges of the inputs that come from vertices. None if nothing is known.
     fn vertices(&self, boxes: &mut Boxes) -> Option<Vec<Given>> {
-        let Candidate { call, frame, .. } = self;
+        let Candidate { call, .. } = self;
         let ends = match call.index {
             None => (call.range.first, call.range.first.checked_add(call.range.count - 1)?),
             Some(index) => {
@@ -189,9 +189,9 @@ impl Candidate<'_> {
         let mut given = Vec::new();
         self.attributes(boxes, StepMode::Vertex, ends, &mut given);
         self.builtins(BuiltIn::VertexIndex, Range::unsigned(ends.0, ends.1), &mut given);
-        self.builtins(BuiltIn::BaseVertex, Range::point(frame.base_vertex), &mut given);
-        self.builtins(BuiltIn::BaseInstance, Range::point(frame.first_instance), &mut given);
-        self.builtins(BuiltIn::DrawIndex, Range::point(frame.draw_index), &mut given);
+        self.builtins(BuiltIn::BaseVertex, Range::point(call.base_vertex()), &mut given);
+        self.builtins(BuiltIn::BaseInstance, Range::point(call.range.first_instance), &mut given);
+        self.builtins(BuiltIn::DrawIndex, Range::point(call.range.draw_index), &mut given);
         Some(given)
     }
 
@@ -206,9 +206,9 @@ impl Candidate<'_> {
 
     /// Bounds of the attributes of vertices (or instances) from the first to the last.
     fn attributes(&self, boxes: &mut Boxes, step: StepMode, ends: (u32, u32), given: &mut Vec<Given>) {
-        let Candidate { call, frame, .. } = self;
-        for attribute in &frame.pipeline.attributes {
-            let (program, source) = (frame.pipeline.vertex(), frame.source(attribute));
+        let Candidate { call, .. } = self;
+        for attribute in &call.pipeline.attributes {
+            let (program, source) = (&call.vertex().stage.program, call.source(attribute));
             let read = |c: usize| program.input_register(attribute.input, c);
             if attribute.step != step || (0..attribute.components).all(|c| read(c).is_none()) {
                 continue;
@@ -242,13 +242,13 @@ impl Candidate<'_> {
 
     /// The instance attributes of up to 64 instances, a lane each.
     fn fetch_instances(&self, first: u64, fetched: &mut Vec<(InputRegister, Lanes)>) {
-        let program: &Program = self.frame.pipeline.vertex();
+        let program = &self.call.vertex().stage.program;
         fetched.clear();
         let numbers = std::array::from_fn(|i| (first as u32).wrapping_add(i as u32));
-        for attribute in &self.frame.pipeline.attributes {
+        for attribute in &self.call.pipeline.attributes {
             if attribute.step == StepMode::Instance {
                 let mut lanes = [Lanes::ZERO; 4];
-                self.frame.source(attribute).fetch(attribute.format, attribute.offset, &numbers, LANES, &mut lanes);
+                self.call.source(attribute).fetch(attribute.format, attribute.offset, &numbers, LANES, &mut lanes);
                 let read =
                     (0..attribute.components).filter_map(|c| program.input_register(attribute.input, c).zip(Some(lanes[c])));
                 fetched.extend(read);
@@ -258,8 +258,8 @@ impl Candidate<'_> {
 
     /// Gives a built-in value to the inputs that ask for it.
     fn builtins(&self, builtin: BuiltIn, range: Range, given: &mut Vec<Given>) {
-        let program = self.frame.pipeline.vertex();
-        let asked = self.frame.vertex_builtins.iter().filter(|(_, asked)| *asked == builtin);
+        let PipelineStage { program, builtins } = self.call.vertex().stage;
+        let asked = builtins.iter().filter(|(_, asked)| *asked == builtin);
         given.extend(asked.filter_map(|&(slot, _)| Some((program.input_register(slot, 0)?, range))));
     }
 }
@@ -283,13 +283,10 @@ fn remembered<K: Copy + Eq + std::hash::Hash, V: Copy + PartialEq + std::fmt::De
 }
 
 /// Whether a draw outside the view may be left out: no other result of the trace depends on it.
-pub fn may_cull(call: &DrawCall<'_>, frame: &PreparedDraw<'_>) -> bool {
-    let pipeline = frame.pipeline;
-    let alone = |program: &Program| !program.interface().subgroups;
+pub fn may_cull(call: &DrawCall<'_>) -> bool {
     let company = |(_, builtin): &(usize, BuiltIn)| *builtin == BuiltIn::SubgroupInvocationId;
-    call.key.cull != Cull::None
-        && !pipeline.has_side_effects()
-        && alone(pipeline.vertex())
-        && pipeline.fragment().is_none_or(alone)
-        && !frame.fragment_builtins.iter().any(company)
+    call.options.key.cull != Cull::None
+        && !call.pipeline.has_side_effects()
+        && call.pipeline.stages().all(|stage| !stage.interface().subgroups)
+        && !call.fragment().is_some_and(|bound| bound.stage.builtins.iter().any(company))
 }

@@ -19,12 +19,12 @@ impl TileRun<'_, '_, '_> {
         block: &Block<S>,
     ) -> [u64; S] {
         let plane = &triangle.depth;
-        let frame = self.frame;
+        let call = self.call;
         let Some(tile) = &mut self.job.depth else { return block.samples };
         let at = block_in_tile(block.x, block.y);
-        tile.materialise(frame.depth_words);
+        tile.materialise(call.depth_words);
         #[cfg(target_arch = "x86_64")]
-        if WIDE && S == 1 && frame.tests_blocks {
+        if WIDE && S == 1 && call.tests_blocks {
             let codes: &mut [u32; LANES] =
                 (&mut tile.codes[at * LANES..(at + 1) * LANES]).try_into().expect("a block of one sample");
             let mut out = [0; S];
@@ -34,7 +34,7 @@ impl TileRun<'_, '_, '_> {
         }
         let mut out = [0; S];
         let mut left = quads_in(block.pixels());
-        let size = 4 * S * frame.depth_words;
+        let size = 4 * S * call.depth_words;
         while left != 0 {
             let q = left.trailing_zeros() as usize / 4;
             left &= left - 1;

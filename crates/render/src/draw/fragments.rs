@@ -3,17 +3,18 @@
 use std::sync::Arc;
 
 use gfx::format::Format;
+use gfx::stage::Stage;
 use gfx::texel::aspect_masks;
 use work::{Areas, Event, Funnel};
 
 use super::super::needs::Need;
 use super::areas;
 use super::batch::Batch;
-use super::frame::{PreparedDraw, Workers};
 use super::geometry::{Geometry, Stages, each, settle};
 use super::record::{self, TileRecord};
 use super::signature;
 use super::tile::{self, MAX_COLORS, SegmentInput, TileJob};
+use super::workers::Workers;
 use super::{DrawCall, DrawError, Drawn};
 use crate::parallel;
 use crate::surface::{ALL, TileSurface};
@@ -37,8 +38,8 @@ fn count(funnel: &mut Funnel, batches: &[Batch]) {
 }
 
 /// The depth attachment where a draw uses it, and the bits of its texels that the draw may write.
-fn depth_of<'a>(depth: &'a mut Option<TileSurface>, frame: &PreparedDraw<'_>) -> Option<(&'a mut TileSurface, [u32; 4])> {
-    let (surface, state) = (depth.as_mut()?, frame.depth.as_ref()?);
+fn depth_of<'a>(depth: &'a mut Option<TileSurface>, call: &DrawCall<'_>) -> Option<(&'a mut TileSurface, [u32; 4])> {
+    let (surface, state) = (depth.as_mut()?, call.depth.as_ref()?);
     let (depth_bits, stencil_bits) = aspect_masks(surface.shape().format);
     let stencil = if state.writes_stencil() { u32::MAX } else { 0 };
     Some((surface, std::array::from_fn(|w| depth_bits[w] | stencil_bits[w] & stencil)))
@@ -62,7 +63,6 @@ impl Images {
     pub fn fragments(
         &mut self,
         call: &DrawCall<'_>,
-        frame: &PreparedDraw<'_>,
         workers: &Workers,
         stages: &mut Stages,
         made: Geometry,
@@ -72,7 +72,7 @@ impl Images {
         let (growth, quads) = (&made.growth, stages.quads());
         let Stages { stream, vertices, batches, batches_used, pieces, touched, records, .. } = stages;
         let batches = &mut batches[..*batches_used];
-        let wanted = |&tile: &u32| call.need != Need::Survey || areas::surveys([tile % tiles[0], tile / tiles[0]]);
+        let wanted = |&tile: &u32| call.options.need != Need::Survey || areas::surveys([tile % tiles[0], tile / tiles[0]]);
         touched.clear();
         match &*batches {
             [batch] => touched.extend(batch.tiles().iter().copied().filter(wanted)),
@@ -84,11 +84,11 @@ impl Images {
         let references = batches.iter().map(Batch::references).sum();
         call.ledger.quads.charge(references)?;
         let few = touched.len() <= FEW_TILES || references <= FEW_REFERENCES && quads <= FEW_QUADS;
-        let input = SegmentInput { frame, pieces, batches, vertices, growth };
-        let one = |job: &mut TileJob<'_>| workers.with(|worker| tile::draw(&input, worker, job, call.record));
-        let alone = frame.tiles_in_order || few;
-        let own = if alone && !call.record { 1 } else { touched.len() };
-        if call.record {
+        let input = SegmentInput { call, pieces, batches, vertices, growth };
+        let one = |job: &mut TileJob<'_>| workers.with(|worker| tile::draw(&input, worker, job, call.options.record));
+        let alone = call.tiles_in_order || few;
+        let own = if alone && !call.options.record { 1 } else { touched.len() };
+        if call.options.record {
             // A draw that failed may have left some.
             records.clear();
         }
@@ -96,22 +96,22 @@ impl Images {
         let mut result = Ok(());
         if alone {
             for (i, &index) in touched.iter().enumerate() {
-                let record = &mut records[if call.record { i } else { 0 }];
-                result = one(&mut self.job(frame, tiles, index as usize, record));
+                let record = &mut records[if call.options.record { i } else { 0 }];
+                result = one(&mut self.job(call, tiles, index as usize, record));
                 if result.is_err() {
                     break;
                 }
             }
         } else {
-            let mut jobs = self.jobs(frame, tiles, touched, records);
+            let mut jobs = self.jobs(call, tiles, touched, records);
             result = parallel::map(jobs.iter_mut(), 1..=1, |_, job| one(job)).collect();
         }
         let mut drawn = workers.take_counts();
-        settle(call, workers, growth, frame.fragment)?;
+        settle(call, workers, growth, call.program(Stage::Fragment))?;
         result?;
         call.ledger.quads.add(drawn.funnel.quads_rasterized);
         call.ledger.quads.verify()?;
-        if call.need == Need::Survey {
+        if call.options.need == Need::Survey {
             // The counts are those of some tiles only.
             drawn.funnel = Funnel::default();
         } else {
@@ -120,7 +120,7 @@ impl Images {
         drawn.funnel.vertices_in += made.entries;
         drawn.funnel.vertices_shaded += made.shaded;
         count(&mut drawn.funnel, batches);
-        if call.areas || call.need == Need::Survey {
+        if call.options.areas || call.options.need == Need::Survey {
             batches.iter().for_each(|batch| drawn.areas += batch.areas);
         } else {
             // Tiles count what is visible in any case.
@@ -145,37 +145,31 @@ impl Images {
     }
 
     /// One tile with its parts of the attachments.
-    fn job<'a>(
-        &'a mut self,
-        frame: &PreparedDraw<'_>,
-        tiles: [u32; 2],
-        index: usize,
-        record: &'a mut TileRecord,
-    ) -> TileJob<'a> {
+    fn job<'a>(&'a mut self, call: &DrawCall<'_>, tiles: [u32; 2], index: usize, record: &'a mut TileRecord) -> TileJob<'a> {
         let mut job = TileJob::new(index, tiles[0], record);
         let mut locations: [Option<&mut TileSurface>; MAX_COLORS] = Default::default();
         for (location, color) in locations.iter_mut().zip(&mut self.color) {
             *location = color.as_mut().map(|(surface, _)| surface);
         }
-        for (tile, target) in job.colors.iter_mut().zip(&frame.targets) {
+        for (tile, target) in job.colors.iter_mut().zip(&call.targets) {
             *tile = locations[target.location].take().map(|surface| surface.tile_mut(index, ALL));
         }
-        job.depth = depth_of(&mut self.depth, frame).map(|(surface, written)| surface.tile_mut(index, written));
+        job.depth = depth_of(&mut self.depth, call).map(|(surface, written)| surface.tile_mut(index, written));
         job
     }
 
     /// Some tiles, in order, with their parts of the attachments, and with what is recorded of each.
     fn jobs<'a>(
         &'a mut self,
-        frame: &PreparedDraw<'_>,
+        call: &DrawCall<'_>,
         tiles: [u32; 2],
         indices: &[u32],
         records: &'a mut [TileRecord],
     ) -> Vec<TileJob<'a>> {
         let mut locations: Vec<Option<_>> =
             self.color.iter_mut().map(|c| c.as_mut().map(|(surface, _)| surface.tiles_mut(ALL))).collect();
-        let mut colors: Vec<_> = frame.targets.iter().map(|t| locations[t.location].take()).collect();
-        let mut depth = depth_of(&mut self.depth, frame).map(|(surface, written)| surface.tiles_mut(written));
+        let mut colors: Vec<_> = call.targets.iter().map(|t| locations[t.location].take()).collect();
+        let mut depth = depth_of(&mut self.depth, call).map(|(surface, written)| surface.tiles_mut(written));
         let mut jobs = Vec::with_capacity(indices.len());
         let mut next = 0;
         for (index, record) in indices.iter().map(|&index| index as usize).zip(records) {

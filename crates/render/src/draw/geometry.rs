@@ -1,6 +1,7 @@
 //! The geometry half of a draw: which primitives its segments have, their vertices, and what of them lies in which tile. It reads nothing that
 //! a draw before it has drawn.
 
+use gfx::stage::Stage;
 use num::Meter;
 use shader::Program;
 use work::{Cull, Culling, Segment};
@@ -9,11 +10,11 @@ use super::super::ledger::CLIPPED_STEPS;
 use super::super::needs::Need;
 use super::batch::{self, Batch};
 use super::cull;
-use super::frame::{PreparedDraw, Workers};
 use super::plan::{Piece, Planner};
 use super::record::TileRecord;
 use super::stream::{Stream, StreamSource};
 use super::vertex::Vertices;
+use super::workers::Workers;
 use super::{DrawCall, DrawError, Range};
 use crate::parallel;
 
@@ -76,28 +77,28 @@ pub fn each<T: Send>(items: &mut [T], work: impl Fn(&mut T) + Sync + Send) {
 }
 
 /// The walk over a draw's primitives, without those that bounds show to be out of view.
-pub fn plan(call: &DrawCall<'_>, frame: &PreparedDraw<'_>, planner: &mut Planner) -> Result<Culling, DrawError> {
+pub fn plan(call: &DrawCall<'_>, planner: &mut Planner) -> Result<Culling, DrawError> {
     let range = call.range;
     let index = call.index.map(|i| i.buffer());
     let restart = call.pipeline.primitive.strip_index_format.map(|f| if f.bytes() == 2 { 0xffff } else { u32::MAX });
-    if restart.is_some() && index.is_some() && frame.topology.is_strip() {
+    if restart.is_some() && index.is_some() && call.topology.is_strip() {
         // At most every other index ends a strip.
         let strips = u64::from(range.count / 2) * STRIP;
         call.ledger.passing("the strips of a draw", strips).map_err(DrawError::Memory)?;
     }
     let first = u64::from(range.first_instance);
     let instances = first..first + u64::from(range.instances);
-    planner.begin(frame.topology, index.as_ref(), [range.first, range.count], restart, instances);
+    planner.begin(call.topology, index.as_ref(), [range.first, range.count], restart, instances);
     match call.boxes {
-        Some(boxes) if cull::may_cull(call, frame) && planner.instance_primitives() > 0 => {
+        Some(boxes) if cull::may_cull(call) && planner.instance_primitives() > 0 => {
             let (primitives, entries) = (planner.instance_primitives(), planner.instance_entries());
-            let restart = restart.filter(|_| frame.topology.is_strip());
-            if call.key.cull == Cull::Instances {
+            let restart = restart.filter(|_| call.topology.is_strip());
+            if call.options.key.cull == Cull::Instances {
                 // Each instance is a run of the program on single values.
-                let steps = u64::from(range.instances).saturating_mul(call.pipeline.vertex().steps());
+                let steps = u64::from(range.instances).saturating_mul(call.vertex().stage.program.steps());
                 call.ledger.steps.charge(steps / 8)?;
             }
-            let candidate = cull::Candidate { call, frame, restart, primitives, entries };
+            let candidate = cull::Candidate { call, restart, primitives, entries };
             // A poisoned lock means that another draw panicked; what is known of buffers is true all the same.
             let mut boxes = boxes.lock().unwrap_or_else(std::sync::PoisonError::into_inner);
             let seen = candidate.test(&mut boxes);
@@ -131,22 +132,16 @@ pub struct Segments {
 
 impl Segments {
     /// The segments of a draw that has been [planned](plan), on a screen of `tiles` columns and rows of tiles.
-    pub fn new(call: &DrawCall<'_>, frame: &PreparedDraw<'_>, tiles: [u32; 2]) -> Segments {
+    pub fn new(call: &DrawCall<'_>, tiles: [u32; 2]) -> Segments {
         let most = (SEGMENT_REFERENCES / (tiles[0] * tiles[1]).max(1)).clamp(2, SEGMENT_PRIMITIVES);
-        Segments { tiles, limit: most, most, divisible: call.record && !frame.vertex_in_order }
+        Segments { tiles, limit: most, most, divisible: call.options.record && !call.vertex_in_order }
     }
 
     /// The geometry half of the next segment; none behind the last.
     ///
     /// # Errors
     /// If a shader does not end, or something asks for more than is allowed.
-    pub fn next(
-        &mut self,
-        call: &DrawCall<'_>,
-        frame: &PreparedDraw<'_>,
-        workers: &Workers,
-        stages: &mut Stages,
-    ) -> Result<Option<Geometry>, DrawError> {
+    pub fn next(&mut self, call: &DrawCall<'_>, workers: &Workers, stages: &mut Stages) -> Result<Option<Geometry>, DrawError> {
         loop {
             let place = stages.planner.place();
             if !stages.planner.next(self.limit, &mut stages.pieces) {
@@ -154,8 +149,8 @@ impl Segments {
             }
             let primitives: u32 = stages.pieces.iter().map(|p| p.primitives).sum();
             let growth = call.ledger.growth();
-            let made = geometry(call, frame, workers, stages, self.tiles, &growth);
-            settle(call, workers, &growth, Some(call.pipeline.vertex()))?;
+            let made = geometry(call, workers, stages, self.tiles, &growth);
+            settle(call, workers, &growth, Some(&call.pipeline.geometry().program))?;
             let (segment, entries, shaded) = made?;
             let quads = stages.quads();
             if self.divisible && quads > SEGMENT_QUADS && primitives > 2 {
@@ -165,7 +160,7 @@ impl Segments {
                 stages.planner.go_back(place);
                 continue;
             }
-            if call.record {
+            if call.options.record {
                 let bytes = quads.saturating_mul(RECORDED_QUAD);
                 call.ledger.passing("recorded work", bytes).map_err(DrawError::Memory)?;
             }
@@ -181,7 +176,6 @@ impl Segments {
 /// segment has read, and vertices shaded.
 fn geometry(
     call: &DrawCall<'_>,
-    frame: &PreparedDraw<'_>,
     workers: &Workers,
     stages: &mut Stages,
     [across, down]: [u32; 2],
@@ -189,22 +183,24 @@ fn geometry(
 ) -> Result<(Option<Box<Segment>>, u64, u64), DrawError> {
     let Stages { stream, vertices, batches, pieces, .. } = &mut *stages;
     let Range { first, base_vertex, .. } = call.range;
-    stream.read(&StreamSource { index: call.index.map(|i| i.buffer()), first, base_vertex }, pieces, call.record);
-    let mut segment = call.record.then(Box::<Segment>::default);
-    let shaded = vertices.shade(frame, workers, stream, segment.as_deref_mut().zip(Some(growth)))?;
-    let n = batch::cut(frame.topology, pieces, batches);
+    stream.read(&StreamSource { index: call.index.map(|i| i.buffer()), first, base_vertex }, pieces, call.options.record);
+    let mut segment = call.options.record.then(Box::<Segment>::default);
+    let shaded = match call.pipeline.geometry().kind() {
+        Stage::Vertex => vertices.shade(call, workers, stream, segment.as_deref_mut().zip(Some(growth)))?,
+        kind @ (Stage::Fragment | Stage::Compute) => unreachable!("the {} stage comes before no rasteriser", kind.name()),
+    };
+    let n = batch::cut(call.topology, pieces, batches);
     // Every batch has a list for every tile.
     call.ledger.bytes.charge(4 * n as u64 * u64::from(across) * u64::from(down))?;
-    let late_setup = batch::late_setup(frame, call.record);
+    let late_setup = batch::late_setup(call);
     let input = batch::Input {
-        frame,
+        call,
         stream,
         vertices,
         tiles: (across, across * down),
-        record: call.record,
         late_setup,
-        mark_small: late_setup && batch::mark_small(frame),
-        areas: call.areas || call.need == Need::Survey,
+        mark_small: late_setup && batch::mark_small(call),
+        areas: call.options.areas || call.options.need == Need::Survey,
     };
     let run = |batch: &mut Batch| workers.with(|worker| batch.run(&input, worker));
     each(&mut batches[..n], run);

@@ -10,14 +10,14 @@ use super::tile::TileRun;
 impl TileRun<'_, '_, '_> {
     /// [`TileRun::shrink`] with one sample per pixel: of the pixels that are `alive` those that stay, a bit per lane.
     pub(super) fn shrink_lanes<const RECORD: bool>(&mut self, survivors: u64, alive: u64) -> u64 {
-        let frame = self.frame;
+        let call = self.call;
         let Some(bound) = &self.bound else { return alive };
         let mut allowed = survivors;
-        if let Some(slot) = frame.mask_output {
+        if let Some(slot) = call.mask_output {
             let mask = bound.output(slot, 0);
             allowed &= (0..LANES).fold(0, |all, lane| all | u64::from(mask.0[lane] & 1) << lane);
         }
-        if let Some(slot) = frame.alpha_output {
+        if let Some(slot) = call.alpha_output {
             let alpha = bound.output(slot, 3).f32();
             allowed &= (0..LANES).fold(0, |all, lane| all | u64::from(rop::alpha_to_coverage(alpha[lane], 1) & 1) << lane);
         }
@@ -33,10 +33,10 @@ impl TileRun<'_, '_, '_> {
 
     /// Discard, the program's sample mask and alpha to coverage.
     pub(super) fn shrink<const S: usize>(&mut self, survivors: u64, kept: &mut [u16; QUADS]) {
-        let frame = self.frame;
+        let call = self.call;
         let Some(bound) = &self.bound else { return };
-        let mask = frame.mask_output.map(|slot| bound.output(slot, 0));
-        let alpha = frame.alpha_output.map(|slot| bound.output(slot, 3));
+        let mask = call.mask_output.map(|slot| bound.output(slot, 0));
+        let alpha = call.alpha_output.map(|slot| bound.output(slot, 3));
         for q in 0..self.pending.n {
             let before = kept[q];
             let mut allowed = 0_u16;
@@ -63,15 +63,14 @@ impl TileRun<'_, '_, '_> {
     /// compiled for AVX2 and its companions.
     #[inline(always)]
     pub(super) fn test_lanes<const WIDE: bool>(&mut self, alive: u64) -> u64 {
-        let frame = self.frame;
+        let call = self.call;
         #[cfg(target_arch = "x86_64")]
         if WIDE
-            && frame.tests_blocks
-            && frame.frag_depth.is_none()
-            && let (Some(state), Some(tile), Some(sites)) =
-                (&frame.depth, &mut self.job.depth, self.pending.sites.first_chunk())
+            && call.tests_blocks
+            && call.frag_depth.is_none()
+            && let (Some(state), Some(tile), Some(sites)) = (&call.depth, &mut self.job.depth, self.pending.sites.first_chunk())
         {
-            tile.materialise(frame.depth_words);
+            tile.materialise(call.depth_words);
             let quads =
                 rop::LateQuads { triangles: &self.pending.triangles, count: self.pending.n, sites, at: self.pending.places() };
             // SAFETY: `flush` has found the instruction sets on this host.
@@ -87,12 +86,12 @@ impl TileRun<'_, '_, '_> {
     /// Tests depth and stencil.
     #[inline(never)]
     pub(super) fn test_late<const S: usize>(&mut self, kept: &mut [u16; QUADS]) {
-        let frame = self.frame;
+        let call = self.call;
         let before = lanes(kept);
         let mut codes = [Lanes::ZERO; S];
         self.late_depths::<S>(&mut codes);
-        if let (Some(state), Some(tile)) = (&frame.depth, &mut self.job.depth) {
-            tile.materialise(frame.depth_words);
+        if let (Some(state), Some(tile)) = (&call.depth, &mut self.job.depth) {
+            tile.materialise(call.depth_words);
             state.test_batch(S, self.pending.n, self.pending.back, self.pending.places(), &codes, tile.codes, kept);
         }
         self.counts.fragments_late_failed += u64::from((before & !lanes(kept)).count_ones());
@@ -100,9 +99,9 @@ impl TileRun<'_, '_, '_> {
 
     /// Depth codes at each sample, from the program or the plane.
     fn late_depths<const S: usize>(&mut self, codes: &mut [Lanes; S]) {
-        let frame = self.frame;
-        let (Some(state), Some(bound)) = (&frame.depth, &self.bound) else { return };
-        if let Some(slot) = frame.frag_depth {
+        let call = self.call;
+        let (Some(state), Some(bound)) = (&call.depth, &self.bound) else { return };
+        if let Some(slot) = call.frag_depth {
             let mut code = Lanes::ZERO;
             state.codes(bound.output(slot, 0), &mut code);
             *codes = [code; S];

@@ -12,7 +12,6 @@ mod clip_distance;
 mod cull;
 mod early;
 mod fragments;
-mod frame;
 mod geometry;
 mod late;
 mod needless;
@@ -21,33 +20,38 @@ mod pending;
 mod plan;
 mod primitive;
 mod record;
-mod settings;
 mod shade;
 mod signature;
 #[cfg(target_arch = "x86_64")]
 mod small;
+mod state;
 mod stream;
 mod tile;
 mod vertex;
+mod workers;
 
 #[cfg(test)]
 mod tests;
 
-use std::sync::{Arc, Mutex};
+use std::ops::Deref;
+use std::sync::{Arc, Mutex, OnceLock};
 
+use gfx::stage::{Stage, StageMap};
 use gfx::state::{IndexFormat, Rect, Viewport};
+use gfx::vertex::VertexSource;
 use num::Words;
-use shader::Resources;
+use shader::{Program, Resources, Uniforms};
 use work::{Areas, Extent, Funnel, Reach, RenderKey, Signature};
 
 use super::ledger::Ledger;
 use super::needs::Need;
-use super::pipeline::RenderPipeline;
+use super::pipeline::{Attribute, PipelineStage};
 
 pub use cull::Boxes;
 pub use signature::Signer;
 
 pub use pass::{DrawError, EndedPass, RenderPass};
+pub use state::DrawState;
 
 /// A range of a buffer.
 #[derive(Clone, Debug)]
@@ -119,24 +123,9 @@ impl Skips {
     pub const NONE: Skips = Skips { overwritten: false, full_blocks: false, repeated: false };
 }
 
-/// A draw call with everything resolved.
-pub struct DrawCall<'a> {
-    /// Number in the trace.
-    pub number: u32,
-    /// Label of the innermost debug group, or empty.
-    pub group: &'a Arc<str>,
-    /// The pipeline.
-    pub pipeline: &'a Arc<RenderPipeline>,
-    /// Vertex buffers by slot.
-    pub vertex_buffers: &'a [Option<BufferRange>],
-    /// Indices; none: not indexed.
-    pub index: Option<&'a IndexRange>,
-    /// The range of vertices or indices, and of instances, that is drawn.
-    pub range: Range,
-    /// Resources of the vertex stage.
-    pub vertex_resources: Resources<'a>,
-    /// Resources of the fragment stage.
-    pub fragment_resources: Option<Resources<'a>>,
+/// State that commands set and that draws take as it is.
+#[derive(Clone, Copy, Debug)]
+pub struct DynamicState {
     /// Viewport.
     pub viewport: Viewport,
     /// Scissor rectangle.
@@ -145,10 +134,46 @@ pub struct DrawCall<'a> {
     pub blend_constant: [f32; 4],
     /// Stencil reference.
     pub stencil_reference: u32,
-    /// An occlusion query is open.
-    pub count_samples: bool,
-    /// A statistics query is open: the program sees how many fragments the machine shades.
-    pub counted: bool,
+}
+
+impl DynamicState {
+    /// The state at the beginning of a pass of this many pixels.
+    pub fn new(width: u32, height: u32) -> DynamicState {
+        DynamicState {
+            viewport: Viewport { x: 0.0, y: 0.0, width: width as f32, height: height as f32, min_depth: 0.0, max_depth: 1.0 },
+            scissor: Rect { x: 0, y: 0, width, height },
+            blend_constant: [0.0; 4],
+            stencil_reference: 0,
+        }
+    }
+}
+
+impl PartialEq for DynamicState {
+    /// Whether all bits are equal: zeros of both signs are different numbers here.
+    fn eq(&self, other: &DynamicState) -> bool {
+        let viewport = |Viewport { x, y, width, height, min_depth, max_depth }: Viewport| {
+            [x, y, width, height, min_depth, max_depth].map(f32::to_bits)
+        };
+        let DynamicState { viewport: own, scissor, blend_constant, stencil_reference } = *self;
+        viewport(own) == viewport(other.viewport)
+            && scissor == other.scissor
+            && blend_constant.map(f32::to_bits) == other.blend_constant.map(f32::to_bits)
+            && stencil_reference == other.stencil_reference
+    }
+}
+
+/// The queries that are open during a draw.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct OpenQueries {
+    /// An occlusion query: samples that pass are counted.
+    pub occlusion: bool,
+    /// A statistics query: the program sees how many fragments the machine shades.
+    pub statistics: bool,
+}
+
+/// The results that are wanted of the draws of a pass.
+#[derive(Clone, Copy, Debug)]
+pub struct PassOptions {
     /// The results that are needed. Without colours, fragment shaders run for coverage, depth and what they write to memory alone.
     pub need: Need,
     /// Whether areas are wanted ([`Drawn::areas`]). A survey always wants them.
@@ -157,19 +182,101 @@ pub struct DrawCall<'a> {
     pub key: RenderKey,
     /// Whether work is recorded.
     pub record: bool,
+    /// The work that may be left out.
+    pub skips: Skips,
+}
+
+/// A stage of a draw: its program, and what all invocations read.
+#[derive(Clone, Copy)]
+pub struct BoundStage<'a> {
+    /// The stage of the pipeline.
+    pub stage: &'a PipelineStage,
+    /// Resources of its program.
+    pub resources: Resources<'a>,
+    /// Values that its invocations share.
+    pub uniforms: &'a Uniforms,
+}
+
+impl<'a> BoundStage<'a> {
+    /// Binds resources to a stage. What invocations share is computed in the memory of `uniforms`.
+    pub fn new(stage: &'a PipelineStage, resources: Resources<'a>, uniforms: &'a mut Uniforms) -> BoundStage<'a> {
+        stage.program.uniforms_into(&resources, uniforms);
+        BoundStage { stage, resources, uniforms }
+    }
+}
+
+/// A draw call with everything resolved.
+pub struct DrawCall<'a> {
+    /// The state that it is drawn with.
+    pub state: &'a DrawState,
+    /// Number in the trace.
+    pub number: u32,
+    /// Label of the innermost debug group, or empty.
+    pub group: &'a Arc<str>,
+    /// Vertex buffers by slot.
+    pub vertex_buffers: &'a [Option<BufferRange>],
+    /// Indices; none: not indexed.
+    pub index: Option<&'a IndexRange>,
+    /// The range of vertices or indices, and of instances, that is drawn.
+    pub range: Range,
+    /// The stages that [run](DrawState::runs).
+    pub stages: StageMap<Option<BoundStage<'a>>>,
     /// Signature of what the pixels depend on beside attachments and primitives.
     pub signature: Option<Signature>,
     /// Memory that it may touch beside attachments.
     pub reach: &'a Arc<Reach>,
-    /// Number of its state in the pass.
-    pub state: u32,
-    /// The work that may be left out.
-    pub skips: Skips,
     /// Known ranges of buffers, for tests of bounds ahead of vertex shading. None: nothing is tested, because something counts vertices or
     /// primitives.
     pub boxes: Option<&'a Mutex<Boxes>>,
     /// Where work is counted.
     pub ledger: &'a Ledger,
+}
+
+impl Deref for DrawCall<'_> {
+    type Target = DrawState;
+
+    #[inline(always)]
+    fn deref(&self) -> &DrawState {
+        self.state
+    }
+}
+
+impl<'a> DrawCall<'a> {
+    /// The vertex stage.
+    fn vertex(&self) -> &BoundStage<'a> {
+        self.stages[Stage::Vertex].as_ref().expect("vertices are shaded by the vertex stage")
+    }
+
+    /// The fragment stage, where it has to run.
+    #[inline(always)]
+    fn fragment(&self) -> Option<&BoundStage<'a>> {
+        self.stages[Stage::Fragment].as_ref()
+    }
+
+    /// The program of a stage that runs.
+    fn program(&self, stage: Stage) -> Option<&'a Program> {
+        self.stages[stage].as_ref().map(|bound| &bound.stage.program)
+    }
+
+    /// The first vertex; with indices, what is added to each of them.
+    fn base_vertex(&self) -> u32 {
+        if self.index.is_some() { self.range.base_vertex as u32 } else { self.range.first }
+    }
+
+    /// Where an attribute is read from.
+    fn source(&self, attribute: &Attribute) -> VertexSource<'a> {
+        static NOTHING: OnceLock<Words> = OnceLock::new();
+        match self.vertex_buffers.get(attribute.buffer) {
+            Some(Some(range)) => {
+                VertexSource { words: &range.words, offset: range.offset, size: range.size, stride: attribute.stride }
+            }
+            // Robust: what is not bound reads as zeros.
+            _ => {
+                let nothing = NOTHING.get_or_init(Words::default);
+                VertexSource { words: nothing, offset: 0, size: 0, stride: attribute.stride }
+            }
+        }
+    }
 }
 
 /// The results of a draw beside the image.

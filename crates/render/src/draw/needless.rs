@@ -28,8 +28,8 @@ pub struct Late {
 impl Batch {
     /// Notes a primitive that has ended, if its triangle goes on. `made` is the first of the vertices that cutting it made.
     pub(super) fn note_late(&mut self, input: &Input<'_, '_>, number: u32, v: [u32; 3], outcome: Outcome, made: usize) {
-        let (frame, vertices) = (input.frame, input.vertices);
-        if !frame.needless.keeps(outcome) {
+        let (call, vertices) = (input.call, input.vertices);
+        if !call.options.key.needless.keeps(outcome) {
             return;
         }
         let v = v.map(|v| v as usize);
@@ -42,14 +42,13 @@ impl Batch {
         let cut = &self.made_screen[made..];
         let own = v.map(|v| vertices.screen[v]);
         let corners = if cut.is_empty() { &own[..] } else { cut };
-        let primitive = &frame.pipeline.primitive;
-        let filled =
-            PrimitiveKind::of(frame.topology) == PrimitiveKind::Triangle && primitive.polygon_mode == PolygonMode::Fill;
+        let primitive = &call.pipeline.primitive;
+        let filled = PrimitiveKind::of(call.topology) == PrimitiveKind::Triangle && primitive.polygon_mode == PolygonMode::Fill;
         let margin = if filled { 0 } else { SUBPIXEL / 2 };
-        let drawn = frame.setup.bounds;
+        let drawn = call.setup.bounds;
         // A primitive of which the scissor rectangle leaves nothing is looked for in the area of the attachments.
         let within = match outcome {
-            Outcome::Scissor | Outcome::Frustum => [0, 0, frame.width as i32, frame.height as i32],
+            Outcome::Scissor | Outcome::Frustum => [0, 0, call.width as i32, call.height as i32],
             _ => [drawn.x0, drawn.y0, drawn.x1, drawn.y1].map(i32::from),
         };
         let pixels = pixels(corners, margin, within);
@@ -57,8 +56,8 @@ impl Batch {
         let end = Some(if walked { End::Traversal } else { End::Setup });
         let [x0, y0, x1, y1] = box_of(corners, margin);
         let unclipped = (x1 - x0) as u64 * (y1 - y0) as u64;
-        let area = if filled { frame.screen.area_sign(&v.map(|v| vertices.clip[v])) } else { 0.0 };
-        let back = area != 0.0 && (area > 0.0) != (frame.setup.front_face == FrontFace::Cw);
+        let area = if filled { call.screen.area_sign(&v.map(|v| vertices.clip[v])) } else { 0.0 };
+        let back = area != 0.0 && (area > 0.0) != (call.setup.front_face == FrontFace::Cw);
         self.late.push(Late { primitive: number, end, back, pixels, unclipped });
     }
 }

@@ -2,20 +2,21 @@
 
 use std::sync::{Arc, Mutex};
 
+use crate::pipeline::RenderPipeline;
 use crate::surface::{Shape, TileSurface};
 use gfx::format::Format;
 use host::one_line;
 use num::{LimitExceeded, LimitOverrun};
-use shader::{ShaderFault, Uniforms};
+use shader::ShaderFault;
 use work::Event;
 
 use super::fragments::Images;
-use super::frame::{PreparedDraw, Workers};
 use super::geometry::{Segments, Stages, plan};
 use super::record;
-use super::settings::{Attachments, Settings};
+use super::state::{Attachments, DrawState};
 use super::tile::MAX_COLORS;
-use super::{DrawCall, Drawn};
+use super::workers::Workers;
+use super::{DrawCall, Drawn, DynamicState, OpenQueries, PassOptions};
 
 /// Why a draw cannot be done.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
@@ -55,7 +56,6 @@ impl From<DrawError> for String {
 struct Scratch {
     workers: Workers,
     stages: Stages,
-    uniforms: [Uniforms; 2],
 }
 
 /// Scratch that no pass uses at the moment: passes come one after the other, and fresh memory costs page faults.
@@ -64,7 +64,7 @@ static IDLE: Mutex<Vec<Scratch>> = Mutex::new(Vec::new());
 impl Scratch {
     fn take() -> Box<Scratch> {
         let idle = IDLE.lock().unwrap_or_else(std::sync::PoisonError::into_inner).pop();
-        let fresh = || Scratch { workers: Workers::new(), stages: Stages::default(), uniforms: <[Uniforms; 2]>::default() };
+        let fresh = || Scratch { workers: Workers::new(), stages: Stages::default() };
         Box::new(idle.filter(|s| s.workers.suffice()).unwrap_or_else(fresh))
     }
 
@@ -77,9 +77,10 @@ impl Scratch {
 pub struct RenderPass {
     attachments: Attachments,
     images: Images,
+    options: PassOptions,
     scratch: Box<Scratch>,
-    /// The settings of the last draw.
-    settings: Option<Arc<Settings>>,
+    /// The state of the last draw.
+    state: Option<Arc<DrawState>>,
 }
 
 /// The attachments of a pass that has ended.
@@ -91,17 +92,6 @@ pub struct EndedPass {
     pub depth: Option<TileSurface>,
 }
 
-/// The settings of a call with these attachments. Reuses `last`, the settings of the draw before it, if they fit the call.
-fn resolve(last: Option<Arc<Settings>>, call: &DrawCall<'_>, attachments: &Attachments) -> Result<Arc<Settings>, DrawError> {
-    if attachments.color.len() > MAX_COLORS {
-        return Err(DrawError::Attachments(attachments.color.len()));
-    }
-    match last.filter(|settings| settings.fit(call)) {
-        Some(settings) => Ok(settings),
-        None => Ok(Arc::new(Settings::new(call, attachments)?)),
-    }
-}
-
 impl RenderPass {
     /// Begins a pass on attachments of the given extent, loaded or cleared already. A colour attachment comes with the format it
     /// is seen in, which may differ in sRGB-ness from what is stored.
@@ -111,6 +101,7 @@ impl RenderPass {
         samples: u32,
         color: Vec<Option<(TileSurface, Format)>>,
         depth: Option<TileSurface>,
+        options: PassOptions,
     ) -> RenderPass {
         let fits = |s: &TileSurface| matches!(s.shape(), Shape { width: w, height: h, samples: n, .. } if (w, h, n) == (width, height, samples));
         assert!(color.iter().flatten().all(|(s, _)| fits(s)) && depth.iter().all(fits), "attachments of one extent");
@@ -123,28 +114,43 @@ impl RenderPass {
             depth: depth.as_ref().map(TileSurface::shape),
         };
         let tiles = Shape { format: Format::R8Unorm, width, height, samples }.tiles();
-        RenderPass { attachments, images: Images { color, depth, tiles }, scratch: Scratch::take(), settings: None }
+        RenderPass { attachments, images: Images { color, depth, tiles }, options, scratch: Scratch::take(), state: None }
     }
 
-    /// Draws. With `call.record` the draw and its segments go to `sink`, in order.
+    /// The state of draws with this pipeline and dynamic state while these queries are open.
     ///
     /// # Errors
-    /// If pipeline and attachments do not fit each other, or a shader does not end.
+    /// If pipeline and attachments do not fit each other.
+    pub fn state(
+        &mut self,
+        pipeline: &Arc<RenderPipeline>,
+        dynamic: &DynamicState,
+        queries: OpenQueries,
+    ) -> Result<Arc<DrawState>, DrawError> {
+        let RenderPass { attachments, options, state, .. } = self;
+        if attachments.color.len() > MAX_COLORS {
+            return Err(DrawError::Attachments(attachments.color.len()));
+        }
+        let next = DrawState::next(state.take(), pipeline, dynamic, queries, (attachments, options))?;
+        Ok(state.insert(next).clone())
+    }
+
+    /// Draws a call with a [state](RenderPass::state) of this pass. If work is recorded, the draw and its segments go to `sink`, in order.
+    ///
+    /// # Errors
+    /// If a shader does not end, or something asks for more than is allowed.
     pub fn draw(&mut self, call: &DrawCall<'_>, sink: &mut dyn FnMut(Event)) -> Result<Drawn, DrawError> {
-        let RenderPass { attachments, images, scratch, settings: last } = self;
-        let Scratch { workers, stages, uniforms } = &mut **scratch;
-        let settings = resolve(last.take(), call, attachments)?;
-        let frame = PreparedDraw::new(call, &settings, uniforms);
-        let culling = plan(call, &frame, &mut stages.planner)?;
-        if call.record {
-            sink(Event::Draw(Arc::new(record::draw(call, &frame, attachments.depth.is_some(), culling))));
+        let RenderPass { images, scratch, .. } = self;
+        let Scratch { workers, stages } = &mut **scratch;
+        let culling = plan(call, &mut stages.planner)?;
+        if let Some(state) = &call.recorded {
+            sink(Event::Draw(Arc::new(record::draw(call, state, culling))));
         }
-        let mut segments = Segments::new(call, &frame, images.tiles);
+        let mut segments = Segments::new(call, images.tiles);
         let mut drawn = Drawn::default();
-        while let Some(made) = segments.next(call, &frame, workers, stages)? {
-            drawn += images.fragments(call, &frame, workers, stages, made, sink)?;
+        while let Some(made) = segments.next(call, workers, stages)? {
+            drawn += images.fragments(call, workers, stages, made, sink)?;
         }
-        *last = Some(settings);
         Ok(drawn)
     }
 

@@ -14,7 +14,7 @@ use super::clip_distance;
 impl Batch {
     /// Assembles, clips, culls and sets up, for the host's widest vectors.
     pub fn assemble(&mut self, input: &Input<'_, '_>, pairs: &mut Vec<(u32, u32)>) {
-        if input.record { self.assemble_as::<true>(input, pairs) } else { self.assemble_as::<false>(input, pairs) }
+        if input.call.options.record { self.assemble_as::<true>(input, pairs) } else { self.assemble_as::<false>(input, pairs) }
     }
 
     fn assemble_as<const RECORD: bool>(&mut self, input: &Input<'_, '_>, pairs: &mut Vec<(u32, u32)>) {
@@ -35,9 +35,9 @@ impl Batch {
     /// `WIDE`: the caller is compiled for AVX2. `RECORD`: work is recorded.
     #[inline(always)]
     fn assemble_here<const WIDE: bool, const RECORD: bool>(&mut self, input: &Input<'_, '_>, pairs: &mut Vec<(u32, u32)>) {
-        let frame = input.frame;
-        let primitive = &frame.pipeline.primitive;
-        let kind = PrimitiveKind::of(frame.topology);
+        let call = input.call;
+        let primitive = &call.pipeline.primitive;
+        let kind = PrimitiveKind::of(call.topology);
         let plain = kind == PrimitiveKind::Triangle
             && primitive.polygon_mode == PolygonMode::Fill
             && input.vertices.distance_stride == 0;
@@ -48,7 +48,7 @@ impl Batch {
             let entries = &input.stream.entries[part.start as usize..][..part.len as usize];
             // One past the entries of the next triangle.
             let mut end = part.start + 3;
-            if plain && frame.topology == Topology::TriangleList {
+            if plain && call.topology == Topology::TriangleList {
                 // The case that matters: no assembler, and the cull reasons only counted.
                 #[cfg(target_arch = "x86_64")]
                 let entries = if WIDE {
@@ -89,8 +89,8 @@ impl Batch {
         (kind, plain, flat): (PrimitiveKind, bool, usize),
         pairs: &mut Vec<(u32, u32)>,
     ) {
-        let primitive = &input.frame.pipeline.primitive;
-        let mut assembler = Assembler::new(input.frame.topology, primitive.provoking_last);
+        let primitive = &input.call.pipeline.primitive;
+        let mut assembler = Assembler::new(input.call.topology, primitive.provoking_last);
         let hub = part.hub.map(|at| input.stream.entries[at as usize]);
         let before = part.start;
         let mut polygon = Polygon::EMPTY;
@@ -107,7 +107,7 @@ impl Batch {
                     (PrimitiveKind::Line, _) => self.line(input, *number, [v[0], v[1]], v[flat], true, &mut polygon, pairs),
                     (PrimitiveKind::Point, _) => self.point(input, *number, v[0], v[0], true, pairs),
                 };
-                if input.record {
+                if input.call.options.record {
                     self.note(input, *number, v, before + at, (first, made), (outcome, clipped));
                 }
                 *number += 1;
@@ -154,7 +154,7 @@ impl Batch {
             }
         }
         // SAFETY: the caller is compiled for AVX2, and so runs only on hosts that have it.
-        let eight = unsafe { EightBounds::find(&input.frame.setup, &screen) };
+        let eight = unsafe { EightBounds::find(&input.call.setup, &screen) };
         // Where a vertex is outside of anything, all of them go the long way.
         let alone = if codes == 0 { eight.large } else { 0xff };
         for (i, &v) in triangles.iter().enumerate() {
@@ -200,7 +200,7 @@ impl Batch {
             Some(Clipped::Rejected) => (self.end(Outcome::Frustum), false),
             Some(_) => {
                 let screen = [vertices.screen[a], vertices.screen[b], vertices.screen[c]];
-                match setup::bounds(&input.frame.setup, &screen) {
+                match setup::bounds(&input.call.setup, &screen) {
                     Ok(bounds) => {
                         self.put_bounds(input, number, &screen, bounds, Corners { vertices: v, flat: v[flat] }, pairs);
                         (Outcome::Drawn, false)
@@ -223,11 +223,11 @@ impl Batch {
         polygon: &mut Polygon,
         pairs: &mut Vec<(u32, u32)>,
     ) -> (Outcome, bool) {
-        let (frame, vertices) = (input.frame, input.vertices);
+        let (call, vertices) = (input.call, input.vertices);
         let at = v.map(|v| v as usize);
         let codes = at.map(|v| vertices.codes[v]);
         let position = at.map(|v| vertices.clip[v]);
-        let mut clipped = frame.clip.triangle(&position, codes, polygon);
+        let mut clipped = call.clip.triangle(&position, codes, polygon);
         if vertices.distance_stride > 0 {
             clipped = clip_distance::triangle(vertices, v, &position, clipped, polygon);
         }
@@ -235,7 +235,7 @@ impl Batch {
             Clipped::Rejected => (self.end(Outcome::Frustum), false),
             Clipped::Whole => {
                 let screen = at.map(|v| vertices.screen[v]);
-                match setup::bounds(&frame.setup, &screen) {
+                match setup::bounds(&call.setup, &screen) {
                     Ok(bounds) => {
                         self.put_bounds(input, number, &screen, bounds, Corners { vertices: v, flat: v[flat] }, pairs);
                         (Outcome::Drawn, false)
@@ -251,7 +251,7 @@ impl Batch {
                 let mut reason = Outcome::Degenerate;
                 for corners in setup::fan(&self.made_screen[(made & !MADE) as usize..]) {
                     let screen = corners.map(|i| self.made_screen[(made & !MADE) as usize + i]);
-                    match setup::bounds(&frame.setup, &screen) {
+                    match setup::bounds(&call.setup, &screen) {
                         Ok(bounds) => {
                             let vertices = corners.map(|i| made + i as u32);
                             self.put_bounds(input, number, &screen, bounds, Corners { vertices, flat: v[flat] }, pairs);
@@ -270,7 +270,7 @@ impl Batch {
         let stride = vertices.varying_stride;
         let first = self.made_screen.len();
         for vertex in polygon.vertices() {
-            self.made_screen.push(input.frame.screen.clipped(vertex));
+            self.made_screen.push(input.call.screen.clipped(vertex));
             for word in 0..stride {
                 let original = v.map(|v| f32::from_bits(vertices.varyings[v as usize * stride + word]));
                 self.made.push(vertex.combine(original).to_bits());
@@ -291,20 +291,20 @@ impl Batch {
         polygon: &mut Polygon,
         pairs: &mut Vec<(u32, u32)>,
     ) -> (Outcome, bool) {
-        let (frame, vertices) = (input.frame, input.vertices);
+        let (call, vertices) = (input.call, input.vertices);
         let at = v.map(|v| v as usize);
         let codes = at.map(|v| vertices.codes[v]);
         // Facing is that of the visible part.
-        let facing = match frame.clip.triangle(&at.map(|v| vertices.clip[v]), codes, polygon) {
+        let facing = match call.clip.triangle(&at.map(|v| vertices.clip[v]), codes, polygon) {
             Clipped::Rejected => return (self.end(Outcome::Frustum), false),
-            Clipped::Whole => setup::facing(&frame.setup, &at.map(|v| vertices.screen[v])),
+            Clipped::Whole => setup::facing(&call.setup, &at.map(|v| vertices.screen[v])),
             Clipped::Cut => {
                 let vertices = polygon.vertices();
                 let mut screen = [ScreenVertex::default(); MAX_VERTICES];
                 for (screen, vertex) in screen.iter_mut().zip(vertices) {
-                    *screen = frame.screen.clipped(vertex);
+                    *screen = call.screen.clipped(vertex);
                 }
-                let facing = |t: [usize; 3]| setup::facing(&frame.setup, &t.map(|i| screen[i]));
+                let facing = |t: [usize; 3]| setup::facing(&call.setup, &t.map(|i| screen[i]));
                 setup::fan(&screen[..vertices.len()]).next().map_or(Err(Culled::Degenerate), facing)
             }
         };
@@ -341,10 +341,10 @@ impl Batch {
         polygon: &mut Polygon,
         pairs: &mut Vec<(u32, u32)>,
     ) -> (Outcome, bool) {
-        let (frame, vertices) = (input.frame, input.vertices);
+        let (call, vertices) = (input.call, input.vertices);
         let at = v.map(|v| v as usize);
         let position = at.map(|v| vertices.clip[v]);
-        let mut clipped = frame.clip.line(&position, at.map(|v| vertices.codes[v]), polygon);
+        let mut clipped = call.clip.line(&position, at.map(|v| vertices.codes[v]), polygon);
         if vertices.distance_stride > 0 {
             clipped = clip_distance::line(vertices, v, &position, clipped, polygon);
         }
@@ -354,12 +354,12 @@ impl Batch {
             Clipped::Cut => {
                 self.funnel.clipped += 1;
                 let made = self.make_vertices(input, [v[0], v[1], v[0]], polygon);
-                let screen = |i: usize| frame.screen.clipped(&polygon.vertices()[i]);
+                let screen = |i: usize| call.screen.clipped(&polygon.vertices()[i]);
                 ([screen(0), screen(1)], [made, made + 1, made + 1])
             }
         };
         let cut = clipped == Clipped::Cut;
-        match setup::line(&frame.setup, &screen, front) {
+        match setup::line(&call.setup, &screen, front) {
             Ok(line) => {
                 self.put(input, number, line, Corners { vertices: corners, flat }, pairs);
                 (Outcome::Drawn, cut)
@@ -378,14 +378,14 @@ impl Batch {
         front: bool,
         pairs: &mut Vec<(u32, u32)>,
     ) -> (Outcome, bool) {
-        let (frame, vertices) = (input.frame, input.vertices);
+        let (call, vertices) = (input.call, input.vertices);
         let at = v as usize;
         let n = vertices.distance_stride;
         let outside = vertices.distances[at * n..(at + 1) * n].iter().any(|d| !(*d >= 0.0));
-        if outside || !frame.clip.point(vertices.codes[at]) {
+        if outside || !call.clip.point(vertices.codes[at]) {
             return (self.end(Outcome::Frustum), false);
         }
-        match setup::point(&frame.setup, &vertices.screen[at], front) {
+        match setup::point(&call.setup, &vertices.screen[at], front) {
             Ok(point) => {
                 self.put(input, number, point, Corners { vertices: [v; 3], flat }, pairs);
                 (Outcome::Drawn, false)

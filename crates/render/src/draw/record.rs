@@ -1,16 +1,18 @@
 //! Recording: what a draw leaves for a machine to do.
 
-use gfx::traverse::Block;
-use shader::{Program, QuadCost, Recorder};
-use work::{self, AttributeFetch, Culling, End, Primitive, Segment, ShaderShape, Target, TileWork, Visit};
+use std::sync::Arc;
 
-use super::DrawCall;
+use gfx::stage::{Stage, StageMap};
+use gfx::traverse::Block;
+use shader::{QuadCost, Recorder};
+use work::{self, AttributeFetch, Culling, End, Primitive, RecordedState, Segment, ShaderShape, Target, TileWork, Visit};
+
 use super::batch::Batch;
-use super::frame::PreparedDraw;
 use super::needless::{self, Late};
 use super::plan::Piece;
 use super::stream::Stream;
 use super::tile::quads_in;
+use super::{DrawCall, DrawState};
 
 /// A quad that is covered and not shaded; it is that of bit `at` of a block's pixels.
 #[inline(always)]
@@ -148,28 +150,22 @@ impl TileRecord {
     }
 }
 
-/// The state of a draw as a machine needs it.
-pub fn draw(call: &DrawCall<'_>, frame: &PreparedDraw<'_>, has_depth: bool, culling: Culling) -> work::Draw {
-    let pipeline = &**call.pipeline;
-    let shape = |program: &Program, inputs: usize| {
-        let interface = program.interface();
-        ShaderShape {
+/// The state of draws as a machine needs it.
+pub fn state(state: &DrawState, has_depth: bool) -> RecordedState {
+    let pipeline = &*state.pipeline;
+    let shape = |kind: Stage| {
+        let interface = pipeline.stage(kind).filter(|_| state.runs(kind))?.interface();
+        let inputs = match kind {
+            Stage::Vertex => pipeline.attributes.iter().map(|a| a.components).sum(),
+            Stage::Fragment => pipeline.interpolated,
+            Stage::Compute => 0,
+        };
+        Some(ShaderShape {
             registers: interface.registers,
             inputs: inputs as u32,
             outputs: interface.outputs.iter().map(|slot| slot.components).sum(),
-        }
+        })
     };
-    // Attributes that are read come first: consumers that take the first attribute for the position get one that is read.
-    let attributes = pipeline.attributes.iter().chain(&pipeline.unread).map(|attribute| {
-        let address = call.vertex_buffers.get(attribute.buffer).and_then(Option::as_ref).map_or(0, |b| b.address);
-        AttributeFetch {
-            address: address + attribute.offset,
-            stride: attribute.stride,
-            step: attribute.step,
-            bytes: attribute.format.bytes(),
-        }
-    });
-    let vertex_inputs = pipeline.attributes.iter().map(|a| a.components).sum();
     let mut targets: Vec<Option<Target>> = pipeline
         .targets
         .iter()
@@ -185,39 +181,55 @@ pub fn draw(call: &DrawCall<'_>, frame: &PreparedDraw<'_>, has_depth: bool, cull
             target.as_ref().map(none)
         })
         .collect();
-    for target in &frame.targets {
-        let state = pipeline.targets[target.location].expect("a target of the pipeline").state;
+    for target in &state.targets {
+        let of = pipeline.targets[target.location].expect("a target of the pipeline").state;
         targets[target.location] = Some(Target {
-            blend: state.blend.filter(|_| !target.packed),
-            write_mask: state.write_mask,
+            blend: of.blend.filter(|_| !target.packed),
+            write_mask: of.write_mask,
             payload: Some(4 * target.payload as u8),
             words: target.payload_words as u8,
             packed: target.packed,
             second: target.payload_second.map(|word| 4 * word as u8),
         });
     }
-    let viewport = call.viewport;
+    let viewport = state.dynamic.viewport;
+    RecordedState {
+        number: state.number,
+        label: pipeline.label.clone(),
+        shapes: StageMap::from_fn(shape),
+        depth_stencil: pipeline.depth_stencil.filter(|_| has_depth),
+        stencil_reference: state.dynamic.stencil_reference as u8,
+        targets,
+        blend_constant: state.dynamic.blend_constant,
+        depth_words: 4 * state.depth_payload as u8,
+        payload_words: 4 * state.payload_words as u8,
+        early: state.early,
+        // Only what is certain to fail is culled, so that failures must not change the stencil.
+        hierarchical_z: state.early && state.depth.is_some_and(|d| !d.counts_failures() && d.reads_depth()),
+        depth_range: [viewport.min_depth.min(viewport.max_depth), viewport.min_depth.max(viewport.max_depth)],
+    }
+}
+
+/// A draw as a machine needs it.
+pub fn draw(call: &DrawCall<'_>, state: &Arc<RecordedState>, culling: Culling) -> work::Draw {
+    // Attributes that are read come first: consumers that take the first attribute for the position get one that is read.
+    let attributes = call.pipeline.attributes.iter().chain(&call.pipeline.unread).map(|attribute| {
+        let address = call.vertex_buffers.get(attribute.buffer).and_then(Option::as_ref).map_or(0, |b| b.address);
+        AttributeFetch {
+            address: address + attribute.offset,
+            stride: attribute.stride,
+            step: attribute.step,
+            bytes: attribute.format.bytes(),
+        }
+    });
     work::Draw {
         number: call.number,
-        label: pipeline.label.clone(),
         group: call.group.clone(),
-        vertex: shape(pipeline.vertex(), vertex_inputs),
-        fragment: frame.fragment.map(|program| shape(program, pipeline.interpolated)),
+        state: state.clone(),
         attributes: attributes.collect(),
-        depth_stencil: pipeline.depth_stencil.filter(|_| has_depth),
-        stencil_reference: call.stencil_reference as u8,
-        targets,
-        blend_constant: call.blend_constant,
-        depth_words: 4 * frame.depth_payload as u8,
-        payload_words: 4 * frame.payload_words as u8,
-        early: frame.early,
-        // Only what is certain to fail is culled, so that failures must not change the stencil.
-        hierarchical_z: frame.early && frame.depth.is_some_and(|d| !d.counts_failures() && d.reads_depth()),
-        depth_range: [viewport.min_depth.min(viewport.max_depth), viewport.min_depth.max(viewport.max_depth)],
         signature: call.signature,
-        reach: call.reach.clone(),
         culling,
-        state: call.state,
+        reach: call.reach.clone(),
     }
 }
 
@@ -319,6 +331,6 @@ pub fn assemble(
             primitive.outcome = work::Outcome::NoSample;
         }
     }
-    needless::insert(&mut segment, &late, call.key.needless.no_sample);
+    needless::insert(&mut segment, &late, call.options.key.needless.no_sample);
     segment
 }

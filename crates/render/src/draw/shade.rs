@@ -6,11 +6,12 @@ use gfx::interpolate::{self, Place, Weights};
 use num::{LANES, Lanes, QUADS};
 use shader::{Bound, BuiltIn, Interpolation, Sampling};
 
+use super::DrawCall;
 use super::batch::{Batch, MADE};
-use super::frame::{FragmentWeights, PreparedDraw};
 use super::pending::{Pending, lanes, quads};
 use super::record::shaded;
 use super::tile::{SegmentInput, TileRun};
+use super::workers::FragmentWeights;
 use crate::pipeline::VaryingClass;
 
 /// Triangles of a batch up to which attributes that are the same at all vertices are looked for.
@@ -42,13 +43,13 @@ impl TileRun<'_, '_, '_> {
             self.pending.clear();
             return;
         }
-        let frame = self.frame;
-        let active = if frame.shade_covered { lanes(&self.pending.coverage[..n]) } else { self.pending.active };
+        let call = self.call;
+        let active = if call.shade_covered { lanes(&self.pending.coverage[..n]) } else { self.pending.active };
         let present = u64::MAX >> (64 - 4 * n);
         self.counts.quads_shaded += n as u64;
         self.counts.fragments_shaded += u64::from(active.count_ones());
         self.counts.helper_fragments += u64::from((present & !active).count_ones());
-        let owner = (!RECORD && S == 1 && frame.repeats && self.pending.owners == 1).then(|| self.pending.names[0]);
+        let owner = (!RECORD && S == 1 && call.repeats && self.pending.owners == 1).then(|| self.pending.names[0]);
         let survivors = if owner.is_some() && owner == self.shaded {
             active
         } else {
@@ -57,7 +58,7 @@ impl TileRun<'_, '_, '_> {
             self.shaded = owner.filter(|_| constant && n == QUADS);
             let (active, helpers) = match self.shaded {
                 Some(_) => (u64::MAX, 0),
-                None => (active, if frame.helpers { present & !active } else { 0 }),
+                None => (active, if call.helpers { present & !active } else { 0 }),
             };
             let Some(bound) = &mut self.bound else { return };
             let outcome = if RECORD { bound.run_recorded(active, helpers, self.recorder) } else { bound.run(active, helpers) };
@@ -73,20 +74,20 @@ impl TileRun<'_, '_, '_> {
         // A bit a lane says all of one sample.
         if S == 1 {
             let mut alive = self.pending.active;
-            if frame.shrinks {
+            if call.shrinks {
                 alive = self.shrink_lanes::<RECORD>(survivors, alive);
             }
             if RECORD {
                 self.record_quads::<S>();
             }
-            if !frame.early && frame.depth.is_some() {
+            if !call.early && call.depth.is_some() {
                 alive = self.test_lanes::<WIDE>(alive);
             }
             let written = u64::from(alive.count_ones());
             self.counts.fragments_written += written;
             self.samples_passed += written;
             if written > 0 {
-                let kept = if frame.early && !frame.shrinks {
+                let kept = if call.early && !call.shrinks {
                     let mut kept = *self.pending.passed();
                     if n < QUADS {
                         kept[n..].fill(0);
@@ -102,13 +103,13 @@ impl TileRun<'_, '_, '_> {
         }
         let mut kept = *self.pending.passed();
         kept[n..].fill(0);
-        if frame.shrinks {
+        if call.shrinks {
             self.shrink::<S>(survivors, &mut kept);
         }
         if RECORD {
             self.record_quads::<S>();
         }
-        if !frame.early && frame.depth.is_some() {
+        if !call.early && call.depth.is_some() {
             self.test_late::<S>(&mut kept);
         }
         self.counts.fragments_written += u64::from(lanes(&kept).count_ones());
@@ -122,12 +123,12 @@ impl TileRun<'_, '_, '_> {
     fn write<const S: usize, const RECORD: bool>(&mut self, n: usize, kept: &[u16; QUADS]) {
         let Some(bound) = &self.bound else { return };
         let pending = &*self.pending;
-        for (target, tile) in self.frame.targets.iter().zip(&mut self.job.colors) {
+        for (target, tile) in self.call.targets.iter().zip(&mut self.job.colors) {
             let Some(tile) = tile else { continue };
             tile.materialise(target.words);
             if RECORD && target.packed && !target.state.takes_pairs() {
                 // The ROPs' payload has the codes already.
-                let (size, each) = (4 * S * target.words, 4 * self.frame.payload_words);
+                let (size, each) = (4 * S * target.words, 4 * self.call.payload_words);
                 let payload = &self.job.record.work.payload;
                 let quads = payload[payload.len() - each * n..].chunks_exact(each);
                 for (q, payload) in quads.enumerate().take(QUADS).filter(|(q, _)| kept[*q] != 0) {
@@ -151,7 +152,7 @@ impl TileRun<'_, '_, '_> {
     /// Writes the inputs of the fragment program; whether varyings are the same all over each triangle.
     #[inline(always)]
     fn interpolate<const S: usize, const WIDE: bool>(&mut self) -> bool {
-        let frame = self.frame;
+        let call = self.call;
         let pending = &*self.pending;
         let n = pending.n;
         let sites = &pending.sites[..n];
@@ -161,7 +162,7 @@ impl TileRun<'_, '_, '_> {
         let mut all_constant = true;
         // Place of every lane for what is evaluated at samples, where the program runs once per sample.
         let mut at_sample = [0_u8; LANES];
-        if S > 1 && frame.per_sample {
+        if S > 1 && call.per_sample {
             for lane in 0..LANES {
                 at_sample[lane] = pending.sample[lane / 4] + 1;
             }
@@ -169,7 +170,7 @@ impl TileRun<'_, '_, '_> {
         let FragmentWeights { weights, inv_w } = &mut *self.weights;
         // Whether `inv_w` is that of the pixels' centres.
         let mut has_inv_w = false;
-        for class in frame.classes {
+        for class in &call.pipeline.classes {
             let flat = class.interpolation == Interpolation::Flat;
             let mut centroid = [0; LANES];
             let place = match class.sampling {
@@ -225,8 +226,8 @@ impl TileRun<'_, '_, '_> {
                 start = end;
             }
         }
-        if !frame.fragment_builtins.is_empty() {
-            let place = if S > 1 && frame.per_sample { Place::PerLane(&at_sample) } else { Place::Center };
+        if call.fragment().is_some_and(|bound| !bound.stage.builtins.is_empty()) {
+            let place = if S > 1 && call.per_sample { Place::PerLane(&at_sample) } else { Place::Center };
             self.builtins::<S>(place, has_inv_w);
         }
         all_constant
@@ -234,13 +235,13 @@ impl TileRun<'_, '_, '_> {
 
     /// Writes the built-in inputs.
     fn builtins<const S: usize>(&mut self, place: Place<'_>, has_inv_w: bool) {
-        let frame = self.frame;
+        let call = self.call;
         let pending = &*self.pending;
         let n = pending.n;
         let sites = &pending.sites[..n];
         let triangles = pending.triangles.as_slice();
-        let Some(bound) = &mut self.bound else { return };
-        for &(slot, builtin) in frame.fragment_builtins {
+        let (Some(bound), Some(fragment)) = (&mut self.bound, call.fragment()) else { return };
+        for &(slot, builtin) in &fragment.stage.builtins {
             match builtin {
                 BuiltIn::Position => {
                     let (mut x, mut y) = (Lanes::ZERO, Lanes::ZERO);
@@ -254,7 +255,7 @@ impl TileRun<'_, '_, '_> {
                         interpolate::position_depth(triangles, sites, place, input);
                     }
                     if let Some(input) = bound.input_mut(slot, 3) {
-                        if has_inv_w && !frame.per_sample {
+                        if has_inv_w && !call.per_sample {
                             *input = self.weights.inv_w;
                         } else {
                             interpolate::perspective(triangles, sites, place, &mut Weights::default(), input);
@@ -332,10 +333,10 @@ impl TileRun<'_, '_, '_> {
     #[inline(always)]
     fn record_quads<const S: usize>(&mut self) {
         let Some(bound) = &self.bound else { return };
-        let (frame, pending) = (self.frame, &*self.pending);
+        let (call, pending) = (self.call, &*self.pending);
         let record = &mut self.job.record;
         let first = record.work.payload.len();
-        let (mut payload, each) = (first as u32, 4 * frame.payload_words as u32);
+        let (mut payload, each) = (first as u32, 4 * call.payload_words as u32);
         let (quads, costs) = (&mut record.work.quads[..], &self.recorder.quads);
         let (n, places) = (pending.n.min(QUADS), &pending.record);
         let (begin, end) = (places[0] as usize, places[n.max(1) - 1] as usize + 1);
@@ -354,12 +355,12 @@ impl TileRun<'_, '_, '_> {
             }
         }
         if n == QUADS
-            && let Some(color) = frame.sole_color()
+            && let Some(color) = call.sole_color()
         {
             return append_whole(&mut record.work.payload, colors(bound, color));
         }
-        record.work.payload.resize(first + 4 * frame.payload_words * pending.n, 0);
-        put_payload::<S>(frame, bound, &mut record.work.payload[first..]);
+        record.work.payload.resize(first + 4 * call.payload_words * pending.n, 0);
+        put_payload::<S>(call, bound, &mut record.work.payload[first..]);
     }
 }
 
@@ -410,13 +411,13 @@ fn attribute<const WIDE: bool>(weights: &Weights, quads: std::ops::Range<usize>,
 
 /// Depths and colours of the batch's quads, as `work::Draw` describes them.
 #[inline(always)]
-fn put_payload<const S: usize>(frame: &PreparedDraw<'_>, bound: &Bound<'_>, out: &mut [u32]) {
-    let size = frame.payload_words;
+fn put_payload<const S: usize>(call: &DrawCall<'_>, bound: &Bound<'_>, out: &mut [u32]) {
+    let size = call.payload_words;
     let out = out.as_chunks_mut::<4>().0;
-    if let Some(slot) = frame.frag_depth {
+    if let Some(slot) = call.frag_depth {
         put::<S>(out, size, 0, [bound.output(slot, 0); S]);
     }
-    for target in &frame.targets {
+    for target in &call.targets {
         let color = colors(bound, target.output);
         if target.packed {
             let mut packed = [Lanes::ZERO; 4];

@@ -15,14 +15,14 @@ impl TileRun<'_, '_, '_> {
     /// Up to eight triangles that are marked as small. The caller is compiled for AVX2.
     #[inline(always)]
     pub(super) fn small(&mut self, references: &[(u32, u32)], area: &Bounds) {
-        let (frame, input) = (self.frame, self.input);
+        let (call, input) = (self.call, self.input);
         let mut vertices = [[ScreenVertex::default(); 3]; 8];
         for (vertices, &(b, r)) in vertices.iter_mut().zip(references) {
             input.batches[b as usize].screen_into((r & NUMBER) as usize, input.vertices, vertices);
         }
         let mut eight = Eight::default();
         // SAFETY: the caller is compiled for AVX2, and so runs only on hosts that have it.
-        unsafe { eight.set_up(&frame.setup, area, &vertices) };
+        unsafe { eight.set_up(&call.setup, area, &vertices) };
         let n = references.len().min(8);
         let mut list = [EightQuad::default(); 48];
         let quads = eight.quads(n, &mut list);
@@ -35,9 +35,9 @@ impl TileRun<'_, '_, '_> {
         }
         self.counts.tiles_visited += u64::from(eight.blocks(n));
         self.counts.quads_rasterized += quads as u64;
-        let depth = frame.depth.as_ref().filter(|_| frame.early);
+        let depth = call.depth.as_ref().filter(|_| call.early);
         if let (Some(_), Some(tile)) = (depth, &mut self.job.depth) {
-            tile.materialise(frame.depth_words);
+            tile.materialise(call.depth_words);
         }
         let mut last = usize::MAX;
         let mut passed = 0;
@@ -51,7 +51,7 @@ impl TileRun<'_, '_, '_> {
                 alive = unsafe { state.test_quad_avx2(&eight, quad, stored) };
             }
             passed += usize::from(alive != 0);
-            if frame.fragment.is_none() {
+            if call.fragment().is_none() {
                 self.samples_passed += u64::from(alive.count_ones());
                 self.counts.fragments_written += u64::from(alive.count_ones());
                 continue;
@@ -60,8 +60,8 @@ impl TileRun<'_, '_, '_> {
             let (b, r) = references[i];
             let (same, name) = (last == i, (b, r & NUMBER));
             let added = self.pending.push_if_alive(same, name, eight.pixel(quad), at, coverage, alive, eight.is_front(i));
-            if frame.needs_triangles && added && !same {
-                let triangle = input.batches[b as usize].set_up(name.1 as usize, frame, input.vertices);
+            if call.needs_triangles && added && !same {
+                let triangle = input.batches[b as usize].set_up(name.1 as usize, call, input.vertices);
                 self.pending.add_data(triangle);
             }
             last = if added { i } else { last };

@@ -4,19 +4,20 @@ use std::sync::atomic::Ordering::Relaxed;
 
 use crate::surface::{TileMut, quad_of};
 use gfx::setup::{Bounds, Triangle};
+use gfx::stage::Stage;
 use gfx::traverse::{Block, Blocks};
 use num::Meter;
 use shader::{Bound, ShaderFault};
 use work::{Areas, Funnel, TILE};
 
-use super::Drawn;
 use super::areas;
 use super::batch::{Batch, NUMBER, SMALL, WHOLE};
-use super::frame::{BlockRoom, FragmentWeights, PreparedDraw, Worker};
 use super::pending::{Pending, PendingQuad};
 use super::plan::Piece;
 use super::record::{FEW, TileRecord};
 use super::vertex::Vertices;
+use super::workers::{BlockRoom, FragmentWeights, Worker};
+use super::{BoundStage, DrawCall, Drawn};
 
 /// Colour attachments of a pass, at most.
 pub const MAX_COLORS: usize = 8;
@@ -30,7 +31,7 @@ pub struct TileJob<'a> {
     pub index: usize,
     /// Column and row.
     pub at: [u32; 2],
-    /// Colour attachments, in the order of the frame's targets.
+    /// Colour attachments, in the order of the call's targets.
     pub colors: [Option<TileMut<'a>>; MAX_COLORS],
     /// Depth attachment.
     pub depth: Option<TileMut<'a>>,
@@ -47,7 +48,7 @@ impl<'a> TileJob<'a> {
 
 /// The inputs that all tiles of a segment share.
 pub struct SegmentInput<'a, 'f> {
-    pub frame: &'a PreparedDraw<'f>,
+    pub call: &'a DrawCall<'f>,
     pub pieces: &'a [Piece],
     pub batches: &'a [Batch],
     pub vertices: &'a Vertices,
@@ -57,7 +58,7 @@ pub struct SegmentInput<'a, 'f> {
 
 /// A tile while it is drawn.
 pub struct TileRun<'a, 'f, 'j> {
-    pub frame: &'a PreparedDraw<'f>,
+    pub call: &'a DrawCall<'f>,
     pub input: &'a SegmentInput<'a, 'f>,
     pub job: &'a mut TileJob<'j>,
     pub bound: Option<Bound<'a>>,
@@ -85,7 +86,7 @@ pub struct TileRun<'a, 'f, 'j> {
 /// # Errors
 /// If a fragment program does not end.
 pub fn draw(input: &SegmentInput<'_, '_>, worker: &mut Worker, job: &mut TileJob<'_>, record: bool) -> Result<(), ShaderFault> {
-    match (input.frame.samples, record) {
+    match (input.call.samples, record) {
         (1, false) => dispatch::<1, false>(input, worker, job),
         (1, true) => dispatch::<1, true>(input, worker, job),
         (_, false) => dispatch::<4, false>(input, worker, job),
@@ -133,9 +134,9 @@ fn run<const S: usize, const RECORD: bool, const WIDE: bool>(
 where
     BlockRoom: AsMut<Blocks<S>>,
 {
-    let frame = input.frame;
+    let call = input.call;
     let tile = job.index;
-    if frame.ledger.steps.verify().is_err() {
+    if call.ledger.steps.verify().is_err() {
         // The draw is refused when all tiles are back.
         return Ok(());
     }
@@ -143,22 +144,22 @@ where
     let area = Bounds {
         x0,
         y0,
-        x1: (u32::from(x0) + TILE).min(frame.width) as u16,
-        y1: (u32::from(y0) + TILE).min(frame.height) as u16,
+        x1: (u32::from(x0) + TILE).min(call.width) as u16,
+        y1: (u32::from(y0) + TILE).min(call.height) as u16,
     };
-    let start = if frame.overwrites { first_visible(input.batches, tile) } else { (0, 0) };
+    let start = if call.overwrites { first_visible(input.batches, tile) } else { (0, 0) };
     worker.pending.clear();
-    worker.recorder.extra = frame.extra;
+    worker.recorder.extra = call.extra;
     if RECORD {
         job.record.begin(&worker.room);
     }
     let mut run = TileRun {
-        frame,
+        call,
         input,
         job,
-        bound: frame.fragment.map(|program| {
-            let bound = worker.fragment.bind(program, &frame.fragment_resources, frame.fragment_uniforms);
-            bound.within(&frame.ledger.steps, RECORD.then_some(input.growth)).forgetting()
+        bound: call.fragment().map(|BoundStage { stage, resources, uniforms }| {
+            let bound = worker.executors[Stage::Fragment].bind(&stage.program, resources, uniforms);
+            bound.within(&call.ledger.steps, RECORD.then_some(input.growth)).forgetting()
         }),
         pending: &mut worker.pending,
         weights: &mut worker.weights,
@@ -175,8 +176,8 @@ where
         shaded: None,
     };
     let blocks = worker.blocks.as_mut();
-    blocks.takes_whole = frame.skips.full_blocks;
-    if frame.overwrites {
+    blocks.takes_whole = call.options.skips.full_blocks;
+    if call.overwrites {
         for (b, batch) in input.batches.iter().enumerate().take(start.0 + 1) {
             let of_batch = batch.in_tile(tile);
             for &r in if b == start.0 { &of_batch[..start.1] } else { of_batch } {
@@ -197,7 +198,7 @@ where
     let mut at = 0;
     while at < references.len() && run.fault.is_none() {
         let ahead = references.get(at..(at + 8).min(references.len())).unwrap_or_default();
-        let small = if WIDE && S == 1 && !RECORD && !frame.shade_covered {
+        let small = if WIDE && S == 1 && !RECORD && !call.shade_covered {
             ahead.iter().take_while(|(_, r)| r & SMALL != 0).count()
         } else {
             0
@@ -229,7 +230,7 @@ where
         at += n;
     }
     run.flush::<S, RECORD>();
-    frame.ledger.steps.add(run.work());
+    call.ledger.steps.add(run.work());
     if RECORD {
         let bytes = run.recorder.take_bytes() + run.job.record.work.bytes();
         run.job.record.finish(run.recorder, &mut worker.room);
@@ -276,7 +277,7 @@ const TELL: u64 = 1 << 18;
 impl TileRun<'_, '_, '_> {
     /// Work beside shaders that was not charged to the ledger yet, in steps: traversal and tests of triangles and quads take about so long.
     fn work(&self) -> u64 {
-        16 * self.visits + self.counts.tiles_visited + self.frame.quad_steps * self.counts.quads_rasterized - self.told
+        16 * self.visits + self.counts.tiles_visited + self.call.quad_steps * self.counts.quads_rasterized - self.told
     }
 
     /// Counts a visit; whether the ledger allows it.
@@ -288,7 +289,7 @@ impl TileRun<'_, '_, '_> {
             return true;
         }
         self.told += work;
-        self.frame.ledger.steps.add(work)
+        self.call.ledger.steps.add(work)
     }
 
     /// One triangle.
@@ -301,7 +302,7 @@ impl TileRun<'_, '_, '_> {
         blocks: &mut Blocks<S>,
     ) {
         let batch = &self.input.batches[b as usize];
-        let triangle = &batch.set_up(number as usize, self.frame, self.input.vertices);
+        let triangle = &batch.set_up(number as usize, self.call, self.input.vertices);
         (self.batch, self.number, self.slot) = (b, number, u32::MAX);
         find::<S, WIDE>(blocks, triangle, area);
         let mut covered = false;
@@ -317,7 +318,7 @@ impl TileRun<'_, '_, '_> {
     }
 
     /// Counts what a triangle covers that a later one hides, and what would become of it: since nothing tests or discards
-    /// fragments, all of them would be shaded and written ([`PreparedDraw::overwrites`]).
+    /// fragments, all of them would be shaded and written ([`overwrites`](super::DrawState)).
     #[inline(never)]
     fn hidden<const S: usize, const WIDE: bool>(&mut self, b: u32, reference: u32, area: Bounds, blocks: &mut Blocks<S>) {
         let batch = &self.input.batches[b as usize];
@@ -325,12 +326,12 @@ impl TileRun<'_, '_, '_> {
         let (mut hit, mut quads, mut fragments) = (0, 0, 0);
         if reference & WHOLE != 0 {
             let [w, h] = [area.x1 - area.x0, area.y1 - area.y0].map(u64::from);
-            let times = if self.frame.per_sample { S as u64 } else { 1 };
+            let times = if self.call.per_sample { S as u64 } else { 1 };
             hit = w.div_ceil(8) * h.div_ceil(8);
             quads = times * w.div_ceil(2) * h.div_ceil(2);
             fragments = times * w * h;
         } else {
-            find::<S, WIDE>(blocks, &batch.set_up(number, self.frame, self.input.vertices), area);
+            find::<S, WIDE>(blocks, &batch.set_up(number, self.call, self.input.vertices), area);
             for block in blocks.iter() {
                 let [q, f] = self.quads_and_fragments(block);
                 (hit, quads, fragments) = (hit + u64::from(f > 0), quads + q, fragments + f);
@@ -343,7 +344,7 @@ impl TileRun<'_, '_, '_> {
         self.counts.tiles_visited += hit;
         self.counts.quads_rasterized += quads;
         self.counts.fragments_covered += fragments;
-        if self.frame.fragment.is_none() {
+        if self.call.fragment().is_none() {
             self.counts.fragments_written += fragments;
             return;
         }
@@ -358,7 +359,7 @@ impl TileRun<'_, '_, '_> {
     #[inline(always)]
     fn quads_and_fragments<const S: usize>(&self, block: &Block<S>) -> [u64; 2] {
         let count = |mask: u64| [quads_in(mask), mask].map(|bits| u64::from(bits.count_ones()));
-        if S > 1 && self.frame.per_sample {
+        if S > 1 && self.call.per_sample {
             return block
                 .samples
                 .iter()
@@ -375,9 +376,9 @@ impl TileRun<'_, '_, '_> {
         triangle: &Triangle,
         mut block: Block<S>,
     ) -> bool {
-        let frame = self.frame;
+        let call = self.call;
         for s in 0..S {
-            if frame.sample_mask >> s & 1 == 0 {
+            if call.sample_mask >> s & 1 == 0 {
                 block.samples[s] = 0;
             }
         }
@@ -391,23 +392,23 @@ impl TileRun<'_, '_, '_> {
         let [rasterized, fragments] = self.quads_and_fragments(&block);
         self.counts.quads_rasterized += rasterized;
         self.counts.fragments_covered += fragments;
-        let first_record = if RECORD { self.job.record.begin_block(&block, frame.per_sample) } else { 0 };
+        let first_record = if RECORD { self.job.record.begin_block(&block, call.per_sample) } else { 0 };
         let mut passed = block;
-        if frame.early
-            && let Some(depth) = &frame.depth
+        if call.early
+            && let Some(depth) = &call.depth
         {
             passed.samples = self.test::<S, WIDE>(depth, triangle, &block);
         }
         let alive = passed.pixels();
         self.counts.quads_early_culled += rasterized - self.quads_and_fragments(&passed)[0];
-        if frame.fragment.is_none() {
+        if call.fragment().is_none() {
             self.samples_passed += passed.samples.iter().map(|m| u64::from(m.count_ones())).sum::<u64>();
             self.counts.fragments_written += u64::from(alive.count_ones());
             return true;
         }
         // Shading for its cost or number alone takes every covered quad; what passed decides what is written.
-        let mut left = if frame.shade_covered { quads } else { quads_in(alive) };
-        if S == 1 && !frame.per_sample {
+        let mut left = if call.shade_covered { quads } else { quads_in(alive) };
+        if S == 1 && !call.per_sample {
             let first = block_in_tile(block.x, block.y) as u32 * 16;
             while left != 0 {
                 let slot = self.slot(triangle);
@@ -431,7 +432,7 @@ impl TileRun<'_, '_, '_> {
             let (x, y) = (block.x + 2 * (q as u16 % 4), block.y + 2 * (q as u16 / 4));
             let coverage = block.quad_mask(q);
             let alive = passed.quad_mask(q);
-            if !frame.per_sample {
+            if !call.per_sample {
                 let record = if RECORD { first_record + (quads & ((1 << (4 * q)) - 1)).count_ones() } else { 0 };
                 self.push::<S, RECORD>(triangle, [x, y], coverage, alive, 0, record);
             } else {
@@ -440,7 +441,7 @@ impl TileRun<'_, '_, '_> {
                 for s in 0..S {
                     let mask = 15 << (4 * s);
                     if coverage & mask != 0 {
-                        if (alive & mask != 0) || frame.shade_covered {
+                        if (alive & mask != 0) || call.shade_covered {
                             self.push::<S, RECORD>(triangle, [x, y], coverage & mask, alive & mask, s as u8, record);
                         }
                         record += 1;
@@ -474,7 +475,7 @@ impl TileRun<'_, '_, '_> {
     fn slot(&mut self, triangle: &Triangle) -> u32 {
         if self.slot == u32::MAX {
             self.slot = self.pending.add_triangle(self.batch, self.number);
-            if self.frame.needs_triangles {
+            if self.call.needs_triangles {
                 self.pending.add_data(*triangle);
             }
         }

@@ -7,12 +7,14 @@ use crate::pipeline::Varying;
 use gfx::clip::Outcode;
 use gfx::setup::ScreenVertex;
 use gfx::simd::wide;
+use gfx::stage::Stage;
 use gfx::state::StepMode;
 use num::{LANES, Lanes, Mask, Meter, QUADS};
 use shader::{Bound, BuiltIn, Executor, Recorder, ShaderFault};
 
-use super::frame::{PreparedDraw, Workers};
+use super::DrawCall;
 use super::stream::Stream;
+use super::workers::Workers;
 
 /// Batches that one task shades.
 const BATCHES: usize = 16;
@@ -64,13 +66,13 @@ impl Vertices {
     /// If the shader does not end.
     pub fn shade(
         &mut self,
-        frame: &PreparedDraw<'_>,
+        call: &DrawCall<'_>,
         workers: &Workers,
         stream: &Stream,
         record: Option<(&mut work::Segment, &Meter)>,
     ) -> Result<u64, ShaderFault> {
-        self.varying_stride = frame.pipeline.varying_words;
-        self.distance_stride = frame.pipeline.clip_distances.map_or(0, |(_, n)| n);
+        self.varying_stride = call.pipeline.varying_words;
+        self.distance_stride = call.pipeline.clip_distances.map_or(0, |(_, n)| n);
         let room = stream.vertices.next_multiple_of(if stream.vertices <= TASK { LANES } else { TASK });
         self.codes.resize(room, 0);
         self.screen.resize(room, ScreenVertex::default());
@@ -90,18 +92,18 @@ impl Vertices {
         if let Some((segment, growth)) = record {
             // One recorder in one thread, so that costs are numbered in order.
             let mut recorder = std::mem::take(&mut self.recorder);
-            recorder.extra = frame.extra;
+            recorder.extra = call.extra;
             segment.vertices.reserve_exact(stream.vertices);
             let mut shaded = 0;
             // Costs and requests are recorded per quad of lanes. Where there may be requests, a vertex has a quad for itself.
-            let program = frame.pipeline.vertex();
+            let program = &call.vertex().stage.program;
             let alone = !program.interface().bindings.is_empty() && !program.is_straight();
             for (number, mut task) in tasks.enumerate() {
                 let start = number * TASK;
                 let mut record = Some((&mut recorder, &mut *segment, growth));
                 shaded += workers.with(|w| match alone {
-                    true => shade_task::<4>(frame, &mut w.vertex, stream, start, &mut task, &mut record),
-                    false => shade_task::<1>(frame, &mut w.vertex, stream, start, &mut task, &mut record),
+                    true => shade_task::<4>(call, &mut w.executors[Stage::Vertex], stream, start, &mut task, &mut record),
+                    false => shade_task::<1>(call, &mut w.executors[Stage::Vertex], stream, start, &mut task, &mut record),
                 })?;
             }
             growth.add(recorder.take_bytes());
@@ -112,9 +114,10 @@ impl Vertices {
             return Ok(shaded);
         }
         let one = |number: usize, mut task: Task<'_>| {
-            workers.with(|w| shade_task::<1>(frame, &mut w.vertex, stream, number * TASK, &mut task, &mut None))
+            workers
+                .with(|w| shade_task::<1>(call, &mut w.executors[Stage::Vertex], stream, number * TASK, &mut task, &mut None))
         };
-        if frame.vertex_in_order || room <= TASK {
+        if call.vertex_in_order || room <= TASK {
             return tasks.enumerate().map(|(number, task)| one(number, task)).sum();
         }
         parallel::map(tasks, parallel::ANY, one).sum()
@@ -123,21 +126,21 @@ impl Vertices {
 
 /// Shades the vertices of a task, `LANES / SPREAD` at a time: vertex `i` of a batch is lane `SPREAD * i`.
 fn shade_task<const SPREAD: usize>(
-    frame: &PreparedDraw<'_>,
+    call: &DrawCall<'_>,
     executor: &mut Executor,
     stream: &Stream,
     start: usize,
     task: &mut Task<'_>,
     record: &mut Option<(&mut Recorder, &mut work::Segment, &Meter)>,
 ) -> Result<u64, ShaderFault> {
-    let pipeline = frame.pipeline;
-    let program = pipeline.vertex();
-    if frame.ledger.steps.verify().is_err() {
+    let pipeline = &*call.pipeline;
+    let vertex = call.vertex();
+    if call.ledger.steps.verify().is_err() {
         return Ok(0);
     }
     let growth = record.as_ref().map(|(.., growth)| *growth);
-    let bound = executor.bind(program, &frame.vertex_resources, frame.vertex_uniforms);
-    let mut bound = bound.within(&frame.ledger.steps, growth);
+    let bound = executor.bind(&vertex.stage.program, &vertex.resources, vertex.uniforms);
+    let mut bound = bound.within(&call.ledger.steps, growth);
     let (mut index, mut instance) = ([0; LANES], [0; LANES]);
     let mut fetched = [Lanes::ZERO; 4];
     let mut shaded = 0;
@@ -157,21 +160,21 @@ fn shade_task<const SPREAD: usize>(
                 StepMode::Vertex => &index,
                 StepMode::Instance => &instance,
             };
-            frame.source(attribute).fetch(attribute.format, attribute.offset, by, n, &mut fetched);
+            call.source(attribute).fetch(attribute.format, attribute.offset, by, n, &mut fetched);
             for c in 0..attribute.components {
                 if let Some(input) = bound.input_mut(attribute.input, c) {
                     spread::<SPREAD>(&fetched[c].0, n, &mut input.0);
                 }
             }
         }
-        for &(slot, builtin) in frame.vertex_builtins {
+        for &(slot, builtin) in &vertex.stage.builtins {
             let Some(input) = bound.input_mut(slot, 0) else { continue };
             match builtin {
                 BuiltIn::VertexIndex => spread::<SPREAD>(&index, n, &mut input.0),
                 BuiltIn::InstanceIndex => spread::<SPREAD>(&instance, n, &mut input.0),
-                BuiltIn::BaseVertex => *input = Lanes::splat(frame.base_vertex),
-                BuiltIn::BaseInstance => *input = Lanes::splat(frame.first_instance),
-                BuiltIn::DrawIndex => *input = Lanes::splat(frame.draw_index),
+                BuiltIn::BaseVertex => *input = Lanes::splat(call.base_vertex()),
+                BuiltIn::BaseInstance => *input = Lanes::splat(call.range.first_instance),
+                BuiltIn::DrawIndex => *input = Lanes::splat(call.range.draw_index),
                 BuiltIn::SubgroupSize => *input = Lanes::splat(LANES as u32),
                 BuiltIn::SubgroupInvocationId => input.0 = std::array::from_fn(|i| i as u32),
                 _ => {}
@@ -196,7 +199,7 @@ fn shade_task<const SPREAD: usize>(
         }
         let at = first - start;
         let position: [&Lanes; 4] = std::array::from_fn(|c| bound.output(pipeline.position, c));
-        place(frame, position, SPREAD, at..at + n, task);
+        place(call, position, SPREAD, at..at + n, task);
         let stride = pipeline.varying_words;
         for varying in &pipeline.varyings {
             let vertices = &mut task.varyings[at * stride..(at + n) * stride];
@@ -249,23 +252,23 @@ fn spread<const SPREAD: usize>(values: &[u32; LANES], n: usize, lanes: &mut [u32
 
 wide! {
     /// Finds outcodes and window positions of a batch, of which every `spread`-th lane is a vertex: these of the task.
-    fn place(frame: &PreparedDraw<'_>, position: [&Lanes; 4], spread: usize, here: Range<usize>, task: &mut Task<'_>) = place_here;
+    fn place(call: &DrawCall<'_>, position: [&Lanes; 4], spread: usize, here: Range<usize>, task: &mut Task<'_>) = place_here;
 }
 
 #[inline(always)]
-fn place_here(frame: &PreparedDraw<'_>, position: [&Lanes; 4], spread: usize, here: Range<usize>, task: &mut Task<'_>) {
+fn place_here(call: &DrawCall<'_>, position: [&Lanes; 4], spread: usize, here: Range<usize>, task: &mut Task<'_>) {
     // Many draws have few vertices.
     match spread * here.len() {
-        ..=8 => place_first::<8>(frame, position, spread, here, task),
-        9..=32 => place_first::<32>(frame, position, spread, here, task),
-        _ => place_first::<LANES>(frame, position, spread, here, task),
+        ..=8 => place_first::<8>(call, position, spread, here, task),
+        9..=32 => place_first::<32>(call, position, spread, here, task),
+        _ => place_first::<LANES>(call, position, spread, here, task),
     }
 }
 
 /// The vertices of the first `N` lanes.
 #[inline(always)]
 fn place_first<const N: usize>(
-    frame: &PreparedDraw<'_>,
+    call: &DrawCall<'_>,
     position: [&Lanes; 4],
     spread: usize,
     here: Range<usize>,
@@ -273,8 +276,8 @@ fn place_first<const N: usize>(
 ) {
     let mut codes = [0; N];
     let mut screen = [ScreenVertex::default(); N];
-    frame.clip.outcodes(position, &mut codes);
-    frame.screen.vertices(position, &mut screen);
+    call.clip.outcodes(position, &mut codes);
+    call.screen.vertices(position, &mut screen);
     let [x, y, z, w] = position.map(Lanes::f32);
     for (to, code) in task.codes[here.clone()].iter_mut().zip(codes.iter().step_by(spread)) {
         *to = *code;

@@ -350,10 +350,10 @@ fn draw((res, ledger): (&Resources, &Ledger), open: &mut Open, indexed: bool, am
     if indexed {
         reads.extend(open.index.map(Thing::Buffer));
     }
-    touched((res, ledger), pipeline.vertex().interface(), &open.bindings, amount, reads, writes)?;
-    if let Some(fragment) = pipeline.fragment() {
-        let reads = if pipeline.shades_for_coverage() { reads } else { color_reads };
-        touched((res, ledger), fragment.interface(), &open.bindings, amount, reads, writes)?;
+    for stage in pipeline.stages() {
+        let for_coverage = stage.kind().is_geometry() || pipeline.shades_for_coverage();
+        let reads = if for_coverage { &mut *reads } else { &mut *color_reads };
+        touched((res, ledger), stage.interface(), &open.bindings, amount, reads, writes)?;
     }
     Ok(())
 }

@@ -7,6 +7,7 @@ use super::shading::Requests;
 use super::texture::{Missed, Sharing, missed};
 use super::traffic::PassTraffic;
 use super::{BLOCKS, Bound, PhaseEstimate, Roofs, Touched, compressed, places};
+use gfx::stage::Stage;
 use machine::class::Sorted;
 use machine::config::MemoryKind;
 use mem::{HEADER, REQUEST_BYTES};
@@ -241,7 +242,7 @@ impl Bound<'_> {
         let lookups = sum(|draw| draw.fragment.texture_lines + draw.fragment.access_lines);
         // The draw with most lookups decides how many warps are under way.
         let most = draws.iter().max_by_key(|draw| draw.fragment.texture_lines + draw.fragment.access_lines);
-        let warps = most.map_or(1.0, |draw| self.resident(draw.registers[1]));
+        let warps = most.map_or(1.0, |draw| self.resident(draw.registers[Stage::Fragment]));
         let cores = f64::from(config.core.per_pipeline);
         let warps = warps.min(f64::from(config.dispatch.reorder) / cores).max(1.0);
         // Lookups and misses are of 64 bytes: a longer line has several, which share a tag.
@@ -326,7 +327,7 @@ impl Bound<'_> {
         let shading = self.shading(
             &draw.vertex,
             1.0,
-            draw.registers[0],
+            draw.registers[Stage::Vertex],
             &Requests { missed: 1.0, slow: 1.0, latency: self.memory_latency, ..Requests::default() },
         );
         // A batch is in flight from its indices to the assembly of its last primitive.
@@ -345,7 +346,7 @@ impl Bound<'_> {
         let stream = all * trip / lines;
         let clipping = per(draw.primitives, c.clip.primitives_per_cycle) * f64::from(c.clip.interval)
             + (draw.clipped * u64::from(c.clip.clip_cycles)) as f64;
-        let fragment = self.shading(&draw.fragment, 4.0, draw.registers[1], requests);
+        let fragment = self.shading(&draw.fragment, 4.0, draw.registers[Stage::Fragment], requests);
         // A segment has its place until the last of it is written.
         let held = draw.segments as f64 * (shading.latency + fragment.latency + fill);
         let held = held / f64::from(c.command.segments);
@@ -375,7 +376,7 @@ impl Bound<'_> {
         });
         let written = (draw.targets - draw.blended) as f64 * replaced / f64::from(c.color.quads_per_cycle);
         let blended = draw.blended as f64 * blended / f64::from(c.color.blends_per_cycle);
-        let plain = draw.registers[1] == 0;
+        let plain = draw.registers[Stage::Fragment] == 0;
         let traversed = if plain { c.traverse.depth_quads_per_cycle } else { c.traverse.quads_per_cycle };
         let route = (vertices / f64::from(c.route.vertices_per_cycle))
             .max(per(draw.primitives, c.route.primitives_per_cycle))

@@ -8,6 +8,7 @@ use std::io;
 
 use super::table::Table;
 use crate::bound::Bound;
+use gfx::stage::Stage;
 use machine::Config;
 use work::profile::{FrameProfile, PhaseProfile, ShaderProfile};
 use work::{Areas, Event, Programs};
@@ -117,7 +118,7 @@ impl Costs {
                         let own = measured.entry(draw.pipeline).or_default();
                         own.vertex.0 += draw.vertex;
                         own.quad.0 += draw.fragment;
-                        (own.vertex.1, own.quad.1) = (draw.registers[0], draw.registers[1]);
+                        (own.vertex.1, own.quad.1) = (draw.registers[Stage::Vertex], draw.registers[Stage::Fragment]);
                     }
                 }
                 PhaseProfile::Dispatch { pipeline, cost, registers, .. } => {
@@ -132,18 +133,18 @@ impl Costs {
         for programs in all.flat_map(|runs| runs.programs.values()) {
             let none = Measured::default();
             let own = measured.get(&programs.pipeline).unwrap_or(&none);
-            let taken = |(cost, registers): &(ShaderProfile, u32), at: usize, invocations: f64| {
+            let taken = |(cost, registers): &(ShaderProfile, u32), stage: Stage, invocations: f64| {
                 if cost.runs > 0 {
                     return bound.of_run(cost, invocations, *registers);
                 }
-                let instructions = programs.instructions[at].map(u64::from);
+                let instructions = programs.instructions[stage].map(u64::from);
                 let cost = ShaderProfile { runs: 1, instructions, chain: instructions, ..ShaderProfile::default() };
                 bound.of_run(&cost, invocations, 1)
             };
             let taken = Taken {
-                vertex: taken(&own.vertex, 0, 1.0),
-                quad: taken(&own.quad, 1, 4.0),
-                packet: taken(&own.packet, 0, 4.0),
+                vertex: taken(&own.vertex, Stage::Vertex, 1.0),
+                quad: taken(&own.quad, Stage::Fragment, 4.0),
+                packet: taken(&own.packet, Stage::Compute, 4.0),
             };
             of.insert(programs.pipeline, taken);
         }

@@ -7,13 +7,14 @@ use naga::{AddressSpace, ArraySize, Handle, ScalarKind, StorageAccess, TypeInner
 use super::texture::Image;
 use super::{Flags, Lowered, Lowerer, Place, Result, Root, Stop, Val, writes};
 use crate::interface::{
-    Binding, BindingKind, BuiltIn, Connection, DepthPromise, Interface, Interpolation, Sampling, Scalar, Slot, Stage,
+    Binding, BindingKind, BuiltIn, Connection, DepthPromise, Interface, Interpolation, Sampling, Scalar, Slot, stage_of,
 };
 use crate::ir::{Builder, Def, V};
 use crate::module::{Module, Places, ShaderError};
 use crate::options::Optimisations;
 use crate::program::Space;
 use crate::types::{Ty, Types, component_counts};
+use gfx::stage::Stage;
 
 /// Instructions that unrolled loops of one entry point may add.
 const UNROLL_BUDGET: usize = 3000;
@@ -79,11 +80,15 @@ impl<'a> Lowerer<'a> {
         let module: &'a naga::Module = self.module;
         let info: &'a naga::valid::ModuleInfo = self.info;
         let entry = &module.entry_points[index];
-        let Some(stage) = Stage::from_naga(entry.stage) else {
+        let Some(stage) = stage_of(entry.stage) else {
             return self.refuse(format!("the {:?} stage is not supported", entry.stage));
         };
         let invocations = entry.workgroup_size.iter().fold(1u64, |n, &side| n.saturating_mul(u64::from(side)));
-        if stage == Stage::Compute && invocations == 0 {
+        let workgroup_size = match stage {
+            Stage::Vertex | Stage::Fragment => [1; 3],
+            Stage::Compute => entry.workgroup_size,
+        };
+        if workgroup_size.contains(&0) {
             return self.refuse("a workgroup without invocations");
         }
         self.within(self.origin.limits.shader_invocations, invocations)?;
@@ -111,11 +116,14 @@ impl<'a> Lowerer<'a> {
             stage,
             entry: entry.name.clone(),
             bindings: bindings.into_iter().zip(&self.written_bindings).map(|(b, &written)| Binding { written, ..b }).collect(),
-            per_sample: stage == Stage::Fragment && input_slots.iter().any(is_sample),
+            per_sample: match stage {
+                Stage::Fragment => input_slots.iter().any(is_sample),
+                Stage::Vertex | Stage::Compute => false,
+            },
             writes_sample_mask: output_slots.iter().any(|s| s.is_builtin(BuiltIn::SampleMask)),
             inputs: input_slots,
             outputs: output_slots,
-            workgroup_size: if stage == Stage::Compute { entry.workgroup_size } else { [1; 3] },
+            workgroup_size,
             workgroup_bytes,
             immediate_bytes: self.flags.immediate_bytes,
             registers: 0,
@@ -382,7 +390,7 @@ impl<'a> Lowerer<'a> {
             first += n;
             let wanted = match slot.connection {
                 Connection::Location { location, .. } => keep(location),
-                Connection::BuiltIn(b) => !(stage == Stage::Vertex && b == BuiltIn::PointSize),
+                Connection::BuiltIn(b) => !(stage.is_geometry() && b == BuiltIn::PointSize),
             };
             if wanted {
                 values.push(v);

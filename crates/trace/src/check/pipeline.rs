@@ -81,8 +81,7 @@ impl Checker<'_> {
 
     pub(super) fn create_render_pipeline(&mut self, id: RenderPipelineId, desc: &RenderPipelineDesc) -> Outcome {
         let layout = self.layout_groups(desc.layout)?;
-        self.stage(&desc.vertex)?;
-        desc.fragment.as_ref().map_or(Ok(()), |stage| self.stage(stage))?;
+        desc.stages().try_for_each(|(_, stage)| self.stage(stage))?;
         let buffers = render_pipeline(desc)?;
         let samples = desc.multisample.count;
         let mut targets: Vec<_> = desc.targets.iter().map(|target| target.map(|target| target.format)).collect();

@@ -184,7 +184,7 @@ impl Card {
         } else {
             Vec::new()
         };
-        let early = draw.early || draw.fragment.is_none();
+        let early = draw.early || !draw.shades();
         let (depth, depth_format) = match &draw.depth_stencil {
             Some(state) => {
                 (Some(DepthStencilState::new(state, u32::from(draw.stencil_reference), draw.depth_range)), state.format)
@@ -247,7 +247,7 @@ impl Card {
         let marks = pass.order.note(draw, depth, colors);
         // Depths of fragments that are discarded after an early test stay, without their colours.
         let discards = |quad: &Quad| quad.kept & quad.coverage != quad.coverage;
-        let early = draw.early && draw.fragment.is_some() && depth.is_some_and(DepthStencilState::writes_depth);
+        let early = draw.early && draw.shades() && depth.is_some_and(DepthStencilState::writes_depth);
         pass.order.matters |= early && segment.tiles.iter().any(|tile| tile.quads.iter().any(discards));
         let first = pass.order.primitives;
         pass.order.primitives = first.saturating_add(segment.primitives.len() as u32);

@@ -77,7 +77,7 @@ impl Command {
             Event::FramesFollow => return None,
             Event::Draw(draw) => {
                 let draw = draw.clone();
-                let changes = self.states.differs(draw.state);
+                let changes = self.states.differs(draw.state.number);
                 if changes && !self.states.has_room() {
                     return None;
                 }
@@ -95,7 +95,7 @@ impl Command {
                 self.counts.vertices_culled += culling.vertices;
                 cycles = self.begin_tests(culling.tests);
                 if changes {
-                    self.states.change(draw.state);
+                    self.states.change(draw.state.number);
                     self.counts.state_changes += 1;
                     cycles += Cycle::from(self.config.state_cycles);
                 }

@@ -368,7 +368,7 @@ impl Depth {
                 }
             }
             let work = card.work[usize::from(group.slot)].as_ref().expect("a group's segment is in flight");
-            if work.draw.fragment.is_none() {
+            if !work.draw.shades() {
                 // Depth and stencil only: done.
                 let written: u32 = group.live[..usize::from(group.count)].iter().map(|&live| fragments(live)).sum();
                 card.funnel[group.slot].fragments_written += u64::from(written);
@@ -562,7 +562,7 @@ fn drop_discarded(card: &mut Card, pipeline: usize, token: GroupToken) -> u8 {
     let Card { groups, work, funnel, .. } = card;
     let group = &mut groups[pipeline][token.group];
     let work = work[usize::from(group.slot)].as_ref().expect("a group's segment is in flight");
-    if !work.early || work.draw.fragment.is_none() {
+    if !work.early || !work.draw.shades() {
         return token.quads;
     }
     let quads = &work.segment.tiles[group.tile as usize].quads[group.first as usize..][..usize::from(group.count)];

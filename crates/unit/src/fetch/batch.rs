@@ -5,6 +5,7 @@ use super::super::token::{Kind, VertexBatch, WarpToken};
 use super::super::warp::{Item, Program};
 use super::{Fetch, Gathered};
 use crate::assembly::MAX_BATCHES;
+use gfx::stage::Stage;
 use gfx::state::StepMode;
 use num::Cycle;
 use sim::{Tick, Wires};
@@ -139,7 +140,7 @@ impl Fetch {
         let (cluster, output) = &self.ports.cores[core];
         let Card { work, warps, .. } = card;
         let work = work[usize::from(batch.slot)].as_ref().expect("a batch's segment is in flight");
-        let index = warps[*cluster].insert(Program::Vertex, batch.slot, work.draw.vertex.registers);
+        let index = warps[*cluster].insert(Program::Vertex, batch.slot, work.draw.shape(Stage::Vertex).registers);
         let warp = &mut warps[*cluster][index];
         warp.number = batch.number;
         for vertex in self.vertices.drain(..batch.count as usize) {

@@ -3,7 +3,7 @@
 use std::sync::Arc;
 
 use super::kit::{FREE, Sink, Source, memory, port, round_trip, settle, write_time};
-use super::scenery::{attachment, begin_pass, card, draw, group, mark, pass, row_of_tiles, surface};
+use super::scenery::{attachment, begin_pass, card, draw_with, group, mark, pass, row_of_tiles, surface};
 use crate::Card;
 use crate::block_cache::BlockCounts;
 use crate::block_sets::BlockSets;
@@ -15,7 +15,7 @@ use gfx::state::{Blend, BlendComponent, BlendFactor, BlendOp};
 use mem::Ideal;
 use num::Cycle;
 use sim::{Circuit, One, Unit, Wiring};
-use work::{Attachment, Draw, Target};
+use work::{Attachment, Target};
 
 sim::circuit! {
     struct ColorCircuit for Card {
@@ -149,7 +149,7 @@ fn written(scene: &Scene) -> Written {
             segment.tiles[0].payload.fill(word);
             let packed = !scene.blend && scene.formats == [Format::Rgba8Unorm];
             let targets = vec![Some(target(scene.blend, packed)); scene.targets];
-            card.install(0, Arc::new(segment), Arc::new(Draw { targets, ..draw() }), 0);
+            card.install(0, Arc::new(segment), Arc::new(draw_with(|state| state.targets = targets)), 0);
             let (mut shaded, mut tested) = (Vec::new(), Vec::new());
             for (sequence, of) in scene.groups.iter().enumerate() {
                 let token = GroupToken { sequence: sequence as u32, ..group(&mut card, 0, of.block, of.first, of.quads) };

@@ -4,7 +4,7 @@ use std::collections::VecDeque;
 use std::sync::Arc;
 
 use super::kit::{Echo, FREE, Sink, memory, port, round_trip, settle, write_time};
-use super::scenery::{attachment, card, draw, pass, surface};
+use super::scenery::{attachment, card, draw, draw_with, pass, surface};
 use crate::Card;
 use crate::command::{Command, CommandConfig, CommandPorts, CullChoice};
 use crate::scanout::ScanoutConfig;
@@ -296,8 +296,9 @@ fn draws_are_rasterised_in_turn() {
 fn a_change_of_state_takes_cycles_and_waits_for_a_free_state() {
     // A draw with a state, and its segment.
     let drawn = |states: &[u32]| {
-        let one =
-            |&state: &u32| [Event::Draw(Arc::new(Draw { state, ..draw() })), Event::Segment(Arc::new(Segment::default()))];
+        let one = |&state: &u32| {
+            [Event::Draw(Arc::new(draw_with(|of| of.number = state))), Event::Segment(Arc::new(Segment::default()))]
+        };
         [vec![begin(Load::Load, false)], states.iter().flat_map(one).collect(), vec![Event::EndPass(None), end()]].concat()
     };
     let data = |config: &CommandConfig, states: &[u32]| -> Vec<Cycle> {

@@ -3,7 +3,7 @@
 use std::sync::Arc;
 
 use super::kit::{FREE, Sink, Source, memory, port, round_trip, settle, write_time};
-use super::scenery::{attachment, begin_pass, card, depth_test, draw, group, mark, pass, row_of_tiles, surface};
+use super::scenery::{attachment, begin_pass, card, depth_test, draw_with, group, mark, pass, row_of_tiles, surface};
 use crate::Card;
 use crate::block_cache::BlockCounts;
 use crate::block_sets::BlockSets;
@@ -15,11 +15,12 @@ use crate::traverse::HierarchicalUpdate;
 use gfx::format::Format;
 use gfx::hierarchical::depth_key;
 use gfx::setup::DepthPlane;
+use gfx::stage::Stage;
 use gfx::state::Compare;
 use mem::Ideal;
 use num::Cycle;
 use sim::{Circuit, One, Unit, Wiring};
-use work::{Attachment, Draw, Funnel};
+use work::{Attachment, Funnel};
 
 sim::circuit! {
     struct DepthCircuit for Card {
@@ -103,9 +104,10 @@ fn prepared(scene: &Scene) -> Card {
     let mut segment = row_of_tiles(1, 1, 16, 0);
     segment.triangles[0].depth = DepthPlane::constant(0.25);
     let segment = Arc::new(segment);
-    let early = Draw { depth_stencil: Some(depth_test(scene.compare)), ..draw() };
-    card.install(0, segment.clone(), Arc::new(early.clone()), 0);
-    card.install(1, segment, Arc::new(Draw { early: false, ..early }), 1);
+    for (slot, early) in [true, false].into_iter().enumerate() {
+        let draw = draw_with(|state| (state.depth_stencil, state.early) = (Some(depth_test(scene.compare)), early));
+        card.install(slot as u16, segment.clone(), Arc::new(draw), slot as u32);
+    }
     card
 }
 
@@ -291,8 +293,8 @@ fn hierarchical_z_is_told_at_every_write_or_when_a_block_leaves() {
 fn a_draw_without_fragment_stage_ends_here() {
     let scene = Scene { compare: Compare::Less, ..Scene::default() };
     let early = |card: &mut Card| {
-        let only = Draw { fragment: None, ..(*card.work(0).draw).clone() };
-        let segment = card.work(0).segment.clone();
+        let (segment, mut only) = (card.work(0).segment.clone(), (*card.work(0).draw).clone());
+        Arc::make_mut(&mut only.state).shapes[Stage::Fragment] = None;
         card.install(0, segment, Arc::new(only), 0);
         vec![(0, group(card, 0, 0, 0, 4)), (0, mark(Kind::SEGMENT, 0))]
     };

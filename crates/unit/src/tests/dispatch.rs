@@ -3,13 +3,13 @@
 use std::sync::Arc;
 
 use super::kit::{Echo, FREE, Sink, Source, settle};
-use super::scenery::{card, draw, group, mark, row_of_tiles};
+use super::scenery::{card, draw, draw_with, group, mark, row_of_tiles};
 use crate::Card;
 use crate::dispatch::{Dispatch, DispatchConfig, DispatchPorts, Outlet};
 use crate::token::{GroupToken, Kind, Packing, WarpToken};
 use num::Cycle;
 use sim::{Circuit, One, StallProbe, Unit, Wiring};
-use work::{Draw, Funnel};
+use work::Funnel;
 
 sim::circuit! {
     struct DispatchCircuit for Card {
@@ -75,7 +75,7 @@ fn dispatched(config: &DispatchConfig, cores: &[Cycle], groups: &[(Cycle, u16, u
             let mut card = card(1);
             let segment = Arc::new(row_of_tiles(1, 1, 16, 0));
             card.install(0, segment.clone(), Arc::new(draw()), 0);
-            card.install(1, segment, Arc::new(Draw { early: false, ..draw() }), 1);
+            card.install(1, segment, Arc::new(draw_with(|state| state.early = false)), 1);
             let mut items = Vec::new();
             let mut last = 0;
             for &(at, slot, quads) in groups {

@@ -3,7 +3,7 @@
 use std::sync::Arc;
 
 use super::kit::{FREE, Sink, Source, memory, port, round_trip, settle};
-use super::scenery::{attachment, begin_pass, card, depth_test, draw, group, mark, pass, row_of_tiles, surface};
+use super::scenery::{attachment, begin_pass, card, depth_test, draw_with, group, mark, pass, row_of_tiles, surface};
 use crate::Card;
 use crate::block_cache::BlockCache;
 use crate::compression::{Codec, Compression};
@@ -17,7 +17,6 @@ use gfx::state::Compare;
 use mem::Ideal;
 use num::Cycle;
 use sim::{Circuit, Link, One, Unit, Wiring};
-use work::Draw;
 
 sim::circuit! {
     struct EarlyCircuit for Card {
@@ -60,7 +59,7 @@ fn tested(scene: &Scene) -> (Vec<Cycle>, Cycle, EarlyCounts) {
         copies::begin_seen(&card.frame, &mut card.class_state.seen, 0, false);
         let mut segment = row_of_tiles(1, 1, 16, 0);
         segment.triangles[0].depth = DepthPlane::constant(0.25);
-        let draw = Draw { depth_stencil: Some(depth_test(scene.compare)), ..draw() };
+        let draw = draw_with(|state| state.depth_stencil = Some(depth_test(scene.compare)));
         card.install(0, Arc::new(segment), Arc::new(draw), 0);
         card
     };

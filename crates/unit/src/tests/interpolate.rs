@@ -3,13 +3,14 @@
 use std::sync::Arc;
 
 use super::kit::{FREE, Sink, Source, settle};
-use super::scenery::{card, draw, group, row_of_tiles};
+use super::scenery::{card, draw_with, group, row_of_tiles};
 use crate::Card;
 use crate::interpolate::{Interpolate, InterpolateConfig};
 use crate::token::GroupToken;
+use gfx::stage::Stage;
 use num::Cycle;
 use sim::{One, Wiring};
-use work::{Draw, ShaderShape};
+use work::ShaderShape;
 
 sim::circuit! {
     struct InterpolateCircuit for Card {
@@ -29,7 +30,7 @@ fn interpolated(quads: u8, words: u32, interval: u32) -> Vec<Cycle> {
             let (out, input) = wiring.channel("out", 0, FREE, ids[1], ids[2]);
             let mut card = card(1);
             let shape = ShaderShape { registers: 16, inputs: words, outputs: 4 };
-            let draw = Draw { fragment: Some(shape), ..draw() };
+            let draw = draw_with(|state| state.shapes[Stage::Fragment] = Some(shape));
             card.install(0, Arc::new(row_of_tiles(1, 1, 4, 0)), Arc::new(draw), 0);
             let items = (0..6).map(|_| (0, group(&mut card, 0, 0, 0, quads))).collect();
             let config = InterpolateConfig {

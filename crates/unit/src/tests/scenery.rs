@@ -9,6 +9,7 @@ use crate::interleave::{Interleave, Pattern};
 use crate::token::{GroupToken, Kind, TriangleToken};
 use crate::warp::{Execution, Item, Program};
 use gfx::format::Format;
+use gfx::stage::{Stage, StageMap};
 use gfx::state::{Compare, DepthStencil, StencilFace};
 use work::*;
 
@@ -31,13 +32,18 @@ pub fn card_of_tiles(pipelines: usize, tile: u32) -> Card {
 
 /// A draw without attributes, tests and targets.
 pub fn draw() -> Draw {
-    Draw {
+    draw_with(|_| {})
+}
+
+/// The same draw with another state.
+pub fn draw_with(change: impl FnOnce(&mut RecordedState)) -> Draw {
+    let shape = Some(ShaderShape { registers: 16, inputs: 0, outputs: 4 });
+    let mut shapes = StageMap::default();
+    (shapes[Stage::Vertex], shapes[Stage::Fragment]) = (shape, shape);
+    let mut state = RecordedState {
         number: 0,
         label: String::new(),
-        group: "".into(),
-        vertex: ShaderShape { registers: 16, inputs: 0, outputs: 4 },
-        fragment: Some(ShaderShape { registers: 16, inputs: 0, outputs: 4 }),
-        attributes: Vec::new(),
+        shapes,
         depth_stencil: None,
         stencil_reference: 0,
         targets: Vec::new(),
@@ -47,10 +53,16 @@ pub fn draw() -> Draw {
         early: true,
         hierarchical_z: true,
         depth_range: [0.0, 1.0],
+    };
+    change(&mut state);
+    Draw {
+        number: 0,
+        group: "".into(),
+        state: state.into(),
+        attributes: Vec::new(),
         signature: None,
-        reach: Default::default(),
         culling: Default::default(),
-        state: 0,
+        reach: Default::default(),
     }
 }
 

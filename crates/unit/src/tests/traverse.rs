@@ -3,7 +3,9 @@
 use std::sync::Arc;
 
 use super::kit::{FREE, Sink, Source, settle};
-use super::scenery::{attachment, begin_pass, card, card_of_tiles, depth_test, draw, pass, row_of_tiles, surface, triangle};
+use super::scenery::{
+    attachment, begin_pass, card, card_of_tiles, depth_test, draw, draw_with, pass, row_of_tiles, surface, triangle,
+};
 use crate::Card;
 use crate::card::DepthStart;
 use crate::distribute::Overlap;
@@ -12,10 +14,11 @@ use crate::traverse::{HierarchicalTest, Territory, Traverse, TraverseConfig, Tra
 use gfx::format::Format;
 use gfx::hierarchical::depth_key;
 use gfx::setup::DepthPlane;
+use gfx::stage::Stage;
 use gfx::state::Compare;
 use num::Cycle;
 use sim::{Link, One, Unit, Wiring};
-use work::{Draw, End, Funnel, Segment};
+use work::{End, Funnel, RecordedState, Segment};
 
 sim::circuit! {
     struct GatherCircuit for Card {
@@ -237,9 +240,11 @@ fn quads_without_colours_have_a_rate_of_their_own() {
     let segment = triangles(2, 8, 16, 0);
     for (rate, without, with) in [(4, 64, 64), (8, 32, 64), (2, 127, 64)] {
         let config = TraverseConfig { depth_quads_per_cycle: rate, ..config() };
-        for (fragment, expected) in [(draw().fragment, with), (None, without)] {
-            let install =
-                |card: &mut Card| card.install(0, Arc::new(segment.clone()), Arc::new(Draw { fragment, ..draw() }), 0);
+        for (fragment, expected) in [(draw().shapes[Stage::Fragment], with), (None, without)] {
+            let install = |card: &mut Card| {
+                let draw = draw_with(|state| state.shapes[Stage::Fragment] = fragment);
+                card.install(0, Arc::new(segment.clone()), Arc::new(draw), 0);
+            };
             let (log, ..) = traversed(&config, &segment, &[], install);
             assert_eq!(log.last().expect("a mark").0 - 1, expected, "{rate} a cycle, {fragment:?}");
         }
@@ -305,7 +310,7 @@ fn hidden(segment: &Segment, cleared_to: Option<f32>) -> impl Fn(&mut Card) {
         let key = |depth: f32| depth_key(Format::Depth32Float, depth.to_bits());
         let bounds = cleared_to.map_or((0, u32::MAX), |depth| (key(depth), key(depth)));
         card.passes.current_mut().unwrap().depth_start = Some(DepthStart { bounds: Some(bounds), began: (0, bounds) });
-        let draw = Draw { depth_stencil: Some(depth_test(Compare::Less)), ..draw() };
+        let draw = draw_with(|state| state.depth_stencil = Some(depth_test(Compare::Less)));
         card.install(0, Arc::new(segment.clone()), Arc::new(draw), 0);
     }
 }
@@ -388,37 +393,37 @@ fn over_each_other(depths: &[f32]) -> Segment {
 #[test]
 fn blocks_are_accepted_by_what_they_can_hold_once_all_before_is_tested() {
     let config = TraverseConfig { hierarchical_accept: true, ..config() };
-    let accepted = |depths: &[f32], cleared_to, change: &dyn Fn(&mut Draw)| {
+    let accepted = |depths: &[f32], cleared_to, change: &dyn Fn(&mut RecordedState)| {
         let segment = over_each_other(depths);
         let start = hidden(&segment, cleared_to);
         let prepare = |card: &mut Card| {
             start(card);
             let mut draw = (*card.work(0).draw).clone();
-            change(&mut draw);
+            change(Arc::make_mut(&mut draw.state));
             card.install(0, Arc::new(segment.clone()), Arc::new(draw), 0);
         };
         TraverseCounts { tested: 0, ..traversed(&config, &segment, &[], prepare).2 }
     };
     let blocks = |n: u64| TraverseCounts { accepted: 8 * n, unwritten: 0, ..TraverseCounts::default() };
-    let as_it_is = |_: &mut Draw| ();
+    let as_it_is = |_: &mut RecordedState| ();
     // Nothing has been written yet when the second comes, which may yet lie behind the first; the third lies before both.
     assert_eq!(accepted(&[0.3, 0.4, 0.2], Some(0.5), &as_it_is), blocks(2));
     assert_eq!(accepted(&[0.3, 0.3], Some(0.5), &as_it_is), blocks(1));
     // Nothing is known of what was there.
     assert_eq!(accepted(&[0.3, 0.2], None, &as_it_is), blocks(0));
     // A test without a write needs neither to be read, and changes nothing for those behind it.
-    let reads = |draw: &mut Draw| draw.depth_stencil.as_mut().expect("a test").depth_write = false;
+    let reads = |state: &mut RecordedState| state.depth_stencil.as_mut().expect("a test").depth_write = false;
     assert_eq!(
         accepted(&[0.3, 0.4], Some(0.5), &reads),
         TraverseCounts { accepted: 16, unwritten: 16, ..TraverseCounts::default() }
     );
     // Late tests write too, but none of them is decided ahead; and a shader's depths can be anywhere.
-    assert_eq!(accepted(&[0.3], Some(0.5), &|draw| draw.early = false), blocks(0));
+    assert_eq!(accepted(&[0.3], Some(0.5), &|state| state.early = false), blocks(0));
     // The other way round: farther passes.
-    let farther = |draw: &mut Draw| draw.depth_stencil.as_mut().expect("a test").depth_compare = Compare::GreaterEqual;
+    let farther = |state: &mut RecordedState| state.depth_stencil.as_mut().expect("a test").depth_compare = Compare::GreaterEqual;
     assert_eq!(accepted(&[0.6, 0.55, 0.6], Some(0.5), &farther), blocks(2));
     // With stencils beside them.
-    let stencil = |draw: &mut Draw| draw.depth_stencil.as_mut().expect("a test").format = Format::Depth32FloatStencil8;
+    let stencil = |state: &mut RecordedState| state.depth_stencil.as_mut().expect("a test").format = Format::Depth32FloatStencil8;
     assert_eq!(
         accepted(&[0.3], Some(0.5), &stencil),
         TraverseCounts { accepted: 8, unwritten: 0, ..TraverseCounts::default() }

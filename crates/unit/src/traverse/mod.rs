@@ -576,7 +576,7 @@ impl Unit<Card> for Traverse {
                 self.pass_quads(count, block);
                 continue;
             }
-            let needs = alive * if work.draw.fragment.is_none() { rates[0] } else { rates[1] };
+            let needs = alive * if work.draw.shades() { rates[1] } else { rates[0] };
             // Fewer than a group may remain of the budget where it is no multiple of four: the link takes the rest of the time.
             if parts < needs && parts < in_cycle {
                 if self.free_at > wires.now() {

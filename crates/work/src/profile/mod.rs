@@ -23,6 +23,7 @@ use std::collections::HashSet;
 
 use gfx::codec::CODECS;
 use gfx::format::TexelClass;
+use gfx::stage::StageMap;
 
 use super::{Dispatch, Event, Groups, Pass, Shade, Surface, Transfer};
 
@@ -56,8 +57,8 @@ pub struct DrawProfile {
     pub batched_vertices: u64,
     /// Cost of the distinct vertices.
     pub vertex: ShaderProfile,
-    /// Registers of a vertex, and of a fragment.
-    pub registers: [u32; 2],
+    /// Registers of an invocation of each stage.
+    pub registers: StageMap<u32>,
     /// Words that a fragment's varyings have.
     pub varyings: u64,
     /// Primitives.

@@ -13,6 +13,7 @@ use crate::{
     TILE, Target, TileWork, Triangle, Vertex, Visit,
 };
 use gfx::codec::CODECS;
+use gfx::stage::{Stage, StageMap};
 use gfx::state::{DepthStencil, StencilFace, StepMode};
 
 /// A pass of which not all is known yet.
@@ -148,15 +149,15 @@ impl OpenPass {
         });
         let no_stencil = |state: &DepthStencil| [state.stencil_front, state.stencil_back] == [StencilFace::default(); 2];
         let plain = draw.depth_stencil.as_ref().is_some_and(no_stencil);
-        self.memory.hides = draw.early && draw.hierarchical_z && draw.fragment.is_some() && plain;
+        self.memory.hides = draw.early && draw.hierarchical_z && draw.shades() && plain;
         self.memory.test = Test::new(draw.depth_stencil.as_ref(), draw.early);
         self.memory.tests = draw.depth_stencil.is_some();
         draws.push(DrawProfile {
             number: draw.number,
             attributes: draw.attributes.len() as u64,
             vertex_bytes: streams.iter().map(|s| s.1).sum::<u64>().min(draw.attributes.iter().map(line).sum()),
-            registers: [draw.vertex.registers, draw.fragment.map_or(0, |shape| shape.registers)],
-            varyings: draw.fragment.map_or(0, |shape| u64::from(shape.inputs)),
+            registers: StageMap::from_fn(|stage| draw.shape(stage).registers),
+            varyings: u64::from(draw.shape(Stage::Fragment).inputs),
             payload: u64::from(draw.payload_words),
             depth: draw.depth_stencil.is_some(),
             writes_depth: self.memory.writes_depth,

@@ -9,12 +9,13 @@ mod ways;
 use std::sync::{Arc, Mutex};
 
 use super::*;
+use crate::pipeline::RenderPipeline;
 use crate::surface::{Shape, TileSurface};
 use gfx::format::Format;
 use gfx::state::*;
 use num::{Limits, ShaderId};
 use shader::{Module, Source};
-use trace::command::{RenderPipelineDesc, Stage};
+use trace::command::{self, RenderPipelineDesc};
 use work::{self, Event, Segment};
 
 /// Vertices come from a buffer: position (4), colour (4).
@@ -87,8 +88,8 @@ const USUAL: How = How {
     areas: false,
 };
 
-fn stage(entry: &str) -> Stage {
-    Stage { shader: ShaderId(0), entry: Some(entry.into()), constants: Vec::new(), zero_workgroup_memory: true }
+fn stage(entry: &str) -> command::Stage {
+    command::Stage { shader: ShaderId(0), entry: Some(entry.into()), constants: Vec::new(), zero_workgroup_memory: true }
 }
 
 fn depth_state(format: Format, compare: Compare, write: bool) -> DepthStencil {
@@ -172,7 +173,9 @@ impl Scene {
 
     fn pipeline(&self) -> Result<Arc<RenderPipeline>, String> {
         let module = Module::with_limits("scene", Source::Wgsl(&self.source), &self.limits).unwrap_or_else(|e| panic!("{e}"));
-        RenderPipeline::new(&self.state, &module, Some(&module), work::Needless::NONE, "scene").map(Arc::new)
+        let module = Arc::new(module);
+        let modules = StageMap::from_fn(|_| Some(module.clone()));
+        RenderPipeline::new(&self.state, &modules, work::Needless::NONE, "scene").map(Arc::new)
     }
 
     fn draw_with(&self, pipeline: &Arc<RenderPipeline>, how: How) -> Result<Image, String> {
@@ -196,47 +199,53 @@ impl Scene {
             depth.clear(bytemuck::cast(code));
             depth
         });
-        let mut pass = RenderPass::begin(width, height, samples, vec![Some((color, self.format))], depth);
+        let How { need, areas, key, record, skips, .. } = how;
+        let options = PassOptions { need, areas, key, record, skips };
+        let queries = OpenQueries { occlusion: how.count, statistics: how.counted };
+        let mut pass = RenderPass::begin(width, height, samples, vec![Some((color, self.format))], depth, options);
         let (mut drawn, mut draws, mut segments) = (Drawn::default(), Vec::new(), Vec::new());
         let boxes = Mutex::default();
         let ledger = Ledger::new(&self.limits);
         let group = "".into();
         let reach = Arc::default();
-        let call_of = |range: &std::ops::Range<u32>| DrawCall {
-            reach: &reach,
-            number: 0,
-            group: &group,
-            pipeline,
-            vertex_buffers: &buffers,
-            index: index.as_ref(),
-            range: Range { first: range.start, count: range.end - range.start, instances: self.instances, ..Range::default() },
-            vertex_resources: Resources::default(),
-            fragment_resources: Some(Resources { bindings: &storage, ..Resources::default() }),
-            viewport: self.viewport.unwrap_or(Viewport {
-                x: 0.0,
-                y: 0.0,
-                width: width as f32,
-                height: height as f32,
-                min_depth: 0.0,
-                max_depth: 1.0,
-            }),
-            scissor: self.scissor.unwrap_or(Rect { x: 0, y: 0, width, height }),
-            blend_constant: [0.0; 4],
+        let usual = DynamicState::new(width, height);
+        let dynamic = DynamicState {
+            viewport: self.viewport.unwrap_or(usual.viewport),
+            scissor: self.scissor.unwrap_or(usual.scissor),
             stencil_reference: self.reference,
-            count_samples: how.count,
-            counted: how.counted,
-            need: how.need,
-            areas: how.areas,
-            key: how.key,
-            signature: None,
-            state: 0,
-            record: how.record,
-            skips: how.skips,
-            boxes: Some(&boxes),
-            ledger: &ledger,
+            ..usual
         };
+        let mut uniforms = StageMap::<Uniforms>::default();
         for range in &self.draws {
-            drawn += pass.draw(&call_of(range), &mut |event| match event {
+            let state = pass.state(pipeline, &dynamic, queries)?;
+            let mut stages = StageMap::default();
+            for (kind, uniforms) in Stage::ALL.into_iter().zip(uniforms.values_mut()) {
+                let resources = match kind {
+                    Stage::Fragment => Resources { bindings: &storage, ..Resources::default() },
+                    Stage::Vertex | Stage::Compute => Resources::default(),
+                };
+                let stage = pipeline.stage(kind).filter(|_| state.runs(kind));
+                stages[kind] = stage.map(|stage| BoundStage::new(stage, resources, uniforms));
+            }
+            let call = DrawCall {
+                state: &state,
+                number: 0,
+                group: &group,
+                vertex_buffers: &buffers,
+                index: index.as_ref(),
+                range: Range {
+                    first: range.start,
+                    count: range.end - range.start,
+                    instances: self.instances,
+                    ..Range::default()
+                },
+                stages,
+                signature: None,
+                reach: &reach,
+                boxes: Some(&boxes),
+                ledger: &ledger,
+            };
+            drawn += pass.draw(&call, &mut |event| match event {
                 Event::Draw(draw) => draws.push(draw),
                 Event::Segment(segment) => segments.push(segment),
                 other => panic!("{other:?}"),

@@ -1,20 +1,21 @@
-//! Settings that draws of one pass with the same pipeline and state share. Most draws differ from the draw before only in their vertices,
-//! their indices, and the resources that they read.
+//! The state that draws of one pass with the same pipeline and dynamic state share. Most draws differ from the draw before only in their
+//! vertices, their indices, and the resources that they read.
 
 use std::sync::Arc;
 
-use crate::pipeline::RenderPipeline;
+use crate::pipeline::{PipelineStage, RenderPipeline};
 use crate::surface::Shape;
 use gfx::clip::ClipVolume;
 use gfx::format::Format;
 use gfx::rop::{ColorState, DepthStencilState};
 use gfx::setup::{BiasUnit, DepthBias, Screen, SetupState};
-use gfx::state::{DepthStencil, Rect, Topology, Viewport};
-use shader::{BuiltIn, Extra, Interpolation, Program};
-use work::{Needless, RenderKey, Shade};
+use gfx::stage::Stage;
+use gfx::state::{DepthStencil, Topology};
+use shader::{BuiltIn, Extra, Interpolation};
+use work::{RecordedState, Shade};
 
 use super::super::needs::Need;
-use super::{DrawCall, DrawError, Skips};
+use super::{DrawError, DynamicState, OpenQueries, PassOptions, record};
 
 /// The cost of traversal and tests of a quad, in steps.
 const QUAD_STEPS: u64 = 3;
@@ -50,60 +51,6 @@ pub struct FrameTarget {
     pub payload_second: Option<usize>,
 }
 
-/// The key of settings: all that they depend on, except the attachments of the pass.
-struct Key {
-    /// Kept, so that no other pipeline can have its place in memory.
-    pipeline: Arc<RenderPipeline>,
-    viewport: [u32; 6],
-    scissor: Rect,
-    blend_constant: [u32; 4],
-    stencil_reference: u32,
-    count_samples: bool,
-    counted: bool,
-    need: Need,
-    key: RenderKey,
-    record: bool,
-    skips: Skips,
-}
-
-/// A viewport by its bits: zeros of both signs are different numbers here.
-fn bits(viewport: &Viewport) -> [u32; 6] {
-    let Viewport { x, y, width, height, min_depth, max_depth } = *viewport;
-    [x, y, width, height, min_depth, max_depth].map(f32::to_bits)
-}
-
-impl Key {
-    fn of(call: &DrawCall<'_>) -> Key {
-        Key {
-            pipeline: call.pipeline.clone(),
-            viewport: bits(&call.viewport),
-            scissor: call.scissor,
-            blend_constant: call.blend_constant.map(f32::to_bits),
-            stencil_reference: call.stencil_reference,
-            count_samples: call.count_samples,
-            counted: call.counted,
-            need: call.need,
-            key: call.key,
-            record: call.record,
-            skips: call.skips,
-        }
-    }
-
-    fn fits(&self, call: &DrawCall<'_>) -> bool {
-        Arc::ptr_eq(&self.pipeline, call.pipeline)
-            && self.viewport == bits(&call.viewport)
-            && self.scissor == call.scissor
-            && self.blend_constant == call.blend_constant.map(f32::to_bits)
-            && self.stencil_reference == call.stencil_reference
-            && self.count_samples == call.count_samples
-            && self.counted == call.counted
-            && self.need == call.need
-            && self.record == call.record
-            && self.skips == call.skips
-            && self.key == call.key
-    }
-}
-
 /// The attachments of a pass, as far as draws are resolved against them.
 pub struct Attachments {
     pub width: u32,
@@ -117,64 +64,82 @@ pub struct Attachments {
 }
 
 /// The state of draws, resolved against the attachments of their pass.
-pub struct Settings {
-    key: Key,
-    pub width: u32,
-    pub height: u32,
-    pub samples: usize,
-    pub topology: Topology,
-    pub vertex_in_order: bool,
+pub struct DrawState {
+    pub(super) pipeline: Arc<RenderPipeline>,
+    pub(super) dynamic: DynamicState,
+    pub(super) queries: OpenQueries,
+    pub(super) options: PassOptions,
+    /// The same as a machine needs it; none where no work is recorded.
+    pub(super) recorded: Option<Arc<RecordedState>>,
+    /// Number in the pass, which a change of the pipeline or the dynamic state counts up.
+    pub(super) number: u32,
+    pub(super) width: u32,
+    pub(super) height: u32,
+    pub(super) samples: usize,
+    pub(super) topology: Topology,
+    pub(super) vertex_in_order: bool,
     // Primitives.
-    pub clip: ClipVolume,
-    pub screen: Screen,
-    pub setup: SetupState,
+    pub(super) clip: ClipVolume,
+    pub(super) screen: Screen,
+    pub(super) setup: SetupState,
     // Fragments.
     /// None where nothing reads, writes or kills with it.
-    pub depth: Option<DepthStencilState>,
-    pub depth_words: usize,
+    pub(super) depth: Option<DepthStencilState>,
+    pub(super) depth_words: usize,
     /// Tests before shading.
-    pub early: bool,
+    pub(super) early: bool,
     /// Early tests may take whole blocks at once.
-    pub tests_blocks: bool,
+    pub(super) tests_blocks: bool,
     /// The fragment program has to run.
-    pub shades: bool,
+    pub(super) shades: bool,
     /// Shading needs a triangle's planes, not only its vertices.
-    pub needs_triangles: bool,
+    pub(super) needs_triangles: bool,
     /// 1/w or perspective weights are needed.
-    pub per_sample: bool,
-    pub helpers: bool,
-    pub tiles_in_order: bool,
+    pub(super) per_sample: bool,
+    pub(super) helpers: bool,
+    pub(super) tiles_in_order: bool,
     /// Samples that may be written.
-    pub sample_mask: u32,
+    pub(super) sample_mask: u32,
     /// Output slot whose alpha turns into coverage.
-    pub alpha_output: Option<usize>,
-    pub frag_depth: Option<usize>,
-    pub mask_output: Option<usize>,
+    pub(super) alpha_output: Option<usize>,
+    pub(super) frag_depth: Option<usize>,
+    pub(super) mask_output: Option<usize>,
     /// Coverage may shrink in the fragment stage.
-    pub shrinks: bool,
-    pub targets: Vec<FrameTarget>,
+    pub(super) shrinks: bool,
+    pub(super) targets: Vec<FrameTarget>,
     /// The cost of a quad without its shader, in steps.
-    pub quad_steps: u64,
+    pub(super) quad_steps: u64,
     /// Words of depth in a payload.
-    pub depth_payload: usize,
-    pub payload_words: usize,
+    pub(super) depth_payload: usize,
+    pub(super) payload_words: usize,
     /// A later opaque fragment hides what was there: earlier ones need not be computed.
-    pub overwrites: bool,
+    pub(super) overwrites: bool,
     /// What the fragment program writes depends on its inputs alone, and on nothing that differs within a triangle but these.
-    pub repeats: bool,
+    pub(super) repeats: bool,
     /// Shade what the early test rejects too: for its cost, or because its fragments are counted.
-    pub shade_covered: bool,
+    pub(super) shade_covered: bool,
     /// The parts of costs that are recorded in addition to what always counts.
-    pub extra: Extra,
-    /// The kinds of work that are recorded although they change no picture.
-    pub needless: Needless,
-    pub skips: Skips,
+    pub(super) extra: Extra,
 }
 
-impl Settings {
-    /// Whether these are the settings of a call.
-    pub fn fit(&self, call: &DrawCall<'_>) -> bool {
-        self.key.fits(call)
+impl DrawState {
+    /// Whether the program of a stage has to run.
+    pub fn runs(&self, stage: Stage) -> bool {
+        match stage {
+            Stage::Vertex => true,
+            Stage::Fragment => self.shades,
+            Stage::Compute => false,
+        }
+    }
+
+    /// Whether this is the state of draws with this pipeline and dynamic state while these queries are open.
+    fn fits(&self, pipeline: &Arc<RenderPipeline>, dynamic: &DynamicState, queries: OpenQueries) -> bool {
+        self.same_number(pipeline, dynamic) && self.queries == queries
+    }
+
+    /// Whether the state of draws with this pipeline and dynamic state has the same number.
+    fn same_number(&self, pipeline: &Arc<RenderPipeline>, dynamic: &DynamicState) -> bool {
+        Arc::ptr_eq(&self.pipeline, pipeline) && self.dynamic == *dynamic
     }
 
     /// The colour output of which payloads have four components and nothing else, if they are such.
@@ -186,18 +151,39 @@ impl Settings {
         }
     }
 
-    /// Resolves a call against the attachments of its pass.
+    /// The state of draws with this pipeline and dynamic state while these queries are open. Reuses `last`, the state of the draw before, if
+    /// it is the same.
     ///
     /// # Errors
     /// If pipeline and attachments do not fit each other.
-    pub fn new(call: &DrawCall<'_>, attachments: &Attachments) -> Result<Settings, DrawError> {
-        let pipeline = call.pipeline;
+    pub(super) fn next(
+        last: Option<Arc<DrawState>>,
+        pipeline: &Arc<RenderPipeline>,
+        dynamic: &DynamicState,
+        queries: OpenQueries,
+        pass: (&Attachments, &PassOptions),
+    ) -> Result<Arc<DrawState>, DrawError> {
+        let number = match last {
+            Some(last) if last.fits(pipeline, dynamic, queries) => return Ok(last),
+            Some(last) => last.number + u32::from(!last.same_number(pipeline, dynamic)),
+            None => 1,
+        };
+        DrawState::new(number, pipeline.clone(), *dynamic, queries, pass).map(Arc::new)
+    }
+
+    fn new(
+        number: u32,
+        pipeline: Arc<RenderPipeline>,
+        dynamic: DynamicState,
+        queries: OpenQueries,
+        (attachments, &options): (&Attachments, &PassOptions),
+    ) -> Result<DrawState, DrawError> {
         let &Attachments { width, height, samples, color: ref colors, depth } = attachments;
         let misfit = |message: String| DrawError::Pipeline { label: pipeline.label.clone(), message };
         if pipeline.samples != samples {
             return Err(misfit(format!("{} samples per pixel in a pass of {samples}", pipeline.samples)));
         }
-        let viewport = call.viewport;
+        let viewport = dynamic.viewport;
         let state = match (&pipeline.depth_stencil, depth) {
             (Some(state), Some(Shape { format, .. })) if state.format != format => {
                 return Err(misfit(format!("depth format {} in a pass with {}", state.format.name(), format.name())));
@@ -210,23 +196,23 @@ impl Settings {
         };
         let depth_range = [viewport.min_depth.min(viewport.max_depth), viewport.min_depth.max(viewport.max_depth)];
         let depth_state = state
-            .map(|state| DepthStencilState::new(state, call.stencil_reference, depth_range))
+            .map(|state| DepthStencilState::new(state, dynamic.stencil_reference, depth_range))
             .filter(|state| !state.is_idle());
         let fragment = pipeline.fragment();
-        let interface = fragment.map(Program::interface);
-        let colored = call.need == Need::Colors;
-        let early = pipeline.early && (call.key.early_z || fragment.is_none() || !colored);
+        let interface = fragment.map(PipelineStage::interface);
+        let colored = options.need == Need::Colors;
+        let early = pipeline.early && (options.key.early_z || fragment.is_none() || !colored);
         let frag_depth = interface.and_then(|i| i.output(BuiltIn::FragDepth));
         let mask_output = interface.and_then(|i| i.output(BuiltIn::SampleMask));
         let depth_payload = if frag_depth.is_some() { 4 * samples as usize / 4 } else { 0 };
-        let (mut targets, mut payload_words) = targets(call, colors, depth_payload).map_err(misfit)?;
+        let (mut targets, mut payload_words) = targets(&pipeline, &dynamic, colors, depth_payload).map_err(misfit)?;
         if !colored {
             (targets, payload_words) = (Vec::new(), depth_payload);
         }
         let side_effects = interface.is_some_and(|i| i.side_effects);
         let shrinks = interface.is_some_and(|i| i.discards || i.writes_sample_mask) || pipeline.alpha_to_coverage;
         // Without a target, a test to change or a side effect there is nothing that shading could do.
-        let needed = !targets.is_empty() || side_effects || !early || shrinks && call.count_samples;
+        let needed = !targets.is_empty() || side_effects || !early || shrinks && queries.occlusion;
         let fragment = fragment.filter(|_| needed);
         let first_target = pipeline.targets.first().and_then(Option::as_ref);
         let alpha_output = first_target.filter(|t| t.components == 4).and_then(|t| t.output);
@@ -234,7 +220,7 @@ impl Settings {
         let mut setup = SetupState::new(
             (width, height),
             &viewport,
-            call.scissor,
+            dynamic.scissor,
             pipeline.primitive.front_face,
             pipeline.primitive.cull_mode,
             samples,
@@ -243,24 +229,27 @@ impl Settings {
         setup.lower_edges = pipeline.primitive.lower_edges;
         setup.unclipped_depth = pipeline.primitive.unclipped_depth;
         let flat = pipeline.varyings.iter().all(|v| v.interpolation == Interpolation::Flat);
-        let no_builtins = fragment.is_none() || pipeline.builtins[1].is_empty();
+        let no_builtins = fragment.is_none_or(|stage| stage.builtins.is_empty());
         let of_triangle = |&(_, builtin): &(usize, BuiltIn)| matches!(builtin, BuiltIn::FrontFacing | BuiltIn::PrimitiveIndex);
-        let repeats = call.skips.repeated
-            && !call.record
+        let repeats = options.skips.repeated
+            && !options.record
             && samples == 1
             && !side_effects
             && !shrinks
-            && interface.is_some_and(|i| !i.subgroups)
-            && pipeline.builtins[1].iter().all(of_triangle);
+            && pipeline.fragment().is_some_and(|stage| !stage.interface().subgroups && stage.builtins.iter().all(of_triangle));
         let all_samples = (1 << samples) - 1;
-        Ok(Settings {
-            key: Key::of(call),
+        let mut made = DrawState {
+            number,
+            dynamic,
+            queries,
+            options,
+            recorded: None,
             width,
             height,
             samples: samples as usize,
             quad_steps: quad_steps(&targets, samples),
             topology: pipeline.primitive.topology,
-            vertex_in_order: pipeline.vertex().interface().side_effects,
+            vertex_in_order: pipeline.geometry().interface().side_effects,
             clip: ClipVolume::new(&viewport, pipeline.primitive.unclipped_depth),
             screen: Screen::new(&viewport),
             setup,
@@ -269,8 +258,8 @@ impl Settings {
             early,
             tests_blocks: depth_state.is_some_and(|d| d.tests_blocks()),
             needs_triangles: !(flat && early && no_builtins),
-            per_sample: samples > 1 && fragment.is_some_and(|p| p.interface().per_sample),
-            helpers: fragment.is_some_and(|p| p.interface().uses_derivatives),
+            per_sample: samples > 1 && fragment.is_some_and(|stage| stage.interface().per_sample),
+            helpers: fragment.is_some_and(|stage| stage.interface().uses_derivatives),
             tiles_in_order: fragment.is_some() && side_effects,
             shades: fragment.is_some(),
             sample_mask: pipeline.sample_mask & all_samples,
@@ -278,23 +267,24 @@ impl Settings {
             frag_depth,
             mask_output,
             shrinks,
-            overwrites: call.skips.overwritten
-                && !call.record
+            overwrites: options.skips.overwritten
+                && !options.record
                 && plain
                 && depth_state.is_none()
                 && !side_effects
                 && !shrinks
-                && !call.count_samples
+                && !queries.occlusion
                 && pipeline.sample_mask & all_samples == all_samples,
             repeats,
             targets,
             depth_payload,
             payload_words,
-            shade_covered: (call.record || call.counted) && call.key.shade == Shade::Covered,
-            extra: Extra::of(&call.key),
-            needless: call.key.needless,
-            skips: call.skips,
-        })
+            shade_covered: (options.record || queries.statistics) && options.key.shade == Shade::Covered,
+            extra: Extra::of(&options.key),
+            pipeline,
+        };
+        made.recorded = options.record.then(|| Arc::new(record::state(&made, depth.is_some())));
+        Ok(made)
     }
 }
 
@@ -310,13 +300,14 @@ fn bias(state: &DepthStencil) -> DepthBias {
 
 /// The colour targets that the draw writes, and the words of a payload in all.
 fn targets(
-    call: &DrawCall<'_>,
+    pipeline: &RenderPipeline,
+    dynamic: &DynamicState,
     colors: &[Option<(Shape, Format)>],
     depth_payload: usize,
 ) -> Result<(Vec<FrameTarget>, usize), String> {
     let mut out = Vec::new();
     let mut payload = 0;
-    for (location, target) in call.pipeline.targets.iter().enumerate() {
+    for (location, target) in pipeline.targets.iter().enumerate() {
         let Some(target) = target else { continue };
         let Some(Some((shape, format))) = colors.get(location) else {
             if target.output.is_some() && target.state.write_mask & 15 != 0 {
@@ -327,7 +318,7 @@ fn targets(
         if *format != target.state.format {
             return Err(format!("target {location} is {} in a pass with {}", target.state.format.name(), format.name()));
         }
-        let state = ColorState::new(&target.state, call.blend_constant);
+        let state = ColorState::new(&target.state, dynamic.blend_constant);
         let Some(output) = target.output.filter(|_| !state.is_idle()) else { continue };
         let words = shape.words();
         let packed = !state.blends();
