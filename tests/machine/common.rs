@@ -109,12 +109,17 @@ pub fn dispatch_of(groups: u32, invocations: u32, shared_bytes: u32, barrier: bo
     if !barrier {
         steps.remove(1);
     }
-    let mut work = Groups { groups, costs: CostTable::from(vec![Cost::from(steps)]), ..Groups::default() };
+    let mut work = Groups { groups, invocations: CostTable::from(vec![Cost::from(steps)]).into(), ..Groups::default() };
     for packet in 0..groups * invocations.div_ceil(4) {
-        work.packets.push(Packet { cost: 0, first_request: work.requests.len() as u32, first_shared: 0 });
+        work.packets.push(Packet { cost: 0, first_request: work.invocations.requests.len() as u32, first_shared: 0 });
         for place in 0..3 {
-            work.requests.push(Request { first_line: work.lines.len() as u32, lines: 1, operations: 4, ..Request::default() });
-            work.lines.push((1 << 21) + place * 4096 + packet / 4);
+            work.invocations.requests.push(Request {
+                first_line: work.invocations.lines.len() as u32,
+                lines: 1,
+                operations: 4,
+                ..Request::default()
+            });
+            work.invocations.lines.push((1 << 21) + place * 4096 + packet / 4);
         }
     }
     vec![Event::Dispatch(Arc::new(dispatch)), Event::Groups(Arc::new(work))]

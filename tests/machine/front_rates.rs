@@ -4,6 +4,7 @@
 use std::sync::Arc;
 
 use crate::common::{Figures, config, rendered, run};
+use fillrate::gfx::stage::Stage;
 use fillrate::gfx::state::Compare;
 use fillrate::machine::Config;
 use fillrate::machine::config::SortClass;
@@ -16,12 +17,9 @@ const ACROSS: u32 = 64;
 
 /// A segment of an indexed grid whose triangles all face away.
 fn grid(rows: u32, index_bytes: u32) -> Segment {
-    let mut segment = Segment {
-        index_address: Some(1 << 24),
-        index_bytes,
-        costs: CostTable::from(vec![Cost::from(vec![Step::dependent([4, 0, 0, 0, 0], RequestKind::End)])]),
-        ..Segment::default()
-    };
+    let mut segment = Segment { index_address: Some(1 << 24), index_bytes, ..Segment::default() };
+    let cost = Cost::from(vec![Step::dependent([4, 0, 0, 0, 0], RequestKind::End)]);
+    segment.invocations[Stage::Vertex] = CostTable::from(vec![cost]).into();
     let vertex = |index| Vertex { index, instance: 0, cost: 0, first_request: 0 };
     segment.vertices = (0..(rows + 1) * (ACROSS + 1)).map(vertex).collect();
     for row in 0..rows {

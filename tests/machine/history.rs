@@ -40,7 +40,7 @@ fn measured(config: &Config, scene: &Scene, figure: &str) -> (f64, f64) {
     let mut work = events(scene);
     for event in &mut work {
         let Event::Segment(segment) = event else { continue };
-        Arc::make_mut(segment).tiles.iter_mut().flat_map(|tile| &mut tile.lines).for_each(|line| *line = 1 << 20);
+        Arc::make_mut(segment).tiles.iter_mut().flat_map(|tile| &mut tile.invocations.lines).for_each(|line| *line = 1 << 20);
     }
     let report = run(config, &work, Clock::SkipIdle);
     let f = Figures(&report.total);
@@ -92,10 +92,12 @@ fn loads(groups: u32) -> Vec<Event> {
     let lines = groups * 16;
     let work = Groups {
         groups,
-        costs,
         packets: (0..lines).map(|n| Packet { cost: 0, first_request: n, first_shared: 0 }).collect(),
-        requests: (0..lines).map(|n| Request { first_line: n, lines: 1, operations: 4, ..Request::default() }).collect(),
-        lines: (0..lines).map(|n| (1 << 20) + n).collect(),
+        invocations: Invocations {
+            costs,
+            requests: (0..lines).map(|n| Request { first_line: n, lines: 1, operations: 4, ..Request::default() }).collect(),
+            lines: (0..lines).map(|n| (1 << 20) + n).collect(),
+        },
         ..Groups::default()
     };
     vec![Event::Dispatch(Arc::new(dispatch)), Event::Groups(Arc::new(work))]
@@ -130,7 +132,7 @@ fn operations(config: &Config) -> f64 {
         };
         let costs = CostTable::from(vec![Cost::from(vec![step])]);
         let packets = vec![Packet { cost: 0, first_request: 0, first_shared: 0 }; 64 * groups as usize];
-        let work = Groups { groups, costs, packets, ..Groups::default() };
+        let work = Groups { groups, invocations: costs.into(), packets, ..Groups::default() };
         let report = run(config, &[Event::Dispatch(Arc::new(dispatch)), Event::Groups(Arc::new(work))], Clock::SkipIdle);
         let f = Figures(&report.total);
         ((f.sum("shading.core", "float") * 2 * u64::from(config.core.warp_width)) as f64, f.at("cycles") as f64)

@@ -447,7 +447,7 @@ fn a_machine_that_is_stuck_is_stopped_at_once_and_shows_what_it_holds() {
     let at_barrier = |event| match event {
         Event::Segment(segment) => {
             let mut segment = (*segment).clone();
-            for cost in segment.tiles.iter_mut().flat_map(|tile| &mut tile.costs.costs) {
+            for cost in segment.tiles.iter_mut().flat_map(|tile| &mut tile.invocations.costs.costs) {
                 cost.steps.last_mut().expect("a step").then = RequestKind::Barrier;
             }
             Event::Segment(Arc::new(segment))
@@ -483,7 +483,7 @@ fn a_display_that_goes_on_does_not_hide_that_drawing_is_stuck() {
     let at_barrier = |event| match event {
         Event::Segment(segment) if ended > 0 => {
             let mut segment = (*segment).clone();
-            for cost in segment.tiles.iter_mut().flat_map(|tile| &mut tile.costs.costs) {
+            for cost in segment.tiles.iter_mut().flat_map(|tile| &mut tile.invocations.costs.costs) {
                 cost.steps.last_mut().expect("a step").then = RequestKind::Barrier;
             }
             Event::Segment(Arc::new(segment))

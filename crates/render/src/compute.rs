@@ -201,9 +201,9 @@ impl ActiveCompute {
                 let packet =
                     |&QuadCost { cost, first_request, first_shared }: &QuadCost| Packet { cost, first_request, first_shared };
                 let packets = costs.iter().map(packet).collect();
-                let (costs, requests, lines) = recorder.take();
+                let invocations = recorder.take();
                 let (shared, words) = recorder.take_shared();
-                let piece = Groups { groups: (end - at) as u32, packets, requests, lines, shared, words, costs };
+                let piece = Groups { groups: (end - at) as u32, packets, invocations, shared, words };
                 renderer.emit(Event::Groups(Arc::new(piece)))?;
                 at = end;
             }

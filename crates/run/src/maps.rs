@@ -275,8 +275,8 @@ impl Surface {
     /// Counts the quads of a draw in a screen tile.
     fn tile(&mut self, tile: &TileWork, draw: &Draw) {
         // The instructions of each cost.
-        let costs: Vec<u32> = tile.costs.costs.iter().map(|cost| cost.instructions().iter().sum()).collect();
-        let requests: Vec<usize> = tile.costs.costs.iter().map(work::Cost::requests).collect();
+        let costs: Vec<u32> = tile.invocations.costs.costs.iter().map(|cost| cost.instructions().iter().sum()).collect();
+        let requests: Vec<usize> = tile.invocations.costs.costs.iter().map(work::Cost::requests).collect();
         let shades = draw.shades();
         for block in &tile.blocks {
             let first = block.first_quad as usize;
@@ -284,7 +284,7 @@ impl Surface {
                 let shaded = quad.flags & QUAD_SHADED != 0;
                 let (cost, lines) = if shaded && shades {
                     let own = quad.first_request as usize..quad.first_request as usize + requests[usize::from(quad.cost)];
-                    let lines = tile.requests[own].iter().map(|request| u32::from(request.lines)).sum();
+                    let lines = tile.invocations.requests[own].iter().map(|request| u32::from(request.lines)).sum();
                     (costs[usize::from(quad.cost)], lines)
                 } else {
                     (0, 0)

@@ -20,7 +20,7 @@ use super::code::Code;
 use super::ir::{Builder, Def, Inst, NONE, V};
 use super::optimize::is_control;
 use super::program::Space;
-use work::{Class, InFlight};
+use work::{Class, InFlight, Service, ServiceMap};
 
 /// Instructions by class.
 pub(super) type Counts = [u32; Class::COUNT];
@@ -232,8 +232,8 @@ pub(super) fn in_flight(b: &Builder, insts: &[Inst], outputs: &[V]) -> Vec<InFli
     let homes = Homes { b };
     let insts: Vec<&Inst> = insts.iter().filter(|inst| inst.code != Code::Undef).collect();
     let mut all = vec![InFlight::NONE; insts.len() + 1];
-    // The results of what is asked and may be unanswered, of memory, of workgroup memory and of uniform buffers, oldest first.
-    let mut asked: [Vec<Vec<(u8, u32)>>; 3] = Default::default();
+    // The results of what is asked and may be unanswered, oldest first.
+    let mut asked = ServiceMap::<Vec<Vec<(u8, u32)>>>::default();
     let (mut begin, mut behind_branch) = (0, false);
     let mut needed: Vec<(u8, u32)> = Vec::new();
     for at in 0..=insts.len() {
@@ -247,13 +247,13 @@ pub(super) fn in_flight(b: &Builder, insts: &[Inst], outputs: &[V]) -> Vec<InFli
         if !inst.code.breaks_block() {
             continue;
         }
-        let space = match inst.code {
+        let service = match inst.code {
             Code::Load | Code::Store | Code::Atomic => match &b.memory[inst.imm as usize] {
-                op if op.space == Space::Shared => 1,
-                op if op.constant => 2,
-                _ => 0,
+                op if op.space == Space::Shared => Service::Shared,
+                op if op.constant => Service::Constant,
+                _ => Service::Texture,
             },
-            _ => 0,
+            _ => Service::Texture,
         };
         let results: Vec<(u8, u32)> = inst.dst.iter().filter(|&&v| v != NONE).map(|&v| homes.of(v)).collect();
         // Its own results are no operands.
@@ -265,11 +265,11 @@ pub(super) fn in_flight(b: &Builder, insts: &[Inst], outputs: &[V]) -> Vec<InFli
         if behind_branch {
             asked = Default::default();
         } else if !is_immediate(b, inst) {
-            for (asked, left) in asked.iter_mut().zip([unanswered.memory, unanswered.shared, unanswered.constant]) {
+            for (asked, &left) in asked.values_mut().zip(unanswered.values()) {
                 let answered = asked.len().saturating_sub(usize::from(left));
                 asked.drain(..answered);
             }
-            asked[space].push(results);
+            asked[service].push(results);
         }
         begin = at + 1;
     }
@@ -282,12 +282,12 @@ fn is_immediate(b: &Builder, inst: &Inst) -> bool {
 }
 
 /// How many requests may be unanswered where these values are needed.
-fn allowed(asked: &[Vec<Vec<(u8, u32)>>; 3], needed: &[(u8, u32)]) -> InFlight {
+fn allowed(asked: &ServiceMap<Vec<Vec<(u8, u32)>>>, needed: &[(u8, u32)]) -> InFlight {
     let left = |asked: &[Vec<(u8, u32)>]| {
         let last = asked.iter().rposition(|results| results.iter().any(|result| needed.contains(result)));
         last.map_or(u8::MAX, |last| (asked.len() - 1 - last).min(usize::from(u8::MAX)) as u8)
     };
-    InFlight { memory: left(&asked[0]), shared: left(&asked[1]), constant: left(&asked[2]) }
+    InFlight::from_fn(|service| left(&asked[service]))
 }
 
 #[cfg(test)]
@@ -370,7 +370,7 @@ mod tests {
         // Three samples; the sum of the first two; the third.
         let insts = [sample(0), sample(1), sample(2), add(20, 10, 11), sample(3), add(21, 20, 13)];
         let memory = |b: &Builder, insts: &[Inst], outputs: &[V]| {
-            in_flight(b, insts, outputs).iter().map(|of| of.memory).collect::<Vec<_>>()
+            in_flight(b, insts, outputs).iter().map(|of| of[Service::Texture]).collect::<Vec<_>>()
         };
         assert_eq!(memory(&b, &insts, &[21]), [255, 255, 255, 1, 0, 0, 0]);
         // What only an output needs is waited for in the end.
@@ -400,12 +400,13 @@ mod tests {
         let buffer = b.memory_entry(MemoryOp { space: Space::Buffer(0), ..memory_op });
         let load = |to: V, entry: u32| Inst { imm: entry, ..inst(Code::Load, &[to], &[0]) };
         let both = [load(10, shared), load(11, buffer), load(12, shared), add(20, 11, 1), load(13, buffer), add(21, 10, 20)];
-        let found: Vec<_> = in_flight(&b, &both, &[21]).iter().map(|of| (of.memory, of.shared)).collect();
+        let found: Vec<_> = in_flight(&b, &both, &[21]).iter().map(|of| (of[Service::Texture], of[Service::Shared])).collect();
         assert_eq!(found, [(255, 255), (255, 255), (255, 255), (0, 255), (0, 0), (255, 1), (0, 0)]);
         let constant = b.memory_entry(MemoryOp { space: Space::Buffer(1), constant: true, ..memory_op });
         let both =
             [load(10, constant), load(11, buffer), load(12, constant), add(20, 11, 1), load(13, buffer), add(21, 10, 20)];
-        let found: Vec<_> = in_flight(&b, &both, &[21]).iter().map(|of| (of.memory, of.constant)).collect();
+        let found: Vec<_> =
+            in_flight(&b, &both, &[21]).iter().map(|of| (of[Service::Texture], of[Service::Constant])).collect();
         assert_eq!(found, [(255, 255), (255, 255), (255, 255), (0, 255), (0, 0), (255, 1), (0, 0)]);
     }
 

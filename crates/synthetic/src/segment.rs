@@ -4,6 +4,7 @@ use crate::{Reference, Scene, cost};
 use gfx::format::Format;
 use gfx::rop::{ColorState, DepthStencilState};
 use gfx::setup::{self, Bounds, SAMPLES_1, SAMPLES_4, ScreenVertex, SetupState};
+use gfx::stage::Stage;
 use gfx::texel::encode_code;
 use gfx::traverse;
 use num::Random;
@@ -39,15 +40,13 @@ impl Painter<'_> {
                 let mut costs = CostTable::default();
                 costs.costs.push(cost(self.scene, 0));
                 costs.costs.push(cost(self.scene, 9));
-                tiles.push(TileWork { x: x as u16, y: y as u16, costs, ..TileWork::default() });
+                tiles.push(TileWork { x: x as u16, y: y as u16, invocations: costs.into(), ..TileWork::default() });
             }
         }
-        let mut segment = Segment {
-            index_address: Some((1 << 23) + u64::from(first) * 12),
-            index_bytes: 4,
-            costs: CostTable::from(vec![Cost::from(vec![Step::dependent([30, 4, 1, 0, 0], RequestKind::End)])]),
-            ..Segment::default()
-        };
+        let mut segment =
+            Segment { index_address: Some((1 << 23) + u64::from(first) * 12), index_bytes: 4, ..Segment::default() };
+        let cost = Cost::from(vec![Step::dependent([30, 4, 1, 0, 0], RequestKind::End)]);
+        segment.invocations[Stage::Vertex] = CostTable::from(vec![cost]).into();
         for t in 0..count {
             // Two new vertices per triangle: the third is shared with the one before.
             let base = if t == 0 { 0 } else { segment.vertices.len() as u32 - 1 };
@@ -185,7 +184,7 @@ impl Painter<'_> {
         }
         let shaded = live != 0 || self.scene.covered;
         let mut payload = 0;
-        let first_request = tile.requests.len() as u32;
+        let first_request = tile.invocations.requests.len() as u32;
         let variant = u16::from((x / 2 + y / 2) % 7 == 0);
         if shaded {
             payload = tile.payload.len() as u32;
@@ -197,10 +196,10 @@ impl Painter<'_> {
                 }
             }
             for _ in 0..self.scene.textures {
-                let first_line = tile.lines.len() as u32;
+                let first_line = tile.invocations.lines.len() as u32;
                 let line = (1 << 20) + (y / 4) * 64 + x / 4;
-                tile.lines.extend([line, line + 1]);
-                tile.requests.push(Request { first_line, lines: 2, operations: 4, ..Request::default() });
+                tile.invocations.lines.extend([line, line + 1]);
+                tile.invocations.requests.push(Request { first_line, lines: 2, operations: 4, ..Request::default() });
             }
             live = if self.early { live & kept } else { test(live & kept, self.reference) };
             let mut run = self.reference.run(&self.reference.color, x, y);

@@ -19,6 +19,7 @@ use super::route::Route;
 use super::texture::{Texture, stored_bytes};
 use super::touch::{Touch, Touching};
 use super::traverse::{Territory, Traverse};
+use gfx::stage::Stage;
 use gfx::state::StepMode;
 use work::{Block, LINE, QUAD_SHADED, Request, RequestKind, Segment, TileWork};
 
@@ -138,15 +139,17 @@ const BATCH: usize = 32;
 fn vertices(segment: &Segment, epoch: u32, units: &mut WarmedUnits, memory: &mut Touching) {
     let own = !units.vertex_texture.is_empty();
     let textures = if own { &mut *units.vertex_texture } else { &mut *units.texture };
-    if segment.requests.is_empty() || textures.is_empty() {
+    let invocations = &segment.invocations[Stage::Vertex];
+    if invocations.requests.is_empty() || textures.is_empty() {
         return;
     }
     for (number, vertex) in segment.vertices.iter().enumerate() {
         let core = number / BATCH % textures.len();
         let constant = if own { None } else { units.constant.get_mut(core) };
         let mut core = (&mut textures[core], constant);
-        for (step, found) in segment.costs[vertex.cost].asking().zip(&segment.requests[vertex.first_request as usize..]) {
-            ask(step.then, found, &segment.lines, epoch, &mut core, memory);
+        for (step, found) in invocations.costs[vertex.cost].asking().zip(&invocations.requests[vertex.first_request as usize..])
+        {
+            ask(step.then, found, &invocations.lines, epoch, &mut core, memory);
         }
     }
 }
@@ -274,8 +277,9 @@ impl Place<'_> {
         let core = self.shades * each + self.at as usize % each.max(1);
         let Some(unit) = units.texture.get_mut(core) else { return };
         let mut core = (unit, units.constant.get_mut(core));
-        for (step, found) in self.tile.costs[quad.cost].asking().zip(&self.tile.requests[quad.first_request as usize..]) {
-            ask(step.then, found, &self.tile.lines, epoch, &mut core, memory);
+        let invocations = &self.tile.invocations;
+        for (step, found) in invocations.costs[quad.cost].asking().zip(&invocations.requests[quad.first_request as usize..]) {
+            ask(step.then, found, &invocations.lines, epoch, &mut core, memory);
         }
     }
 }

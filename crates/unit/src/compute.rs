@@ -2,9 +2,11 @@
 
 use super::card::Card;
 use super::token::{Ack, Kind, Piece, WarpToken};
-use super::warp::{Item, Program};
+use super::warp::Item;
+use gfx::stage::Stage;
 use knob::Allowed;
 use sim::{In, Out, Tick, Unit, Wires};
+use work::Service;
 
 knob::knobs! {
     /// Compute dispatch.
@@ -142,21 +144,17 @@ impl Unit<Card> for Compute {
                 return did.or(Tick::Blocked);
             }
             let number = self.number << SLOT_BITS | u32::from(piece.slot);
-            let index = warps[*cluster].insert(Program::Compute, piece.slot, work.dispatch.shape.registers);
+            let index = warps[*cluster].insert(Stage::Compute, piece.slot, work.dispatch.shape.registers);
             let warp = &mut warps[*cluster][index];
             (warp.number, warp.siblings, warp.shared_bytes) = (number, siblings, work.dispatch.shared_bytes);
             let first = self.group * packets + self.warp * (self.width / 4);
             let count = (self.width / 4).min(packets - self.warp * (self.width / 4));
             for packet in &work.groups.packets[first as usize..][..count as usize] {
-                warp.items.push(Item {
-                    source: 0,
-                    request: packet.first_request,
-                    shared: packet.first_shared,
-                    constant: 0,
-                    cost: packet.cost,
-                });
+                let mut item = Item::new(0, packet.first_request, packet.cost);
+                item.next[Service::Shared] = packet.first_shared;
+                warp.items.push(item);
             }
-            warp.merge(|_| &work.groups.costs);
+            warp.merge(|_| &work.groups.invocations.costs);
             wires.push(output, WarpToken { warp: index });
             budget -= 1;
             self.items += 1;

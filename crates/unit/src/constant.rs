@@ -9,7 +9,6 @@ use std::collections::VecDeque;
 use super::card::{Card, is_newer};
 use super::misses::Misses;
 use super::tags::{CacheCounts, Tags};
-use super::texture::requests_of;
 use super::token::WarpToken;
 use super::touch::{Touch, Touching};
 use knob::Allowed;
@@ -17,7 +16,7 @@ use mem::{CACHES, MemoryPort};
 use num::Cycle;
 use sim::{Counted, In, Out, Tick, Unit, Wires};
 use stats::Heading;
-use work::{LINE, RequestKind};
+use work::{LINE, RequestKind, Service};
 
 knob::knobs! {
     /// A constant cache.
@@ -240,19 +239,20 @@ impl Constant {
         let mut words: Vec<(u32, u16)> = Vec::new();
         for part in 0..card.warps[self.cluster][number].items.len() {
             let warp = &card.warps[self.cluster][number];
-            let (item, step) = (warp.items[part], warp.constants_asked.front().copied().unwrap_or(warp.step));
-            let kind = warp.then(step, part, || &card.costs(warp.program, warp.slot, &item)[item.cost]);
+            let (item, step) = (warp.items[part], warp.asking(Service::Constant));
+            let kind = warp.then(step, part, || card.cost(warp, &item));
             if kind != RequestKind::Constant {
                 continue;
             }
-            let (requests, lines) = requests_of(card, warp, &item);
-            for (line, read) in requests[item.constant as usize].words(lines) {
+            let invocations = card.invocations(warp, &item);
+            let request = &invocations.requests[item.next[Service::Constant] as usize];
+            for (line, read) in request.words(&invocations.lines) {
                 match words.iter_mut().find(|(known, _)| *known == line) {
                     Some((_, known)) => *known |= read,
                     None => words.push((line, read)),
                 }
             }
-            card.warps[self.cluster][number].items[part].constant += 1;
+            card.warps[self.cluster][number].items[part].next[Service::Constant] += 1;
         }
         for (line, read) in words {
             // A line that a load only ends in is looked up like the others.
@@ -300,7 +300,7 @@ impl Constant {
         }
         if self.begun.is_none() {
             let warp = &card.warps[self.cluster][token.warp];
-            let epoch = card.epoch_of(warp.program, warp.slot);
+            let epoch = card.epoch_of(warp.stage, warp.slot);
             if is_newer(epoch, self.epoch) {
                 self.begin_epoch(epoch);
             }
@@ -322,7 +322,7 @@ impl Constant {
         if self.addresses.is_empty() {
             let Line { needs, from } = self.begun.take().expect("an access has begun");
             let warp = &mut card.warps[self.cluster][token.warp];
-            warp.constants_asked.pop_front();
+            warp.asked[Service::Constant].pop_front();
             self.fifo.push_back(Access { needs, from, place: warp.place });
             self.items += 1;
             wires.take(&self.input);

@@ -8,7 +8,7 @@ use super::network::{Sender, SenderCounts};
 use super::sorting::SortCounts;
 use super::token::fragments;
 use super::token::{GroupToken, Kind, Packing, WarpToken, bytes};
-use super::warp::{Item, Program};
+use super::warp::Item;
 use gfx::stage::Stage;
 use knob::Allowed;
 use num::{Cycle, prefetch};
@@ -299,7 +299,7 @@ impl Dispatch {
                 let mut warp = std::mem::take(&mut card.warps[pipeline][index]);
                 let slot = warp.slot;
                 let work = card.work(slot);
-                warp.merge(|item| &work.segment.tiles[item.source as usize].costs);
+                warp.merge(|item| &work.segment.tiles[item.source as usize].invocations.costs);
                 card.warps[pipeline][index] = warp;
                 wires.push(core, WarpToken { warp: index });
                 if let Some(begun) = &self.ports.begun {
@@ -426,7 +426,7 @@ impl Dispatch {
                         return did.or(Tick::Blocked);
                     }
                     let registers = work.draw.shape(Stage::Fragment).registers;
-                    let open = card.warps[pipeline].insert(Program::Fragment, group.slot, registers);
+                    let open = card.warps[pipeline].insert(Stage::Fragment, group.slot, registers);
                     self.order.push_back(Entry::Warp(open));
                     self.open = Some(open);
                     open
@@ -452,13 +452,7 @@ impl Dispatch {
                         card.fault.get_or_insert(Fault::Visibility { draw: work.draw.number, x, y });
                         return Tick::Blocked;
                     }
-                    warp.items.push(Item {
-                        source: group.tile,
-                        request: quad.first_request,
-                        shared: 0,
-                        constant: 0,
-                        cost: quad.cost,
-                    });
+                    warp.items.push(Item::new(group.tile, quad.first_request, quad.cost));
                     shaded += fragments(live);
                     packed += 1;
                 }

@@ -9,13 +9,14 @@ use super::misses::Misses;
 use super::tags::{CacheCounts, Tags};
 use super::token::WarpToken;
 use super::touch::{Touch, Touching};
-use super::warp::{Item, Program, Warp};
+use super::warp::{Item, Warp};
+use gfx::stage::Stage;
 use knob::Allowed;
 use mem::{CACHES, MemoryPort};
 use num::Cycle;
 use sim::{Counted, In, Out, Tick, Unit, Wires};
 use stats::Heading;
-use work::{LINE, Request, RequestKind};
+use work::{Invocations, LINE, Request, RequestKind, Service};
 
 knob::knobs! {
     /// A texture unit.
@@ -303,12 +304,12 @@ impl Texture {
     fn note_sectors(&mut self, card: &Card, warp: &Warp) {
         self.coalesced.noted = true;
         for (part, item) in warp.items.iter().enumerate() {
-            let kind = warp.then(warp.asking(), part, || &card.costs(warp.program, warp.slot, item)[item.cost]);
+            let kind = warp.then(warp.asking(Service::Texture), part, || card.cost(warp, item));
             if kind != RequestKind::Load {
                 continue;
             }
-            let (requests, all) = requests_of(card, warp, item);
-            let request = &requests[item.request as usize];
+            let Invocations { requests, lines: all, .. } = card.invocations(warp, item);
+            let request = &requests[item.next[Service::Texture] as usize];
             for (at, &line) in (0..).zip(&all[request.first_line as usize..][..usize::from(request.lines)]) {
                 let (key, sectors) = (self.key(line), self.sectors(line, request.halves(all, at)));
                 match self.coalesced.sectors.iter_mut().find(|(known, _)| *known == key) {
@@ -378,10 +379,20 @@ impl Texture {
         }
     }
 
+    /// Whether the unit serves requests to a service.
+    #[inline(always)]
+    fn serves(&self, service: Service) -> bool {
+        match service {
+            Service::Texture => true,
+            Service::Constant => self.user.constants,
+            Service::Shared => false,
+        }
+    }
+
     /// An item's request and the lines of it that are left from `line` on.
     #[inline(always)]
     fn request<'a>(card: &'a Card, warp: &Warp, item: &Item, at: u32, line: u32) -> (&'a Request, &'a [u32]) {
-        let (requests, lines) = requests_of(card, warp, item);
+        let Invocations { requests, lines, .. } = card.invocations(warp, item);
         let request = &requests[at as usize];
         (request, &lines[(request.first_line + line) as usize..(request.first_line + u32::from(request.lines)) as usize])
     }
@@ -390,9 +401,9 @@ impl Texture {
     fn stored(card: &Card, warp: &Warp, from: usize, line: u32) -> u32 {
         let mut bytes = 0;
         for (part, item) in warp.items.iter().enumerate().skip(from) {
-            let kind = warp.then(warp.asking(), part, || &card.costs(warp.program, warp.slot, item)[item.cost]);
+            let kind = warp.then(warp.asking(Service::Texture), part, || card.cost(warp, item));
             if kind == RequestKind::Store {
-                let (request, lines) = Self::request(card, warp, item, item.request, 0);
+                let (request, lines) = Self::request(card, warp, item, item.next[Service::Texture], 0);
                 bytes += if lines.contains(&line) { stored_bytes(request) } else { 0 };
             }
         }
@@ -451,7 +462,7 @@ impl Texture {
         while let Some(token) = wires.front(&self.input) {
             let warp = &card.warps[self.user.cluster][token.warp];
             // Lines that an earlier pass or dispatch may have written are dropped.
-            let epoch = card.epoch_of(warp.program, warp.slot);
+            let epoch = card.epoch_of(warp.stage, warp.slot);
             if is_newer(epoch, self.epoch) {
                 self.epoch = epoch;
                 self.tags.clear();
@@ -461,8 +472,8 @@ impl Texture {
                 let warp = &card.warps[self.user.cluster][token.warp];
                 let item = warp.items[self.place.item];
                 let last = self.place.item + 1 == items;
-                let kind = warp.then(warp.asking(), self.place.item, || &card.costs(warp.program, warp.slot, &item)[item.cost]);
-                if !kind.has_request() || kind == RequestKind::Constant && !self.user.constants {
+                let kind = warp.then(warp.asking(Service::Texture), self.place.item, || card.cost(warp, &item));
+                let Some(service) = kind.service().filter(|&service| self.serves(service)) else {
                     if !last {
                         self.place.item += 1;
                         continue;
@@ -475,12 +486,12 @@ impl Texture {
                     self.enter(wires.now(), self.place.needs, 0, Some(place));
                     did = Tick::Moved;
                     continue;
-                }
+                };
                 if self.fifo.len() as u32 == self.config.fifo {
                     return did.or(Tick::Blocked);
                 }
                 let texture = kind == RequestKind::Texture;
-                let at = if kind == RequestKind::Constant { item.constant } else { item.request };
+                let at = item.next[service];
                 if texture && quads == 0 {
                     return Tick::Moved;
                 }
@@ -526,7 +537,7 @@ impl Texture {
                             let bytes = Self::stored(card, warp, self.place.item, line);
                             self.memory.write(wires, u64::from(line) * LINE, bytes);
                         }
-                        _ => {
+                        RequestKind::Atomic => {
                             if self.misses.room() == 0 {
                                 return did.or(Tick::Memory);
                             }
@@ -536,6 +547,9 @@ impl Texture {
                             let tag = self.misses.issue();
                             self.memory.atomic(wires, u64::from(line) * LINE, 4, tag);
                             self.place.needs = Some(self.misses.issued());
+                        }
+                        RequestKind::End | RequestKind::Barrier | RequestKind::Shared => {
+                            unreachable!("a texture unit serves no {kind:?}")
                         }
                     }
                     if texture {
@@ -547,26 +561,26 @@ impl Texture {
                     did = Tick::Moved;
                 }
                 quads -= u32::from(texture);
-                let operations = match kind {
-                    RequestKind::Texture => {
+                let operations = match texture {
+                    true => {
                         self.counts.quads += 1;
                         self.counts.operations += u64::from(request.operations);
                         u32::from(request.operations) * self.costs[request.rate()]
                     }
-                    _ => {
+                    false => {
                         self.counts.accesses += 1;
                         0
                     }
                 };
                 self.items += 1;
                 let (needs, place) = (self.place.needs, warp.place);
-                if self.place.missed > 0 && card.notes.is_some() && warp.program == Program::Fragment {
+                if self.place.missed > 0 && card.notes.is_some() && warp.stage == Stage::Fragment {
                     let slot = warp.slot;
                     self.note_misses(card, slot, &item, at);
                 }
                 // The part goes on to its next request, for the step after this one.
                 let item = &mut card.warps[self.user.cluster][token.warp].items[self.place.item];
-                *(if kind == RequestKind::Constant { &mut item.constant } else { &mut item.request }) += 1;
+                item.next[service] += 1;
                 if texture || last {
                     self.enter(wires.now(), needs, operations, last.then_some(place));
                 } else {
@@ -576,7 +590,7 @@ impl Texture {
                 did = Tick::Moved;
             }
             self.place = Place::default();
-            card.warps[self.user.cluster][token.warp].asked.pop_front();
+            card.warps[self.user.cluster][token.warp].asked[Service::Texture].pop_front();
             self.coalesced.lines.clear();
             self.coalesced.pieces.clear();
             self.coalesced.sectors.clear();
@@ -605,25 +619,6 @@ impl Line {
         while left != 0 {
             self.needs[left.trailing_zeros() as usize] = needs;
             left &= left - 1;
-        }
-    }
-}
-
-/// The requests among which those of a warp's part are, and their lines.
-#[inline(always)]
-pub(super) fn requests_of<'a>(card: &'a Card, warp: &Warp, item: &Item) -> (&'a [Request], &'a [u32]) {
-    match warp.program {
-        Program::Fragment => {
-            let tile = &card.work(warp.slot).segment.tiles[item.source as usize];
-            (&tile.requests, &tile.lines)
-        }
-        Program::Vertex => {
-            let segment = &card.work(warp.slot).segment;
-            (&segment.requests, &segment.lines)
-        }
-        Program::Compute => {
-            let groups = &card.compute(warp.slot).groups;
-            (&groups.requests, &groups.lines)
         }
     }
 }

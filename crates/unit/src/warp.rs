@@ -3,7 +3,8 @@
 use std::collections::VecDeque;
 
 use super::token::GroupToken;
-use work::{Class, Cost, CostId, CostTable, InFlight, Point, RequestKind, Step};
+use gfx::stage::Stage;
+use work::{Class, Cost, CostId, CostTable, InFlight, Point, RequestKind, Service, ServiceMap, Step};
 
 /// Most invocations of a warp.
 pub const MAX_WIDTH: u32 = 64;
@@ -20,43 +21,31 @@ knob::choices! {
     }
 }
 
-/// The kind of program that a warp runs.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub enum Program {
-    /// Quads of fragments.
-    #[default]
-    Fragment,
-    /// Vertices.
-    Vertex,
-    /// Invocations of a workgroup.
-    Compute,
-}
-
-impl Program {
-    /// In the order in which a core takes their warps in: vertices first, since fragments wait for them.
-    pub const ALL: [Program; 3] = [Program::Vertex, Program::Compute, Program::Fragment];
-}
-
 /// A part of a warp with a cost of its own: a quad, a vertex, or four invocations of a workgroup.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Item {
     /// The place of its cost and requests. For a quad, the tile in its segment; else 0.
     pub source: u32,
-    /// Its next memory request.
-    pub request: u32,
-    /// Its next access to workgroup memory.
-    pub shared: u32,
-    /// Its next load from a uniform buffer, where the warp has any.
-    pub constant: u32,
+    /// Its next request to each service. That to the constant cache is set where the warp has any.
+    pub next: ServiceMap<u32>,
     /// Its cost.
     pub cost: CostId,
+}
+
+impl Item {
+    /// A part with this cost, whose first request among those of `source` is number `request`.
+    pub fn new(source: u32, request: u32, cost: CostId) -> Item {
+        let mut item = Item { source, cost, ..Item::default() };
+        item.next[Service::Texture] = request;
+        item
+    }
 }
 
 /// A warp.
 #[derive(Clone, Debug, Default)]
 pub struct Warp {
-    /// The kind of program that it runs.
-    pub program: Program,
+    /// The stage whose program it runs.
+    pub stage: Stage,
     /// Slot of its segment or workgroups.
     pub slot: u16,
     /// Registers of one invocation.
@@ -74,11 +63,9 @@ pub struct Warp {
     run_ends: Vec<u32>,
     /// The step it is in.
     pub step: u32,
-    /// The steps whose requests the texture unit has still to look at, in order: a warp may be in a later one.
-    pub asked: VecDeque<u32>,
-    /// The steps whose requests the constant cache has still to look at, in order.
-    pub constants_asked: VecDeque<u32>,
-    /// Whether a step of a part is an access to workgroup memory or a load from a uniform buffer. These take another path than other requests.
+    /// The steps whose requests each unit has still to look at, in order: a warp may be in a later one.
+    pub asked: ServiceMap<VecDeque<u32>>,
+    /// Whether a step of a part asks another service than the texture unit.
     pub apart: bool,
     /// Whether all parts take the same path.
     pub uniform: bool,
@@ -104,8 +91,7 @@ impl Warp {
     /// (deliberate deviation: its costs name no reconvergence points). The others follow the parts' paths, if they are recorded.
     pub fn merge<'a>(&mut self, table: impl Fn(&Item) -> &'a CostTable) {
         (self.step, self.apart) = (0, false);
-        self.asked.clear();
-        self.constants_asked.clear();
+        self.asked.values_mut().for_each(VecDeque::clear);
         self.steps.clear();
         self.takes.clear();
         self.runs.clear();
@@ -116,13 +102,13 @@ impl Warp {
             // Loads from uniform buffers stand behind all other requests.
             for item in &mut self.items {
                 let others = table(item)[item.cost].asking().filter(|step| step.then != RequestKind::Constant);
-                item.constant = item.request + others.count() as u32;
+                item.next[Service::Constant] = item.next[Service::Texture] + others.count() as u32;
             }
         }
     }
 
     fn merge_paths<'a>(&mut self, table: &impl Fn(&Item) -> &'a CostTable) {
-        let is_apart = |step: &Step| matches!(step.then, RequestKind::Shared | RequestKind::Constant);
+        let is_apart = |step: &Step| step.then.service().is_some_and(|service| service != Service::Texture);
         if self.execution != Execution::Longest && self.follow(table) {
             self.apart = self.steps.iter().any(is_apart);
             return;
@@ -243,10 +229,10 @@ impl Warp {
         &self.runs[begin as usize..end as usize]
     }
 
-    /// The step whose request the texture unit looks at.
+    /// The step whose request a unit looks at.
     #[inline(always)]
-    pub fn asking(&self) -> u32 {
-        self.asked.front().copied().unwrap_or(self.step)
+    pub fn asking(&self, unit: Service) -> u32 {
+        self.asked[unit].front().copied().unwrap_or(self.step)
     }
 
     /// The request that ends a step for a part with this cost.
@@ -279,7 +265,7 @@ impl Warps {
     }
 
     /// An empty warp. What it holds keeps its memory from use to use.
-    pub fn insert(&mut self, program: Program, slot: u16, registers: u32) -> u32 {
+    pub fn insert(&mut self, stage: Stage, slot: u16, registers: u32) -> u32 {
         let index = self.free.pop().unwrap_or_else(|| {
             self.warps.push(Warp::default());
             (self.warps.len() - 1) as u32
@@ -288,7 +274,7 @@ impl Warps {
         warp.items.clear();
         warp.groups.clear();
         warp.steps.clear();
-        (warp.program, warp.slot, warp.registers) = (program, slot, registers);
+        (warp.stage, warp.slot, warp.registers) = (stage, slot, registers);
         warp.execution = self.execution;
         (warp.step, warp.done, warp.number, warp.siblings, warp.shared_bytes) = (0, false, 0, 1, 0);
         index

@@ -2,6 +2,8 @@
 
 use serde::{Deserialize, Serialize};
 
+use crate::Request;
+
 /// Instruction classes, each issued at its own rate.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
 #[repr(u8)]
@@ -48,10 +50,38 @@ pub enum RequestKind {
     Barrier,
 }
 
+num::keyed! {
+    /// A unit that serves requests of shaders. Each answers them in their order.
+    pub enum Service;
+    /// A table with an entry for each service.
+    pub struct ServiceMap;
+    /// The texture unit: textures and memory. It also serves the requests to services for which a card has no unit.
+    Texture "texture unit",
+    /// The constant cache: uniform buffers.
+    Constant "constant cache",
+    /// Workgroup memory, which a core has itself.
+    Shared "workgroup memory",
+}
+
 impl RequestKind {
+    /// The service that the request is for. None if the step asks nobody.
+    #[inline(always)]
+    pub const fn service(self) -> Option<Service> {
+        match self {
+            RequestKind::End | RequestKind::Barrier => None,
+            RequestKind::Texture | RequestKind::Load | RequestKind::Store | RequestKind::Atomic => Some(Service::Texture),
+            RequestKind::Constant => Some(Service::Constant),
+            RequestKind::Shared => Some(Service::Shared),
+        }
+    }
+
     /// Whether the step has an entry among the requests (ends, barriers and accesses to workgroup memory have none).
+    #[inline(always)]
     pub const fn has_request(self) -> bool {
-        !matches!(self, RequestKind::End | RequestKind::Barrier | RequestKind::Shared)
+        match self.service() {
+            Some(Service::Texture | Service::Constant) => true,
+            Some(Service::Shared) | None => false,
+        }
     }
 }
 
@@ -76,33 +106,21 @@ impl Step {
     }
 }
 
-/// Numbers of requests that may be unanswered. Answers come in the order of requests, to memory, to workgroup memory and to uniform buffers each.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
-pub struct InFlight {
-    /// Requests to memory and textures.
-    pub memory: u8,
-    /// Accesses to workgroup memory.
-    pub shared: u8,
-    /// Loads from uniform buffers.
-    pub constant: u8,
-}
+/// Numbers of requests that may be unanswered, by service.
+pub type InFlight = ServiceMap<u8>;
 
 impl InFlight {
     /// All are answered.
-    pub const NONE: InFlight = InFlight { memory: 0, shared: 0, constant: 0 };
+    pub const NONE: InFlight = InFlight::new([0; Service::COUNT]);
 
     /// Any number may be unanswered.
-    pub const ANY: InFlight = InFlight { memory: u8::MAX, shared: u8::MAX, constant: u8::MAX };
+    pub const ANY: InFlight = InFlight::new([u8::MAX; Service::COUNT]);
 
     /// The fewer of both.
     #[inline(always)]
     #[must_use]
     pub fn and(self, other: InFlight) -> InFlight {
-        InFlight {
-            memory: self.memory.min(other.memory),
-            shared: self.shared.min(other.shared),
-            constant: self.constant.min(other.constant),
-        }
+        InFlight::from_fn(|service| self[service].min(other[service]))
     }
 }
 
@@ -189,6 +207,37 @@ impl CostTable {
     pub fn bytes(&self) -> u64 {
         let cost = |cost: &Cost| size_of::<Cost>() + size_of_val(&*cost.steps) + size_of_val(&*cost.path);
         self.costs.iter().map(|one| cost(one) as u64).sum::<u64>() + size_of_val(&*self.spans) as u64
+    }
+}
+
+/// Invocations of one stage: their costs, and the memory that they ask for.
+#[derive(Clone, Debug, Default)]
+pub struct Invocations {
+    /// Costs that invocations name.
+    pub costs: CostTable,
+    /// Their requests, of which each invocation names the first.
+    pub requests: Vec<Request>,
+    /// Lines of the requests: address / [`LINE`](crate::LINE).
+    pub lines: Vec<u32>,
+}
+
+impl Invocations {
+    /// Bytes that they take.
+    pub fn bytes(&self) -> u64 {
+        (size_of_val(&*self.requests) + size_of_val(&*self.lines)) as u64 + self.costs.bytes()
+    }
+
+    /// Gives unused memory back.
+    pub fn shrink_to_fit(&mut self) {
+        self.requests.shrink_to_fit();
+        self.lines.shrink_to_fit();
+    }
+}
+
+impl From<CostTable> for Invocations {
+    /// Invocations with these costs that ask for nothing.
+    fn from(costs: CostTable) -> Invocations {
+        Invocations { costs, ..Invocations::default() }
     }
 }
 

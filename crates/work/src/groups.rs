@@ -1,13 +1,12 @@
 //! Compute dispatches and their workgroups.
 
-use crate::{CostId, CostTable, Programs, Reach, Request, ShaderShape};
+use crate::{CostId, Invocations, Programs, Reach, Request, ShaderShape};
 
 impl Groups {
     /// Bytes that they take.
     pub fn bytes(&self) -> u64 {
-        let memory = size_of_val(&*self.requests) + size_of_val(&*self.lines);
-        let memory = memory + size_of_val(&*self.shared) + size_of_val(&*self.words);
-        (size_of_val(&*self.packets) + memory) as u64 + self.costs.bytes()
+        let shared = size_of_val(&*self.shared) + size_of_val(&*self.words);
+        (size_of_val(&*self.packets) + shared) as u64 + self.invocations.bytes()
     }
 }
 
@@ -50,15 +49,11 @@ pub struct Groups {
     pub groups: u32,
     /// Packets: `ceil(invocations / 4)` a group, in order.
     pub packets: Vec<Packet>,
-    /// Their memory requests.
-    pub requests: Vec<Request>,
-    /// Lines of the requests.
-    pub lines: Vec<u32>,
+    /// Their costs and memory requests.
+    pub invocations: Invocations,
     /// Their accesses to workgroup memory. The lines of such a request are entries of `words`, its operations the words that each invocation
     /// moves, 0 for an atomic.
     pub shared: Vec<Request>,
     /// The first words of these accesses, each once a packet; those of an atomic are one for each invocation.
     pub words: Vec<u32>,
-    /// Costs of the packets.
-    pub costs: CostTable,
 }

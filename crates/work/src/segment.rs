@@ -1,6 +1,6 @@
 //! Segments of draws: primitives, triangles, and the quads that they cover.
 
-use crate::{Class, CostId, CostTable, Funnel, Signature};
+use crate::{Class, CostId, Funnel, Invocations, Signature};
 use gfx::format::TexelClass;
 use gfx::setup::DepthPlane;
 use gfx::stage::StageMap;
@@ -201,19 +201,15 @@ pub struct TileWork {
     pub quads: Vec<Quad>,
     /// Depths and colours of shaded quads.
     pub payload: Vec<u32>,
-    /// Requests of shaded quads.
-    pub requests: Vec<Request>,
-    /// Lines of the requests: address / [`LINE`](crate::LINE).
-    pub lines: Vec<u32>,
-    /// Costs of the quads.
-    pub costs: CostTable,
+    /// The invocations of the fragment stage for shaded quads.
+    pub invocations: Invocations,
 }
 
 impl TileWork {
     /// Bytes that it takes.
     pub fn bytes(&self) -> u64 {
         let quads = size_of_val(&*self.blocks) + size_of_val(&*self.quads) + size_of_val(&*self.payload);
-        (quads + size_of_val(&*self.requests) + size_of_val(&*self.lines)) as u64 + self.costs.bytes()
+        quads as u64 + self.invocations.bytes()
     }
 }
 
@@ -222,9 +218,8 @@ impl Segment {
     pub fn bytes(&self) -> u64 {
         let geometry = size_of_val(&*self.stream) + size_of_val(&*self.vertices) + size_of_val(&*self.primitives);
         let triangles = size_of_val(&*self.triangles) + size_of_val(&*self.visits) + size_of_val(&*self.signatures);
-        let memory = size_of_val(&*self.requests) + size_of_val(&*self.lines);
         let tiles: u64 = self.tiles.iter().map(TileWork::bytes).sum();
-        (geometry + triangles + memory) as u64 + tiles + self.costs.bytes()
+        (geometry + triangles) as u64 + tiles + self.invocations.values().map(Invocations::bytes).sum::<u64>()
     }
 }
 
@@ -247,14 +242,10 @@ pub struct Segment {
     pub visits: Vec<Visit>,
     /// Tiles with work, in row-major order.
     pub tiles: Vec<TileWork>,
-    /// Memory requests of vertices.
-    pub requests: Vec<Request>,
-    /// Lines of these requests.
-    pub lines: Vec<u32>,
+    /// The invocations of the stages before the rasteriser; [`TileWork`] has those of the fragment stage.
+    pub invocations: StageMap<Invocations>,
     /// Signatures of the primitives, if the draw has one.
     pub signatures: Vec<Signature>,
-    /// Costs of the vertices.
-    pub costs: CostTable,
     /// What was thrown away where, in API order on a machine with full post-transform reuse.
     pub funnel: Funnel,
     /// What its primitives are expected to cover; zero where nobody asks.

@@ -1,10 +1,12 @@
 //! The shader cores, their texture units and constant caches.
 
 use super::Builder;
+use gfx::stage::Stage;
 use sim::Link;
 use unit::constant::Constant;
 use unit::core::{Core, CoreConfig, CorePorts};
 use unit::texture::{Texture, TextureUser};
+use work::Service;
 
 impl Builder<'_> {
     /// All cores, with the ends that the other stages have left for them.
@@ -33,8 +35,9 @@ impl Builder<'_> {
         self.made.core = ends
             .map(|(n, ((fragment, compute), texture))| {
                 let vertex = if unified { vertex_ends[n].take() } else { None };
-                let (constant, compute) = (constants.next(), Some(compute));
-                let ports = CorePorts { fragment: Some(fragment), vertex, compute, texture, constant };
+                let stages = [(Stage::Vertex, vertex), (Stage::Fragment, Some(fragment)), (Stage::Compute, Some(compute))];
+                let services = [(Service::Texture, Some(texture)), (Service::Constant, constants.next())];
+                let ports = CorePorts::new(stages, services);
                 Core::new(config.core.clone(), n / per_pipeline, ports)
             })
             .collect();
@@ -55,8 +58,7 @@ impl Builder<'_> {
         let ends = vertex_ask.into_iter().zip(vertex_answer).enumerate();
         self.made.vertex_core = ends
             .map(|(n, texture)| {
-                let vertex = vertex_ends[n].take();
-                let ports = CorePorts { fragment: None, vertex, compute: None, texture, constant: None };
+                let ports = CorePorts::new([(Stage::Vertex, vertex_ends[n].take())], [(Service::Texture, Some(texture))]);
                 Core::new(vertex_config.clone(), pipelines, ports)
             })
             .collect();

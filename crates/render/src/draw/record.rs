@@ -131,7 +131,7 @@ impl TileRecord {
 
     /// Takes costs and requests over.
     pub fn finish(&mut self, recorder: &mut Recorder, room: &mut Room) {
-        (self.work.costs, self.work.requests, self.work.lines) = recorder.take();
+        self.work.invocations = recorder.take();
         let work = &self.work;
         let (blocks, quads, payload) = (work.blocks.len(), work.quads.len(), work.payload.len());
         let most = |had: usize, has: usize| has.max(had - had / 64);
@@ -145,8 +145,7 @@ impl TileRecord {
         self.work.quads.shrink_to_fit();
         self.work.blocks.shrink_to_fit();
         self.work.payload.shrink_to_fit();
-        self.work.requests.shrink_to_fit();
-        self.work.lines.shrink_to_fit();
+        self.work.invocations.shrink_to_fit();
     }
 }
 

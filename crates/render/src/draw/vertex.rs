@@ -107,9 +107,9 @@ impl Vertices {
                 })?;
             }
             growth.add(recorder.take_bytes());
-            (segment.costs, segment.requests, segment.lines) = recorder.take();
-            segment.requests.shrink_to_fit();
-            segment.lines.shrink_to_fit();
+            let invocations = &mut segment.invocations[Stage::Vertex];
+            *invocations = recorder.take();
+            invocations.shrink_to_fit();
             self.recorder = recorder;
             return Ok(shaded);
         }

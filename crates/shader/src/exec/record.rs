@@ -8,7 +8,9 @@ use crate::scalar::Counted;
 use gfx::format::TexelClass;
 use gfx::texture::Footprint;
 use num::{Lanes, Mask, QUADS};
-use work::{Class, Cost, CostId, CostTable, InFlight, LINE, Point, RenderKey, Request, RequestKind, Span, Step};
+use work::{
+    Class, Cost, CostId, CostTable, InFlight, Invocations, LINE, Point, RenderKey, Request, RequestKind, Service, Span, Step,
+};
 
 /// What one quad of the last recorded run cost.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -197,12 +199,13 @@ impl Recorder {
     }
 
     /// Takes out what was collected and leaves an empty recorder with its memory for the next piece of work.
-    pub fn take(&mut self) -> (CostTable, Vec<Request>, Vec<u32>) {
+    pub fn take(&mut self) -> Invocations {
         self.known.clear();
         self.spans.clear();
         (self.told, self.passed) = (0, 0);
         self.room = [self.requests.len(), self.lines.len()];
-        (std::mem::take(&mut self.costs), std::mem::take(&mut self.requests), std::mem::take(&mut self.lines))
+        let Recorder { costs, requests, lines, .. } = self;
+        Invocations { costs: std::mem::take(costs), requests: std::mem::take(requests), lines: std::mem::take(lines) }
     }
 }
 
@@ -239,9 +242,10 @@ impl Scratch {
             let kind = if constant { RequestKind::Constant } else { RequestKind::Load };
             self.requests(kind, mask, |_, _| Request { first_line, lines: 1, operations: 1, ..NONE });
         }
-        let left = |constant: bool| shared.loads.iter().any(|load| load.constant == constant);
-        let [memory, constant] = [false, true].map(|constant| if left(constant) { 0 } else { u8::MAX });
-        let loaded = InFlight { memory, constant, ..InFlight::ANY };
+        let mut loaded = InFlight::ANY;
+        for load in &shared.loads {
+            loaded[if load.constant { Service::Constant } else { Service::Texture }] = 0;
+        }
         self.count(&shared.counted, loaded, mask);
         self.path_begins(&shared.counted, loaded, mask);
     }

@@ -4,7 +4,7 @@ use super::*;
 use gfx::format::Format;
 use gfx::image::ImageDesc;
 use gfx::state::TextureDimension;
-use work::RequestKind;
+use work::{RequestKind, Service};
 
 #[test]
 fn subgroup_operations() {
@@ -224,8 +224,12 @@ fn a_warp_loads_and_computes_what_all_invocations_share() {
         use RequestKind::{End, Load, Store};
         assert_eq!(cost.steps.iter().map(|step| step.then).collect::<Vec<_>>(), [Load, Load, Load, Load, Store, End]);
         // The loads wait for nothing; the four sums wait for them, and the product comes after. A uniform buffer is an operand.
-        assert!(cost.steps[..4].iter().all(|step| step.instructions == [0, 1, 0, 0, 0] && step.in_flight.memory == u8::MAX));
-        assert_eq!((cost.steps[4].instructions[0], cost.steps[4].in_flight.memory), (4 + 1, 0));
+        assert!(
+            cost.steps[..4]
+                .iter()
+                .all(|step| step.instructions == [0, 1, 0, 0, 0] && step.in_flight[Service::Texture] == u8::MAX)
+        );
+        assert_eq!((cost.steps[4].instructions[0], cost.steps[4].in_flight[Service::Texture]), (4 + 1, 0));
         let requests = &recorder.requests[packets[3].first_request as usize..][..4];
         let lines: Vec<_> = requests.iter().map(|r| &recorder.lines[r.first_line as usize..][..usize::from(r.lines)]).collect();
         assert_eq!(lines, [[64], [65], [66], [67]]);

@@ -277,7 +277,7 @@ fn run(module: &Module, program: &Program, expected: &Expected, setting: Setting
 /// What was recorded is whole: every request has its lines, every quad its cost.
 fn check_costs(recorder: &mut Recorder) -> Result<(), String> {
     let quads = recorder.quads;
-    let (costs, requests, lines) = recorder.take();
+    let work::Invocations { costs, requests, lines } = recorder.take();
     if let Some(quad) = quads.iter().find(|quad| usize::from(quad.cost) >= costs.costs.len()) {
         return Err(format!("{quad:?} of {} costs", costs.costs.len()));
     }

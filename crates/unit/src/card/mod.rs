@@ -29,11 +29,12 @@ use super::frame::{FrameBuffers, Store};
 use super::interleave::Interleave;
 use super::phase::Phases;
 use super::stamps::{MAX_PRIMITIVES, Marks};
-use super::warp::{Execution, Item, Program, Warps};
+use super::warp::{Execution, Item, Warp, Warps};
 use gfx::format::Format;
 use gfx::rop::{ColorState, DepthStencilState};
+use gfx::stage::Stage;
 use gfx::state::ColorTarget;
-use work::{Attachment, CostTable, Draw, EndFrame, Event, Holdings, Quad, Segment, TILE, Target};
+use work::{Attachment, Cost, Draw, EndFrame, Event, Holdings, Invocations, Quad, Segment, TILE, Target};
 
 /// Pipelines that a set of them, a 64-bit mask, can name.
 pub const MAX_PIPELINES: usize = 64;
@@ -145,10 +146,10 @@ impl Card {
 
     /// The epoch in which the work of a slot began: what caches of read-only data hold of earlier ones is stale for it.
     #[inline(always)]
-    pub fn epoch_of(&self, program: Program, slot: u16) -> u32 {
-        match program {
-            Program::Compute => self.compute(slot).epoch,
-            Program::Fragment | Program::Vertex => self.work(slot).epoch,
+    pub fn epoch_of(&self, stage: Stage, slot: u16) -> u32 {
+        match stage {
+            Stage::Compute => self.compute(slot).epoch,
+            Stage::Vertex | Stage::Fragment => self.work(slot).epoch,
         }
     }
 
@@ -161,22 +162,29 @@ impl Card {
         self.compute[usize::from(slot)].as_ref().expect("a token's workgroups are in flight")
     }
 
-    /// The cost table that the cost of an item of a warp is in.
+    /// The invocations that an item of a warp is one of.
     #[inline(always)]
-    pub fn costs(&self, program: Program, slot: u16, item: &Item) -> &CostTable {
-        match program {
-            Program::Fragment => &self.work(slot).segment.tiles[item.source as usize].costs,
-            Program::Vertex => &self.work(slot).segment.costs,
-            Program::Compute => &self.compute(slot).groups.costs,
+    pub fn invocations(&self, warp: &Warp, item: &Item) -> &Invocations {
+        match warp.stage {
+            Stage::Vertex => &self.work(warp.slot).segment.invocations[warp.stage],
+            Stage::Fragment => &self.work(warp.slot).segment.tiles[item.source as usize].invocations,
+            Stage::Compute => &self.compute(warp.slot).groups.invocations,
         }
+    }
+
+    /// The cost of an item of a warp.
+    #[inline(always)]
+    pub fn cost(&self, warp: &Warp, item: &Item) -> &Cost {
+        &self.invocations(warp, item).costs[item.cost]
     }
 
     /// Puts a segment into a slot.
     pub fn install(&mut self, slot: u16, segment: Arc<Segment>, draw: Arc<Draw>, draw_number: u32) {
         if self.class_state.same_tiles && draw.signature.is_none() {
             // It may write more than its attachments.
-            let of_tiles = segment.tiles.iter().flat_map(|tile| &tile.lines);
-            self.frame.forget_lines(segment.lines.iter().chain(of_tiles));
+            let of_tiles = segment.tiles.iter().map(|tile| &tile.invocations);
+            let all = segment.invocations.values().chain(of_tiles);
+            self.frame.forget_lines(all.flat_map(|invocations| &invocations.lines));
         }
         let owners = if self.interleave.tile() >= TILE {
             let owner = |x: u16, y: u16| self.interleave.owner(u32::from(x) * 8, u32::from(y) * 8);

@@ -144,7 +144,7 @@ impl Command {
                 let slot = self.free_runs.pop()?;
                 let (dispatch, groups) = (self.dispatch.clone()?, groups.clone());
                 if card.class_state.same_tiles {
-                    card.frame.forget_lines(groups.lines.iter());
+                    card.frame.forget_lines(groups.invocations.lines.iter());
                 }
                 card.compute[usize::from(slot)] = Some(ComputeWork { dispatch, groups, epoch: card.epoch });
                 self.ongoing.begin_run(slot);

@@ -8,15 +8,16 @@ mod turns;
 
 use super::card::{Card, Fault};
 use super::token::WarpToken;
-use super::warp::{Execution, Program};
+use super::warp::Execution;
+use gfx::stage::{Stage, StageMap};
 use issue::{Fixed, Issue, PLACES, bits};
 use knob::Allowed;
 use num::NEVER;
-use shared::{Asks, SHARED, SharedMemory};
+use shared::{SHARED, SharedMemory};
 use sim::{Counted, In, Out, Tick, Unit, Wires};
 use stats::Heading;
 use turns::Turns;
-use work::{Class, InFlight, RequestKind, Step};
+use work::{Class, InFlight, RequestKind, Service, ServiceMap, Step};
 
 knob::choices! {
     /// Which of the ready warps issues.
@@ -170,44 +171,62 @@ impl CoreConfig {
 }
 
 /// Ports of a core.
-#[derive(Clone)]
+#[derive(Clone, Default)]
 pub struct CorePorts {
-    /// Warps of fragments, and where they go when shaded.
-    pub fragment: Option<(In<WarpToken>, Out<WarpToken>)>,
-    /// Warps of vertices; what goes on is the batch number.
-    pub vertex: Option<(In<WarpToken>, Out<WarpToken>)>,
-    /// Warps of workgroups; what goes on is the workgroup's number.
-    pub compute: Option<(In<WarpToken>, Out<WarpToken>)>,
-    /// Texture and memory requests, and their answers.
-    pub texture: (Out<WarpToken>, In<WarpToken>),
-    /// Loads from uniform buffers, and their answers. Where there is no constant cache they are texture and memory requests.
-    pub constant: Option<(Out<WarpToken>, In<WarpToken>)>,
+    /// Warps of each stage, and where they go when shaded. What goes on is the number of a fragment warp, of a batch of vertices, or of a
+    /// workgroup.
+    pub stages: StageMap<Option<(In<WarpToken>, Out<WarpToken>)>>,
+    /// Requests to each service that has a unit, and their answers. The texture unit serves requests to those that have none.
+    pub services: ServiceMap<Option<(Out<WarpToken>, In<WarpToken>)>>,
 }
 
-/// The requests of a warp to a texture unit that also serves loads from uniform buffers: a bit for each request, the oldest in the lowest.
+impl CorePorts {
+    /// The ports for these stages and services.
+    pub fn new(
+        stages: impl IntoIterator<Item = (Stage, Option<(In<WarpToken>, Out<WarpToken>)>)>,
+        services: impl IntoIterator<Item = (Service, Option<(Out<WarpToken>, In<WarpToken>)>)>,
+    ) -> CorePorts {
+        let mut ports = CorePorts::default();
+        stages.into_iter().for_each(|(stage, ends)| ports.stages[stage] = ends);
+        services.into_iter().for_each(|(service, ends)| ports.services[service] = ends);
+        ports
+    }
+
+    /// The unit that serves a service. None if it is the core.
+    #[inline(always)]
+    fn unit_of(&self, service: Service) -> Option<Service> {
+        match service {
+            Service::Shared => None,
+            Service::Texture | Service::Constant if self.services[service].is_some() => Some(service),
+            Service::Texture | Service::Constant => Some(Service::Texture),
+        }
+    }
+}
+
+/// The requests of a warp to a texture unit that also serves others: for each service a bit for each request, the oldest in the lowest.
 #[derive(Clone, Copy, Debug, Default)]
 struct Mixed {
-    memory: u128,
-    constant: u128,
+    asked: ServiceMap<u128>,
     requests: u32,
 }
 
 impl Mixed {
-    fn ask(&mut self, asks: Asks) {
-        self.memory |= u128::from(asks.memory) << self.requests;
-        self.constant |= u128::from(asks.constant) << self.requests;
+    fn ask(&mut self, asks: ServiceMap<bool>) {
+        self.asked.values_mut().zip(asks.values()).for_each(|(bits, &asks)| *bits |= u128::from(asks) << self.requests);
         self.requests += 1;
     }
 
-    /// The numbers of memory requests and of constant requests (0 or 1 each) that the next answer serves.
-    fn answer(&mut self) -> [u8; 2] {
-        let answered = [self.memory, self.constant].map(|bits| (bits & 1) as u8);
-        self.memory >>= 1;
-        self.constant >>= 1;
+    /// The services (0 or 1 request each) that the next answer is from.
+    fn answer(&mut self) -> ServiceMap<u8> {
+        let answered = ServiceMap::from_fn(|service| (self.asked[service] & 1) as u8);
+        self.asked.values_mut().for_each(|bits| *bits >>= 1);
         self.requests -= 1;
         answered
     }
 }
+
+/// Stages in the order in which a core takes their warps in: vertices first, since fragments wait for them.
+const INTAKE: [Stage; Stage::COUNT] = [Stage::Vertex, Stage::Compute, Stage::Fragment];
 
 /// A warp in the core.
 #[derive(Clone, Copy, Debug, Default)]
@@ -218,7 +237,7 @@ struct Resident {
     registers: u32,
     /// Workgroup memory that it holds for its group.
     shared: u32,
-    program: Program,
+    stage: Stage,
     /// Number of its workgroup or batch.
     number: u32,
     siblings: u32,
@@ -240,7 +259,8 @@ pub struct Core {
     vertex: u64,
     /// Requests of each place that are not answered.
     unanswered: Vec<InFlight>,
-    /// The same of the texture unit's, where there is no constant cache.
+    /// Whether the texture unit serves other services too, and then the requests of each place to it that are not answered.
+    mixes: bool,
     mixed: Vec<Mixed>,
     /// Places that wait for answers before they go on.
     waiting: u64,
@@ -284,6 +304,7 @@ impl Core {
         assert!((1..=PLACES as u32).contains(&config.warps), "places of warps fit a mask");
         Core {
             cluster,
+            mixes: Service::ALL.into_iter().filter(|&service| ports.unit_of(service) == Some(Service::Texture)).count() > 1,
             ports,
             resident: vec![Resident::default(); config.warps as usize],
             all: u64::MAX >> (64 - config.warps),
@@ -320,11 +341,11 @@ impl Core {
     #[inline(always)]
     fn enter_step(&mut self, card: &Card, place: u32) {
         self.begun += 1;
-        let Resident { warp, program, .. } = self.resident[place as usize];
+        let Resident { warp, stage, .. } = self.resident[place as usize];
         let warp = &card.warps[self.cluster][warp];
         match warp.steps.get(warp.step as usize) {
             Some(step) => {
-                if program == Program::Vertex {
+                if stage == Stage::Vertex {
                     self.vertex += step.instructions.iter().map(|&count| u64::from(count)).sum::<u64>();
                 }
                 self.issue.enter(&self.fixed, place, step, warp.order(warp.step));
@@ -358,9 +379,10 @@ impl Core {
         let Some(step) = step.filter(|step| !needs_all(step)) else { return false };
         let most = self.config.in_flight as u8 - 1;
         let may = |unanswered: u8, allowed: u8| unanswered <= allowed.min(most);
-        let own = self.ports.constant.is_some() || may(unanswered.memory + unanswered.constant, u8::MAX);
-        let memory = may(unanswered.memory, step.in_flight.memory) && may(unanswered.constant, step.in_flight.constant);
-        own && memory && may(unanswered.shared, step.in_flight.shared)
+        let of_texture = |&service: &Service| self.ports.unit_of(service) == Some(Service::Texture);
+        let mixed = || Service::ALL.into_iter().filter(of_texture).map(|service| unanswered[service]).sum();
+        (!self.mixes || may(mixed(), u8::MAX))
+            && Service::ALL.into_iter().all(|service| may(unanswered[service], step.in_flight[service]))
     }
 
     /// A request of a warp is answered: it goes on, if it waits for that.
@@ -412,29 +434,19 @@ impl Core {
 
     /// Takes warps in from one input while there is room for them.
     #[inline(always)]
-    fn take(&mut self, wires: &mut Wires, card: &mut Card, program: Program) -> Tick {
-        let port = match program {
-            Program::Fragment => &self.ports.fragment,
-            Program::Vertex => &self.ports.vertex,
-            Program::Compute => &self.ports.compute,
-        };
-        match port {
-            Some((input, _)) if wires.can_pop(input) && self.held != self.all => self.take_in(wires, card, program),
+    fn take(&mut self, wires: &mut Wires, card: &mut Card, stage: Stage) -> Tick {
+        match &self.ports.stages[stage] {
+            Some((input, _)) if wires.can_pop(input) && self.held != self.all => self.take_in(wires, card, stage),
             _ => Tick::Starved,
         }
     }
 
     /// [`Core::take`] where a warp is at the head.
     #[inline(never)]
-    fn take_in(&mut self, wires: &mut Wires, card: &mut Card, program: Program) -> Tick {
+    fn take_in(&mut self, wires: &mut Wires, card: &mut Card, stage: Stage) -> Tick {
         let mut did = Tick::Starved;
         loop {
-            let port = match program {
-                Program::Fragment => &self.ports.fragment,
-                Program::Vertex => &self.ports.vertex,
-                Program::Compute => &self.ports.compute,
-            };
-            let Some((input, _)) = port else { return did };
+            let Some((input, _)) = &self.ports.stages[stage] else { return did };
             let Some(token) = wires.front(input) else { return did };
             let free = self.all & !self.held;
             if free == 0 {
@@ -445,7 +457,7 @@ impl Core {
             let registers = self.asked(warp.registers);
             let mut shared = 0;
             let in_turns = self.turns.as_ref().is_some_and(|turns| turns.coming > 0);
-            if program == Program::Compute && self.taking.is_none() && !in_turns {
+            if stage == Stage::Compute && self.taking.is_none() && !in_turns {
                 // A workgroup comes whole, since its warps may wait for each other: the places and registers for all of them are
                 // there when the first is taken.
                 shared = warp.shared_bytes;
@@ -474,15 +486,15 @@ impl Core {
             }
             let Some(held) = self.place_for(registers) else { return did };
             self.shared -= shared;
-            if let Some(turns) = self.turns.as_mut().filter(|_| program == Program::Compute) {
+            if let Some(turns) = self.turns.as_mut().filter(|_| stage == Stage::Compute) {
                 turns.coming -= 1;
-            } else if program == Program::Compute {
+            } else if stage == Stage::Compute {
                 shared += self.taking.map_or(0, |(.., left)| left);
                 let left = self.taking.map_or(siblings, |(_, left, _)| left) - 1;
                 self.taking = (left > 0).then_some((number, left, 0));
             }
             wires.take(input);
-            self.settle(card, Resident { warp: token.warp, registers: held, shared, program, number, siblings });
+            self.settle(card, Resident { warp: token.warp, registers: held, shared, stage, number, siblings });
             did = Tick::Moved;
         }
     }
@@ -503,27 +515,23 @@ impl Unit<Card> for Core {
             did = did.or(self.leave(wires, card));
         }
 
-        // 2. Answers of the texture unit: the warp goes on with its next step.
-        while let Some(token) = wires.pop(&self.ports.texture.1) {
-            let place = token.warp;
-            let unanswered = &mut self.unanswered[place as usize];
-            if self.ports.constant.is_some() {
-                unanswered.memory -= 1;
-            } else {
-                let [memory, constant] = self.mixed[place as usize].answer();
-                unanswered.memory -= memory;
-                unanswered.constant -= constant;
+        // 2. Answers: the warp goes on with its next step.
+        for unit in Service::ALL {
+            while let Some(token) = self.ports.services[unit].as_ref().and_then(|(_, answers)| wires.pop(answers)) {
+                let place = token.warp;
+                let unanswered = &mut self.unanswered[place as usize];
+                if unit == Service::Texture && self.mixes {
+                    let answered = self.mixed[place as usize].answer();
+                    unanswered.values_mut().zip(answered.values()).for_each(|(left, answered)| *left -= answered);
+                } else {
+                    unanswered[unit] -= 1;
+                }
+                self.answered(card, place);
+                did = Tick::Moved;
             }
-            self.answered(card, place);
-            did = Tick::Moved;
-        }
-        while let Some(token) = self.ports.constant.as_ref().and_then(|(_, answers)| wires.pop(answers)) {
-            self.unanswered[token.warp as usize].constant -= 1;
-            self.answered(card, token.warp);
-            did = Tick::Moved;
         }
         while let Some(place) = self.memory.answer(now) {
-            self.unanswered[place as usize].shared -= 1;
+            self.unanswered[place as usize][Service::Shared] -= 1;
             self.answered(card, place);
             did = Tick::Moved;
         }
@@ -533,42 +541,42 @@ impl Unit<Card> for Core {
             did = Tick::Moved;
         }
 
-        // 4. Warps at the end of a step ask the texture unit, or wait for their group.
+        // 4. Warps at the end of a step ask services, or wait for their group.
         while self.issue.asking != 0 {
             let place = self.issue.choose(&self.fixed, self.issue.asking);
             let number = self.resident[place as usize].warp;
             let apart = card.warps[self.cluster][number].apart;
-            let asks = if apart { shared::asks(card, self.cluster, number) } else { Asks { memory: true, ..Asks::default() } };
-            let constant = self.ports.constant.as_ref().map(|(asks, _)| asks).filter(|_| asks.constant);
-            if constant.is_some_and(|requests| !wires.can_push(requests)) {
+            let asks = if apart {
+                shared::asks(card, self.cluster, number)
+            } else {
+                ServiceMap::from_fn(|service| service == Service::Texture)
+            };
+            let mut units = ServiceMap::<bool>::default();
+            for service in Service::ALL.into_iter().filter(|&service| asks[service]) {
+                if let Some(unit) = self.ports.unit_of(service) {
+                    units[unit] = true;
+                }
+            }
+            let ports = &self.ports.services;
+            let takes = |unit: Service| ports[unit].as_ref().is_none_or(|(requests, _)| wires.can_push(requests));
+            if !Service::ALL.into_iter().filter(|&unit| units[unit]).all(takes) {
                 did = did.or(Tick::Blocked);
                 break;
             }
-            if asks.memory || asks.constant && constant.is_none() {
-                if !wires.try_push(&self.ports.texture.0, WarpToken { warp: number }) {
-                    did = did.or(Tick::Blocked);
-                    break;
-                }
-                if self.ports.constant.is_none() {
-                    self.mixed[place as usize].ask(asks);
-                }
-                self.unanswered[place as usize].memory += u8::from(asks.memory);
-                // The texture unit finds the warp by its number, and answers with its place.
-                let warp = &mut card.warps[self.cluster][number];
-                warp.place = place;
-                warp.asked.push_back(warp.step);
-            }
-            if asks.constant {
-                self.unanswered[place as usize].constant += 1;
-            }
-            if let Some(requests) = constant {
+            for unit in Service::ALL.into_iter().filter(|&unit| units[unit]) {
+                let Some((requests, _)) = &ports[unit] else { continue };
                 wires.push(requests, WarpToken { warp: number });
+                // The unit finds the warp by its number, and answers with its place.
                 let warp = &mut card.warps[self.cluster][number];
                 warp.place = place;
-                warp.constants_asked.push_back(warp.step);
+                warp.asked[unit].push_back(warp.step);
             }
-            if asks.shared {
-                self.unanswered[place as usize].shared += 1;
+            self.unanswered[place as usize].values_mut().zip(asks.values()).for_each(|(left, &asks)| *left += u8::from(asks));
+            if self.mixes && units[Service::Texture] {
+                let own = |service: Service| asks[service] && self.ports.unit_of(service) == Some(Service::Texture);
+                self.mixed[place as usize].ask(ServiceMap::from_fn(own));
+            }
+            if asks[Service::Shared] {
                 self.memory.access(card, self.cluster, number, place, now);
             }
             self.issue.asking &= !(1 << place);
@@ -583,8 +591,8 @@ impl Unit<Card> for Core {
         }
 
         // 5. New warps: vertices first, since fragments wait for them.
-        for program in Program::ALL {
-            did = did.or(self.take(wires, card, program));
+        for stage in INTAKE {
+            did = did.or(self.take(wires, card, stage));
         }
 
         // 6. A core that has something for another unit, or waits for its group, looks again in the next cycle. Else nothing can be
@@ -618,8 +626,8 @@ impl Unit<Card> for Core {
 
     fn counted(groups: &mut Counted<Self>) {
         // Cores that shade nothing but vertices are not counted.
-        groups.group_if(CORES, |unit| unit.ports.fragment.is_some().then(|| unit.counts()));
-        groups.group_if(SHARED, |unit| unit.ports.compute.is_some().then(|| unit.memory.counts()));
+        groups.group_if(CORES, |unit| unit.ports.stages[Stage::Fragment].is_some().then(|| unit.counts()));
+        groups.group_if(SHARED, |unit| unit.ports.stages[Stage::Compute].is_some().then(|| unit.memory.counts()));
     }
 }
 
@@ -629,17 +637,16 @@ impl Core {
         let mut did = Tick::Starved;
         for place in bits(self.issue.finished) {
             let resident = self.resident[place as usize];
-            let (port, number) = match resident.program {
-                Program::Fragment => (&self.ports.fragment, resident.warp),
-                Program::Vertex => (&self.ports.vertex, resident.number),
-                Program::Compute => (&self.ports.compute, resident.number),
+            let number = match resident.stage {
+                Stage::Fragment => resident.warp,
+                Stage::Vertex | Stage::Compute => resident.number,
             };
-            let Some((_, output)) = port else { continue };
+            let Some((_, output)) = &self.ports.stages[resident.stage] else { continue };
             if !wires.try_push(output, WarpToken { warp: number }) {
                 did = did.or(Tick::Blocked);
                 continue;
             }
-            if resident.program != Program::Fragment {
+            if resident.stage != Stage::Fragment {
                 card.warps[self.cluster].remove(resident.warp);
             }
             self.issue.finished &= !(1 << place);
@@ -648,7 +655,7 @@ impl Core {
             if resident.shared > 0 {
                 self.hand_on(resident);
             }
-            if self.turns.is_some() && resident.program == Program::Compute {
+            if self.turns.is_some() && resident.stage == Stage::Compute {
                 self.end_turn(resident);
             }
             did = Tick::Moved;

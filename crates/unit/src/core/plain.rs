@@ -60,7 +60,12 @@ impl Plain {
         let set = match then {
             RequestKind::End => &mut self.ended.1,
             RequestKind::Barrier => &mut self.ended.2,
-            _ => &mut self.ended.0,
+            RequestKind::Texture
+            | RequestKind::Load
+            | RequestKind::Store
+            | RequestKind::Atomic
+            | RequestKind::Constant
+            | RequestKind::Shared => &mut self.ended.0,
         };
         *set |= 1 << place;
     }

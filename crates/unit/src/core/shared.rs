@@ -11,7 +11,7 @@ use crate::card::Card;
 use crate::warp::Item;
 use num::{Cycle, NEVER};
 use stats::Heading;
-use work::{Request, RequestKind};
+use work::{Request, RequestKind, Service, ServiceMap};
 
 /// The heading of workgroup memory in the statistics.
 pub const SHARED: Heading = Heading::new("shading.shared[i]", "Workgroup memory.");
@@ -28,27 +28,20 @@ stats::counters! {
     }
 }
 
-/// The kinds of requests that a step of a warp makes.
-#[derive(Clone, Copy, Debug, Default)]
-pub(super) struct Asks {
-    pub memory: bool,
-    pub shared: bool,
-    pub constant: bool,
-}
-
-/// The kinds of requests that the parts of a warp make at the end of its current step.
+/// The services that the parts of a warp ask at the end of its current step.
 #[cold]
-pub(super) fn asks(card: &Card, cluster: usize, number: u32) -> Asks {
+pub(super) fn asks(card: &Card, cluster: usize, number: u32) -> ServiceMap<bool> {
     let warp = &card.warps[cluster][number];
-    let mut asks = Asks::default();
+    let mut asks = ServiceMap::default();
     for (part, item) in warp.items.iter().enumerate() {
-        let kind = warp.then(warp.step, part, || &card.costs(warp.program, warp.slot, item)[item.cost]);
-        asks.constant |= kind == RequestKind::Constant;
-        asks.memory |= kind.has_request() && kind != RequestKind::Constant;
-        asks.shared |= kind == RequestKind::Shared;
+        if let Some(service) = warp.then(warp.step, part, || card.cost(warp, item)).service() {
+            asks[service] = true;
+        }
     }
     // Parts that have nothing left to ask are answered like the others.
-    asks.memory |= !asks.shared && !asks.constant;
+    if asks == ServiceMap::default() {
+        asks[Service::Texture] = true;
+    }
     asks
 }
 
@@ -106,7 +99,7 @@ impl SharedMemory {
         for part in 0..parts {
             let warp = &card.warps[cluster][number];
             let item = warp.items[part];
-            let kind = warp.then(step, part, || &card.costs(warp.program, warp.slot, &item)[item.cost]);
+            let kind = warp.then(step, part, || card.cost(warp, &item));
             if kind != RequestKind::Shared {
                 continue;
             }
@@ -115,7 +108,7 @@ impl SharedMemory {
             for k in 0..u32::from(request.operations.max(1)) {
                 self.words.extend(words.iter().map(|word| word + k));
             }
-            card.warps[cluster][number].items[part].shared += 1;
+            card.warps[cluster][number].items[part].next[Service::Shared] += 1;
         }
         let cycles = self.cycles(atomic);
         self.counts.accesses += 1;
@@ -142,6 +135,6 @@ impl SharedMemory {
 /// The access of a part of a workgroup's warp, and its words.
 fn request<'a>(card: &'a Card, slot: u16, item: &Item) -> (&'a Request, &'a [u32]) {
     let groups = &card.compute(slot).groups;
-    let request = &groups.shared[item.shared as usize];
+    let request = &groups.shared[item.next[Service::Shared] as usize];
     (request, &groups.words[request.first_line as usize..][..usize::from(request.lines)])
 }

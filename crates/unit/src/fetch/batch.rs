@@ -2,7 +2,7 @@
 
 use super::super::card::{Card, Work};
 use super::super::token::{Kind, VertexBatch, WarpToken};
-use super::super::warp::{Item, Program};
+use super::super::warp::Item;
 use super::{Fetch, Gathered};
 use crate::assembly::MAX_BATCHES;
 use gfx::stage::Stage;
@@ -140,14 +140,14 @@ impl Fetch {
         let (cluster, output) = &self.ports.cores[core];
         let Card { work, warps, .. } = card;
         let work = work[usize::from(batch.slot)].as_ref().expect("a batch's segment is in flight");
-        let index = warps[*cluster].insert(Program::Vertex, batch.slot, work.draw.shape(Stage::Vertex).registers);
+        let index = warps[*cluster].insert(Stage::Vertex, batch.slot, work.draw.shape(Stage::Vertex).registers);
         let warp = &mut warps[*cluster][index];
         warp.number = batch.number;
         for vertex in self.vertices.drain(..batch.count as usize) {
             let vertex = &work.segment.vertices[vertex as usize];
-            warp.items.push(Item { source: 0, request: vertex.first_request, shared: 0, constant: 0, cost: vertex.cost });
+            warp.items.push(Item::new(0, vertex.first_request, vertex.cost));
         }
-        warp.merge(|_| &work.segment.costs);
+        warp.merge(|_| &work.segment.invocations[Stage::Vertex].costs);
         wires.push(output, WarpToken { warp: index });
         Ok(())
     }

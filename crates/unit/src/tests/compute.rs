@@ -66,7 +66,7 @@ fn computed(rate: u32, cores: &[Cycle], runs: &[u32], invocations: u32) -> Compu
                 let packets =
                     vec![Packet { cost: 0, first_request: 0, first_shared: 0 }; (groups * invocations.div_ceil(4)) as usize];
                 let costs = CostTable::from(vec![Cost::from(vec![step([1, 0, 0, 0, 0], RequestKind::End)])]);
-                let groups = Groups { groups, packets, costs, ..Groups::default() };
+                let groups = Groups { groups, packets, invocations: costs.into(), ..Groups::default() };
                 card.compute[slot] = Some(ComputeWork { dispatch: dispatch.clone(), groups: Arc::new(groups), epoch: 0 });
                 pieces.push((0, Piece { slot: slot as u16, kind: Kind::DATA }));
             }

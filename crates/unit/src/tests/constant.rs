@@ -8,7 +8,7 @@ use crate::card::Card;
 use crate::constant::{Constant, ConstantConfig, ConstantCounts};
 use crate::tags::CacheCounts;
 use crate::token::WarpToken;
-use crate::warp::Program;
+use gfx::stage::Stage;
 use mem::Ideal;
 use num::Cycle;
 use sim::{Circuit, One, Unit, Wiring};
@@ -62,16 +62,16 @@ fn read(config: &ConstantConfig, warps: &[(Cycle, Vec<Vec<u64>>)]) -> Read {
             let (out, got) = wiring.channel("out", 0, FREE, ids[1], ids[2]);
             let steps = [RequestKind::Constant, RequestKind::End].map(|then| step([0; Class::COUNT], then));
             let costs = CostTable::from(vec![Cost::from(steps.to_vec())]);
-            let mut tile = TileWork { costs: costs.clone(), ..TileWork::default() };
+            let mut tile = TileWork { invocations: costs.clone().into(), ..TileWork::default() };
             let mut card = card(1);
             let mut items = Vec::new();
             for (at, parts) in warps {
-                let index = warp(&mut card, Program::Fragment, parts.len() as u32, 16, &costs);
+                let index = warp(&mut card, Stage::Fragment, parts.len() as u32, 16, &costs);
                 let warp = &mut card.warps[0][index];
                 warp.place = index;
-                warp.constants_asked.push_back(0);
+                warp.asked[Service::Constant].push_back(0);
                 for (item, addresses) in warp.items.iter_mut().zip(parts) {
-                    item.constant = tile.requests.len() as u32;
+                    item.next[Service::Constant] = tile.invocations.requests.len() as u32;
                     let mut lines: Vec<(u32, u32)> = Vec::new();
                     for address in addresses {
                         let (line, word) = ((address / LINE) as u32, 1 << (address % LINE / 4));
@@ -80,10 +80,15 @@ fn read(config: &ConstantConfig, warps: &[(Cycle, Vec<Vec<u64>>)]) -> Read {
                             None => lines.push((line, word)),
                         }
                     }
-                    let first_line = tile.lines.len() as u32;
-                    tile.requests.push(Request { first_line, lines: lines.len() as u8, operations: 4, ..Request::default() });
-                    tile.lines.extend(lines.iter().map(|(line, _)| line));
-                    tile.lines.extend(lines.iter().map(|(_, words)| !words));
+                    let first_line = tile.invocations.lines.len() as u32;
+                    tile.invocations.requests.push(Request {
+                        first_line,
+                        lines: lines.len() as u8,
+                        operations: 4,
+                        ..Request::default()
+                    });
+                    tile.invocations.lines.extend(lines.iter().map(|(line, _)| line));
+                    tile.invocations.lines.extend(lines.iter().map(|(_, words)| !words));
                 }
                 items.push((*at, WarpToken { warp: index }));
             }

@@ -7,7 +7,7 @@ use super::scenery::{card, draw, step, warp};
 use crate::card::{Card, ComputeWork, Fault};
 use crate::core::{Core, CoreConfig, CorePorts, Scheduling};
 use crate::token::WarpToken;
-use crate::warp::Program;
+use gfx::stage::Stage;
 use num::Cycle;
 use sim::{Clock, One, Unit, Wiring, run};
 use work::*;
@@ -59,7 +59,7 @@ fn config() -> CoreConfig {
 /// A warp for a core.
 #[derive(Clone)]
 struct Work {
-    program: Program,
+    stage: Stage,
     steps: Vec<Step>,
     registers: u32,
     /// Its workgroup, that group's warps, and its workgroup memory.
@@ -72,12 +72,12 @@ struct Work {
 impl Work {
     fn fragments(steps: &[Step]) -> Work {
         let (words, atomic) = (Vec::new(), false);
-        Work { program: Program::Fragment, steps: steps.to_vec(), registers: 16, group: (0, 1, 0), words, atomic }
+        Work { stage: Stage::Fragment, steps: steps.to_vec(), registers: 16, group: (0, 1, 0), words, atomic }
     }
 
     /// A warp of a workgroup of `siblings` warps.
     fn of_group(steps: &[Step], number: u32, siblings: u32, shared: u32) -> Work {
-        Work { program: Program::Compute, group: (number, siblings, shared), ..Work::fragments(steps) }
+        Work { stage: Stage::Compute, group: (number, siblings, shared), ..Work::fragments(steps) }
     }
 }
 
@@ -127,19 +127,19 @@ fn circuit_with(config: &CoreConfig, work: &[Work], has_constants: bool) -> (Cor
     let mut tokens = [Vec::new(), Vec::new(), Vec::new()];
     for work in work {
         let costs = CostTable::from(vec![Cost::from(work.steps.clone())]);
-        let index = warp(&mut card, work.program, 1, work.registers, &costs);
+        let index = warp(&mut card, work.stage, 1, work.registers, &costs);
         let warp = &mut card.warps[0][index];
         (warp.number, warp.siblings, warp.shared_bytes) = work.group;
-        warp.items[0].shared = groups.shared.len() as u32;
+        warp.items[0].next[Service::Shared] = groups.shared.len() as u32;
         for words in &work.words {
             let (first_line, operations) = (groups.words.len() as u32, u8::from(!work.atomic));
             groups.shared.push(Request { first_line, lines: words.len() as u8, operations, ..Request::default() });
             groups.words.extend(words);
         }
-        let to = match work.program {
-            Program::Vertex => 0,
-            Program::Compute => 1,
-            Program::Fragment => 2,
+        let to = match work.stage {
+            Stage::Vertex => 0,
+            Stage::Compute => 1,
+            Stage::Fragment => 2,
         };
         tokens[to].push((0, WarpToken { warp: index }));
     }
@@ -154,7 +154,9 @@ fn circuit_with(config: &CoreConfig, work: &[Work], has_constants: bool) -> (Cor
         constants.push(Echo::answering(CONSTANT, place, asked, answer));
         constant = Some((ask, answered));
     }
-    let ports = CorePorts { vertex: next(), compute: next(), fragment: next(), texture: (ask, answered), constant };
+    let stages = [(Stage::Vertex, next()), (Stage::Compute, next()), (Stage::Fragment, next())];
+    let services = [(Service::Texture, Some((ask, answered))), (Service::Constant, constant)];
+    let ports = CorePorts::new(stages, services);
     let sources = tokens.into_iter().zip(outputs).map(|(items, output)| Source::new(items, output)).collect();
     let core = One(Core::new(config.clone(), 0, ports));
     let texture = One(Echo::answering(TEXTURE, place, asked, answer));
@@ -344,7 +346,7 @@ fn loads_from_uniform_buffers_are_answered_apart() {
     // A sample, a load from a uniform buffer, and a step that needs the load, the sample, or both.
     let steps = |memory: u8, constant: u8| {
         let of = |count, then, memory, constant| {
-            let in_flight = InFlight { memory, shared: u8::MAX, constant };
+            let in_flight = InFlight::new([memory, constant, u8::MAX]);
             Step { in_flight, ..step([count, 0, 0, 0, 0], then) }
         };
         let any = u8::MAX;
@@ -377,10 +379,7 @@ fn loads_from_uniform_buffers_are_answered_apart() {
 fn a_warp_goes_on_until_it_needs_an_answer() {
     // Two requests, and a step that needs the first, both, or neither.
     let steps = |allowed: u8| {
-        let any = |instructions, then, memory| Step {
-            in_flight: InFlight { memory, shared: 0, constant: 0 },
-            ..step(instructions, then)
-        };
+        let any = |instructions, then, memory| Step { in_flight: InFlight::new([memory, 0, 0]), ..step(instructions, then) };
         [
             any([1, 0, 0, 0, 0], RequestKind::Texture, u8::MAX),
             any([1, 0, 0, 0, 0], RequestKind::Load, u8::MAX),
@@ -426,8 +425,8 @@ fn banks_of_workgroup_memory_have_a_word_a_cycle() {
     // A warp goes on while its access is under way.
     let ahead = [
         steps[0],
-        Step { in_flight: InFlight { memory: 0, shared: 1, constant: 0 }, ..steps[0] },
-        Step { in_flight: InFlight { memory: 0, shared: 1, constant: 0 }, ..step([1, 0, 0, 0, 0], RequestKind::Load) },
+        Step { in_flight: InFlight::new([0, 0, 1]), ..steps[0] },
+        Step { in_flight: InFlight::new([0, 0, 1]), ..step([1, 0, 0, 0, 0], RequestKind::Load) },
         steps[1],
     ];
     let work = Work { words: vec![vec![0], vec![1]], ..Work::of_group(&ahead, 1, 1, 64) };
@@ -470,8 +469,8 @@ fn workgroup_memory_is_held_until_the_whole_group_is_done() {
 #[test]
 fn vertices_come_before_workgroups_and_fragments() {
     // One place. A warp of one instruction is taken in t, issues in t + 1, leaves in t + 2, in which the next is taken.
-    let of = |program| Work { program, ..Work::fragments(&to_the_end([1, 0, 0, 0, 0])) };
-    let work = [of(Program::Fragment), of(Program::Compute), of(Program::Vertex)];
+    let of = |stage| Work { stage, ..Work::fragments(&to_the_end([1, 0, 0, 0, 0])) };
+    let work = [of(Stage::Fragment), of(Stage::Compute), of(Stage::Vertex)];
     let config = CoreConfig { warps: 1, ..config() };
     let [vertices, groups, fragments] = run_all(&config, &work);
     assert_eq!((vertices[0].0, groups[0].0, fragments[0].0), (3 + 1, 5 + 1, 7 + 1));

@@ -9,6 +9,7 @@ use crate::Card;
 use crate::fetch::{Fetch, FetchConfig, FetchInput, FetchPorts, Reuse, VertexDeal};
 use crate::tags::CacheCounts;
 use crate::token::{Kind, Packing, Piece, VertexBatch, WarpToken};
+use gfx::stage::Stage;
 use gfx::state::StepMode;
 use mem::Ideal;
 use num::Cycle;
@@ -205,7 +206,9 @@ fn reading(stream: Vec<u32>, base: u32) -> Segment {
     let count = stream.iter().filter(|&&vertex| vertex != u32::MAX).max().map_or(0, |&last| last + 1);
     let vertices = (0..count).map(|index| Vertex { index: base + index, instance: 0, cost: 0, first_request: 0 }).collect();
     let costs = CostTable::from(vec![Cost::from(vec![Step::dependent([1, 0, 0, 0, 0], RequestKind::End)])]);
-    Segment { stream, vertices, costs, ..Segment::default() }
+    let mut segment = Segment { stream, vertices, ..Segment::default() };
+    segment.invocations[Stage::Vertex] = costs.into();
+    segment
 }
 
 /// A segment of `count` vertices, none of them twice.

@@ -7,7 +7,7 @@ use crate::class_state::ClassState;
 use crate::frame::BlockState;
 use crate::interleave::{Interleave, Pattern};
 use crate::token::{GroupToken, Kind, TriangleToken};
-use crate::warp::{Execution, Item, Program};
+use crate::warp::{Execution, Item};
 use gfx::format::Format;
 use gfx::stage::{Stage, StageMap};
 use gfx::state::{Compare, DepthStencil, StencilFace};
@@ -100,7 +100,7 @@ pub fn row_of_tiles(tiles: u16, blocks: u32, quads: u8, rows: u16) -> Segment {
             .collect(),
         quads: (0..blocks * u32::from(quads)).map(|q| Quad { position: (q % u32::from(quads)) as u8, ..QUAD }).collect(),
         payload: vec![0; 64],
-        costs: CostTable::from(vec![Cost::from(vec![step([1, 0, 0, 0, 0], RequestKind::End)])]),
+        invocations: CostTable::from(vec![Cost::from(vec![step([1, 0, 0, 0, 0], RequestKind::End)])]).into(),
         ..TileWork::default()
     };
     Segment {
@@ -144,12 +144,12 @@ pub fn mark(kind: Kind, slot: u16) -> GroupToken {
     GroupToken { group: u32::from(slot), sequence: 0, kind, quads: 0, pool: 0 }
 }
 
-/// A warp of one program whose parts all have the first cost of a table.
-pub fn warp(card: &mut Card, program: Program, parts: u32, registers: u32, costs: &CostTable) -> u32 {
-    let index = card.warps[0].insert(program, 0, registers);
+/// A warp of one stage whose parts all have the first cost of a table.
+pub fn warp(card: &mut Card, stage: Stage, parts: u32, registers: u32, costs: &CostTable) -> u32 {
+    let index = card.warps[0].insert(stage, 0, registers);
     let warp = &mut card.warps[0][index];
     for _ in 0..parts {
-        warp.items.push(Item { source: 0, request: 0, shared: 0, constant: 0, cost: 0 });
+        warp.items.push(Item::default());
     }
     warp.merge(|_| costs);
     index

@@ -8,8 +8,8 @@ use crate::Card;
 use crate::tags::CacheCounts;
 use crate::texture::{Texture, TextureConfig, TextureCounts, TextureUser};
 use crate::token::WarpToken;
-use crate::warp::Program;
 use gfx::format::TexelClass;
+use gfx::stage::Stage;
 use mem::Ideal;
 use num::Cycle;
 use sim::{Circuit, One, Unit, Wiring};
@@ -95,18 +95,24 @@ fn textured_as(
             let (out, got) = wiring.channel("out", 0, FREE, ids[1], ids[2]);
             let costs =
                 CostTable::from(vec![Cost::from(vec![step([0; Class::COUNT], kind), step([1, 0, 0, 0, 0], RequestKind::End)])]);
-            let mut tile = TileWork { costs: costs.clone(), ..TileWork::default() };
+            let mut tile = TileWork { invocations: costs.clone().into(), ..TileWork::default() };
             let mut card = card(1);
             let mut items = Vec::new();
             for (at, (quads, operations)) in warps {
-                let index = warp(&mut card, Program::Fragment, quads.len() as u32, 16, &costs);
+                let index = warp(&mut card, Stage::Fragment, quads.len() as u32, 16, &costs);
                 card.warps[0][index].place = index;
                 for (item, lines) in card.warps[0][index].items.iter_mut().zip(quads) {
-                    item.request = tile.requests.len() as u32;
-                    let first_line = tile.lines.len() as u32;
-                    tile.requests.push(Request { first_line, lines: lines.len() as u8, operations: *operations, texel, loads });
-                    tile.lines.extend(lines);
-                    tile.lines.resize(tile.lines.len() + lines.len().div_ceil(8), !(halves * 0x5555));
+                    item.next[Service::Texture] = tile.invocations.requests.len() as u32;
+                    let first_line = tile.invocations.lines.len() as u32;
+                    tile.invocations.requests.push(Request {
+                        first_line,
+                        lines: lines.len() as u8,
+                        operations: *operations,
+                        texel,
+                        loads,
+                    });
+                    tile.invocations.lines.extend(lines);
+                    tile.invocations.lines.resize(tile.invocations.lines.len() + lines.len().div_ceil(8), !(halves * 0x5555));
                 }
                 items.push((*at, WarpToken { warp: index }));
             }

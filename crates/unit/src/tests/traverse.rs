@@ -420,10 +420,12 @@ fn blocks_are_accepted_by_what_they_can_hold_once_all_before_is_tested() {
     // Late tests write too, but none of them is decided ahead; and a shader's depths can be anywhere.
     assert_eq!(accepted(&[0.3], Some(0.5), &|state| state.early = false), blocks(0));
     // The other way round: farther passes.
-    let farther = |state: &mut RecordedState| state.depth_stencil.as_mut().expect("a test").depth_compare = Compare::GreaterEqual;
+    let farther =
+        |state: &mut RecordedState| state.depth_stencil.as_mut().expect("a test").depth_compare = Compare::GreaterEqual;
     assert_eq!(accepted(&[0.6, 0.55, 0.6], Some(0.5), &farther), blocks(2));
     // With stencils beside them.
-    let stencil = |state: &mut RecordedState| state.depth_stencil.as_mut().expect("a test").format = Format::Depth32FloatStencil8;
+    let stencil =
+        |state: &mut RecordedState| state.depth_stencil.as_mut().expect("a test").format = Format::Depth32FloatStencil8;
     assert_eq!(
         accepted(&[0.3], Some(0.5), &stencil),
         TraverseCounts { accepted: 8, unwritten: 0, ..TraverseCounts::default() }

@@ -1,6 +1,7 @@
 //! The instructions that a warp executes on the paths of its parts.
 
-use crate::warp::{Execution, Item, Program, Warps};
+use crate::warp::{Execution, Item, Warps};
+use gfx::stage::Stage;
 use work::{Class, Cost, CostTable, InFlight, Point, RequestKind, Span, Step};
 
 use Class::{Float, Integer, Special};
@@ -45,9 +46,9 @@ fn merged(execution: Execution, paths: &[&[(u32, RequestKind)]]) -> crate::warp:
     let spans = PROGRAM.iter().map(|&(at, runs)| span(at, runs)).collect();
     let table = CostTable { costs: paths.iter().map(|path| cost(path)).collect(), spans };
     let mut warps = Warps::new(execution);
-    let index = warps.insert(Program::Fragment, 0, 8);
+    let index = warps.insert(Stage::Fragment, 0, 8);
     let warp = &mut warps[index];
-    warp.items = (0..paths.len() as u16).map(|cost| Item { source: 0, request: 0, shared: 0, constant: 0, cost }).collect();
+    warp.items = (0..paths.len() as u16).map(|cost| Item::new(0, 0, cost)).collect();
     warp.merge(|_| &table);
     warp.clone()
 }
@@ -101,8 +102,8 @@ fn without_paths_steps_are_all_there_is() {
     let costs = vec![Cost::from(vec![step([8, 0, 0, 0, 0], End)]), Cost::from(vec![step([7, 2, 0, 0, 0], End)])];
     let table = CostTable::from(costs);
     let mut warps = Warps::new(Execution::InOrder);
-    let index = warps.insert(Program::Vertex, 0, 8);
-    warps[index].items = (0..2).map(|cost| Item { source: 0, request: 0, shared: 0, constant: 0, cost }).collect();
+    let index = warps.insert(Stage::Vertex, 0, 8);
+    warps[index].items = (0..2).map(|cost| Item::new(0, 0, cost)).collect();
     warps[index].merge(|_| &table);
     assert_eq!(warps[index].steps, [step([8, 2, 0, 0, 0], End)]);
     assert!(warps[index].order(0).is_empty());

@@ -374,12 +374,12 @@ impl OpenDispatch {
     fn groups(&mut self, groups: &Groups, touches: &mut Touches) {
         self.runs += 1;
         // Which lines are written is not told apart: most of a dispatch's are read, written, or both, and once.
-        for &line in &groups.lines {
+        for &line in &groups.invocations.lines {
             if touches.follows(line) {
                 touches.push_once(Touch { line, by: Toucher::Store, ..Touch::default() });
             }
         }
         self.cost.add_groups(groups);
-        self.lines.extend(&groups.lines);
+        self.lines.extend(&groups.invocations.lines);
     }
 }

@@ -181,8 +181,9 @@ impl OpenPass {
         if !self.whole {
             draw.dealt_vertices += dealt_vertices(segment, DEALT);
         }
+        let invocations = &segment.invocations[Stage::Vertex];
         for vertex in &segment.vertices {
-            draw.vertex.add(&segment.costs[vertex.cost], &segment.requests[vertex.first_request as usize..]);
+            draw.vertex.add(&invocations.costs[vertex.cost], &invocations.requests[vertex.first_request as usize..]);
         }
         segment.tiles.iter().for_each(|tile| draw.fragment.add_tile(tile));
         self.memory.vertices(segment, touches);
@@ -309,7 +310,8 @@ impl Memory {
             touches.run(address, segment.stream.len() as u64 * u64::from(segment.index_bytes), 1, Toucher::Vertex);
         }
         let touch = |line: u32| Touch { line, by: Toucher::Vertex, ..Touch::default() };
-        for (vertex, asked) in segment.vertices.iter().map(|vertex| (vertex, segment.costs[vertex.cost].requests())) {
+        let invocations = &segment.invocations[Stage::Vertex];
+        for (vertex, asked) in segment.vertices.iter().map(|vertex| (vertex, invocations.costs[vertex.cost].requests())) {
             for &(address, stride, instanced) in &self.streams {
                 let Vertex { index, instance, .. } = *vertex;
                 let line = ((address + u64::from(if instanced { instance } else { index }) * stride) / LINE) as u32;
@@ -317,8 +319,8 @@ impl Memory {
                     touches.push_once(touch(line));
                 }
             }
-            for request in &segment.requests[vertex.first_request as usize..][..asked] {
-                for &line in &segment.lines[request.first_line as usize..][..usize::from(request.lines)] {
+            for request in &invocations.requests[vertex.first_request as usize..][..asked] {
+                for &line in &invocations.lines[request.first_line as usize..][..usize::from(request.lines)] {
                     if touches.follows(line) {
                         touches.push_once(touch(line));
                     }
@@ -334,7 +336,7 @@ impl Memory {
         self.tiles.clear();
         for tile in &segment.tiles {
             self.tiles.push(self.costs.len() as u32);
-            for cost in &tile.costs.costs {
+            for cost in &tile.invocations.costs.costs {
                 let begin = self.kinds.len() as u32;
                 self.kinds.extend(asking(cost).map(|step| step.then));
                 self.costs.push([begin, self.kinds.len() as u32]);
@@ -397,9 +399,9 @@ impl Followed<'_> {
     /// A quad's requests.
     #[inline(always)]
     fn quad(&mut self, tile: &TileWork, quad: &Quad, [begin, end]: [u32; 2], bundle: u32) {
-        let requests = &tile.requests[quad.first_request as usize..][..(end - begin) as usize];
+        let requests = &tile.invocations.requests[quad.first_request as usize..][..(end - begin) as usize];
         for (step, request) in requests.iter().enumerate() {
-            for &line in &tile.lines[request.first_line as usize..][..usize::from(request.lines)] {
+            for &line in &tile.invocations.lines[request.first_line as usize..][..usize::from(request.lines)] {
                 let counted = Lines::follows(line);
                 if counted || self.touches.follows(line) {
                     self.line(line, counted, tile, begin as usize, step, bundle);

@@ -1,6 +1,8 @@
 //! What shader invocations cost.
 
-use super::super::{Class, Cost, Groups, InFlight, LINE, Packet, QUAD_SHADED, Request, RequestKind, Step, TileWork};
+use super::super::{
+    Class, Cost, Groups, InFlight, Invocations, LINE, Packet, QUAD_SHADED, Request, RequestKind, Service, Step, TileWork,
+};
 
 /// What shader invocations cost, summed up: an entry per vertex, a quad, or four invocations of a workgroup.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -84,9 +86,9 @@ impl ShaderProfile {
         for together in groups.packets.chunks(TOGETHER) {
             let before = [self.access_pieces, self.constant_pieces];
             for packet in together {
-                self.add(&groups.costs[packet.cost], &groups.requests[packet.first_request as usize..]);
+                self.add(&groups.invocations.costs[packet.cost], &groups.invocations.requests[packet.first_request as usize..]);
             }
-            let cost = &groups.costs[together[0].cost];
+            let cost = &groups.invocations.costs[together[0].cost];
             // Those that take different paths ask one by one.
             if together.iter().all(|packet| packet.cost == together[0].cost) {
                 let [accesses, constants] = [false, true].map(|constants| pieces(groups, together, cost, constants));
@@ -98,25 +100,26 @@ impl ShaderProfile {
 
     /// Adds the shaded quads of a tile.
     pub(super) fn add_tile(&mut self, tile: &TileWork) {
+        let Invocations { costs, requests, .. } = &tile.invocations;
         // 1. Costs, of which there are few, times the quads that have them.
-        let mut runs = vec![0_u64; tile.costs.costs.len()];
+        let mut runs = vec![0_u64; costs.costs.len()];
         let shaded = || tile.quads.iter().filter(|quad| quad.flags & QUAD_SHADED != 0);
         shaded().for_each(|quad| runs[usize::from(quad.cost)] += 1);
-        for (cost, &runs) in tile.costs.costs.iter().zip(&runs) {
+        for (cost, &runs) in costs.costs.iter().zip(&runs) {
             self.add_cost(cost, runs);
         }
         // 2. Requests: what they ask differs from quad to quad.
         let textures = |cost: &Cost| asking(cost).all(|step| step.then == RequestKind::Texture);
-        if tile.costs.costs.iter().all(textures) {
-            self.textures += tile.requests.len() as u64;
-            for request in &tile.requests {
+        if costs.costs.iter().all(textures) {
+            self.textures += requests.len() as u64;
+            for request in requests {
                 self.operations[request.rate()] += u64::from(request.operations);
                 self.texture_lines += u64::from(request.lines);
             }
             return;
         }
         for quad in shaded() {
-            self.add_requests(asking(&tile.costs[quad.cost]), &tile.requests[quad.first_request as usize..]);
+            self.add_requests(asking(&costs[quad.cost]), &requests[quad.first_request as usize..]);
         }
     }
 
@@ -129,7 +132,7 @@ impl ShaderProfile {
         for step in &cost.steps {
             let needs_all = matches!(step.then, RequestKind::End | RequestKind::Barrier);
             let allowed = if needs_all { InFlight::NONE } else { step.in_flight };
-            let (allowed, of_constants) = (u64::from(allowed.memory), u64::from(allowed.constant));
+            let (allowed, of_constants) = (u64::from(allowed[Service::Texture]), u64::from(allowed[Service::Constant]));
             self.stops += u64::from(unanswered > allowed) * runs;
             self.constant_stops += u64::from(unanswered <= allowed && constants > of_constants) * runs;
             let constant = step.then == RequestKind::Constant;
@@ -187,8 +190,8 @@ fn pieces(groups: &Groups, together: &[Packet], cost: &Cost, constants: bool) ->
     for (at, step) in asking(cost).enumerate().filter(|(_, step)| counts(step)) {
         found.clear();
         for packet in together {
-            let request = &groups.requests[packet.first_request as usize + at];
-            let lines = &groups.lines[request.first_line as usize..][..usize::from(request.lines)];
+            let request = &groups.invocations.requests[packet.first_request as usize + at];
+            let lines = &groups.invocations.lines[request.first_line as usize..][..usize::from(request.lines)];
             found.extend(lines.iter().map(|&line| u64::from(line) * LINE / PIECE));
         }
         found.sort_unstable();

@@ -346,7 +346,7 @@ fn recorded_work_is_consistent() {
             }
             assert_eq!(entries, s.triangles.len(), "{name}");
             for v in &s.vertices {
-                assert!((v.cost as usize) < s.costs.costs.len(), "{name}");
+                assert!((v.cost as usize) < s.invocations[Stage::Vertex].costs.costs.len(), "{name}");
             }
             for tile in &s.tiles {
                 let mut quad = 0;
@@ -358,8 +358,8 @@ fn recorded_work_is_consistent() {
                 for q in tile.quads.iter().filter(|q| q.flags & QUAD_SHADED != 0) {
                     assert_eq!(q.kept & !q.coverage, 0, "{name}");
                     assert!(q.payload as usize + usize::from(draw.payload_words) <= tile.payload.len(), "{name}");
-                    let cost = &tile.costs[q.cost];
-                    assert!(q.first_request as usize + cost.requests() <= tile.requests.len(), "{name}");
+                    let cost = &tile.invocations.costs[q.cost];
+                    assert!(q.first_request as usize + cost.requests() <= tile.invocations.requests.len(), "{name}");
                 }
             }
         }
