@@ -18,7 +18,7 @@ use fillrate::gfx::texture;
 use fillrate::import;
 use fillrate::num::{Limits, ShaderId, Words};
 use fillrate::render::draw::{
-    BoundStage, BufferRange, DrawCall, DynamicState, IndexRange, OpenQueries, PassOptions, Range, RenderPass, Skips,
+    BoundStage, BufferRange, DrawCall, DrawRange, DynamicState, IndexRange, OpenQueries, PassOptions, RenderPass, Skips,
 };
 use fillrate::render::pipeline::RenderPipeline;
 use fillrate::render::surface::{Shape, TileSurface};
@@ -261,7 +261,7 @@ fn run(name: &str, workload: &Workload, frames: usize, skips: Skips, record: boo
             group: &group,
             vertex_buffers: &vertices,
             index: Some(&indices),
-            range: Range { count: workload.mesh.indices.len() as u32, instances: 1, ..Range::default() },
+            range: DrawRange { count: workload.mesh.indices.len() as u32, instances: 1, ..DrawRange::default() },
             stages,
             signature: None,
             reach: &reach,

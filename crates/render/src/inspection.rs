@@ -149,13 +149,6 @@ impl Inspector {
         match command {
             Command::SetRenderPipeline(id) => self.pipeline = Some(id.0),
             Command::SetComputePipeline(id) => self.pipeline = Some(id.0),
-            // A draw of nothing uses no pipeline.
-            &Command::Draw { vertices: count, instances, .. } | &Command::DrawIndexed { indices: count, instances, .. }
-                if count > 0 && instances > 0 =>
-            {
-                self.used(0);
-            }
-            Command::DrawIndirect { .. } => self.used(0),
             Command::Dispatch { .. } | Command::DispatchIndirect { .. } => self.used(1),
             Command::ExecuteBundles(bundles) => {
                 for bundle in bundles {
@@ -165,7 +158,12 @@ impl Inspector {
                 }
                 self.pipeline = None;
             }
-            _ => {}
+            // A draw of nothing uses no pipeline.
+            command => {
+                if command.draws().is_some_and(|draws| draws.vertices() != Some(0)) {
+                    self.used(0);
+                }
+            }
         }
         Ok(())
     }

@@ -13,7 +13,7 @@ use work::{Aspects, Attachment, Event, Extent, Funnel, Load, Pass, Reach, Segmen
 use super::attachments::{Clearing, Place, announce, clear_bits, discard, lost, place_of, put_tiles, take_tiles};
 use super::bind::{Lent, ResolvedBindings};
 use super::draw::{
-    self, BoundStage, BufferRange, DrawCall, Drawn, DynamicState, IndexRange, OpenQueries, PassOptions, RenderPass, Signer,
+    BoundStage, BufferRange, DrawCall, Drawn, DynamicState, IndexRange, OpenQueries, PassOptions, RenderPass, Signer,
 };
 use super::execute::{Fault, Renderer, counts};
 use super::ledger::{DRAW_STEPS, Ledger, VERTEX_STEPS};
@@ -251,25 +251,6 @@ impl ActivePass {
             }
             Command::SetBlendConstant(color) => state.dynamic.blend_constant = color.map(|c| c as f32),
             Command::SetStencilReference(reference) => state.dynamic.stencil_reference = *reference,
-            &Command::Draw { vertices, instances, first_vertex, first_instance } => {
-                let range = draw::Range {
-                    first: first_vertex,
-                    count: vertices,
-                    base_vertex: 0,
-                    first_instance,
-                    instances,
-                    draw_index: 0,
-                };
-                self.draw(renderer, false, range)?;
-            }
-            &Command::DrawIndexed { indices, instances, first_index, base_vertex, first_instance } => {
-                let range =
-                    draw::Range { first: first_index, count: indices, base_vertex, first_instance, instances, draw_index: 0 };
-                self.draw(renderer, true, range)?;
-            }
-            &Command::DrawIndirect { buffer, offset, indexed, count, count_buffer } => {
-                self.draw_indirect(renderer, buffer.0, offset, indexed, count, count_buffer.map(|(b, at)| (b.0, at)))?;
-            }
             &Command::BeginOcclusionQuery { index } => {
                 if self.occlusion.is_none() {
                     return Err("an occlusion query in a pass without an occlusion query set".into());
@@ -303,7 +284,13 @@ impl ActivePass {
             }
             Command::PushDebugGroup(_) | Command::PopDebugGroup => renderer.groups.note(command),
             Command::InsertDebugMarker(_) => {}
-            command => return Err(format!("{} is not possible in a render pass", command.name()).into()),
+            command => match command.draws() {
+                Some(Draws::Direct { indexed, range }) => self.draw(renderer, indexed, range)?,
+                Some(Draws::Indirect { buffer, offset, indexed, count, count_buffer }) => {
+                    self.draw_indirect(renderer, buffer.0, offset, indexed, count, count_buffer.map(|(b, at)| (b.0, at)))?;
+                }
+                None => return Err(format!("{} is not possible in a render pass", command.name()).into()),
+            },
         }
         Ok(())
     }
@@ -346,32 +333,16 @@ impl ActivePass {
             renderer.ledger.commands.charge(1)?;
             let at = (offset + u64::from(draw_index) * stride) as usize;
             let word = |i: usize| words.u32_at(at + 4 * i);
-            let range = if indexed {
-                draw::Range {
-                    first: word(2),
-                    count: word(0),
-                    base_vertex: word(3) as i32,
-                    first_instance: word(4),
-                    instances: word(1),
-                    draw_index,
-                }
-            } else {
-                draw::Range {
-                    first: word(2),
-                    count: word(0),
-                    base_vertex: 0,
-                    first_instance: word(3),
-                    instances: word(1),
-                    draw_index,
-                }
-            };
+            let (base_vertex, first_instance) = if indexed { (word(3) as i32, word(4)) } else { (0, word(3)) };
+            let range =
+                DrawRange { first: word(2), count: word(0), base_vertex, first_instance, instances: word(1), draw_index };
             self.draw(renderer, indexed, range)?;
         }
         self.arguments.clear();
         Ok(())
     }
 
-    fn draw(&mut self, renderer: &mut Renderer<'_, '_>, indexed: bool, range: draw::Range) -> Result<(), Fault> {
+    fn draw(&mut self, renderer: &mut Renderer<'_, '_>, indexed: bool, range: DrawRange) -> Result<(), Fault> {
         let state = &self.state;
         let id = state.pipeline.ok_or("a draw without a pipeline")?;
         let number = renderer.draws;
@@ -381,7 +352,7 @@ impl ActivePass {
         }
         let pipeline = renderer.res.render_pipeline(id)?;
         let ledger = renderer.ledger.clone();
-        let vertices = u64::from(range.count) * u64::from(range.instances);
+        let vertices = range.vertices();
         ledger.vertices.charge(vertices)?;
         let mut bound = std::mem::take(&mut self.spare);
         for stage in pipeline.stages() {

@@ -9,6 +9,8 @@ use gfx::format::Format;
 use gfx::state::*;
 use num::*;
 
+pub use super::name::{DrawRange, Draws};
+
 /// A piece of binary payload: a byte range of a blob of the trace.
 #[derive(Clone, Debug, PartialEq, Eq, Hash, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]

@@ -15,7 +15,7 @@ use super::record::TileRecord;
 use super::stream::{Stream, StreamSource};
 use super::vertex::Vertices;
 use super::workers::Workers;
-use super::{DrawCall, DrawError, Range};
+use super::{DrawCall, DrawError, DrawRange};
 use crate::parallel;
 
 /// Primitives of a segment.
@@ -182,7 +182,7 @@ fn geometry(
     growth: &Meter,
 ) -> Result<(Option<Box<Segment>>, u64, u64), DrawError> {
     let Stages { stream, vertices, batches, pieces, .. } = &mut *stages;
-    let Range { first, base_vertex, .. } = call.range;
+    let DrawRange { first, base_vertex, .. } = call.range;
     stream.read(&StreamSource { index: call.index.map(|i| i.buffer()), first, base_vertex }, pieces, call.options.record);
     let mut segment = call.options.record.then(Box::<Segment>::default);
     let shaded = match call.pipeline.geometry().kind() {

@@ -52,6 +52,7 @@ pub use signature::Signer;
 
 pub use pass::{DrawError, EndedPass, RenderPass};
 pub use state::DrawState;
+pub use trace::command::DrawRange;
 
 /// A range of a buffer.
 #[derive(Clone, Debug)]
@@ -82,23 +83,6 @@ pub struct IndexRange {
     pub range: BufferRange,
     /// Width of an index.
     pub format: IndexFormat,
-}
-
-/// Which vertices and instances are drawn.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct Range {
-    /// First vertex, or first index.
-    pub first: u32,
-    /// Number of vertices, or of indices.
-    pub count: u32,
-    /// Added to every index.
-    pub base_vertex: i32,
-    /// First instance.
-    pub first_instance: u32,
-    /// Number of instances.
-    pub instances: u32,
-    /// Number of the draw in a multi-draw.
-    pub draw_index: u32,
 }
 
 /// Work that the renderer leaves out where the image cannot change. Each can be switched off.
@@ -218,7 +202,7 @@ pub struct DrawCall<'a> {
     /// Indices; none: not indexed.
     pub index: Option<&'a IndexRange>,
     /// The range of vertices or indices, and of instances, that is drawn.
-    pub range: Range,
+    pub range: DrawRange,
     /// The stages that [run](DrawState::runs).
     pub stages: StageMap<Option<BoundStage<'a>>>,
     /// Signature of what the pixels depend on beside attachments and primitives.

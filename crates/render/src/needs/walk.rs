@@ -153,13 +153,6 @@ impl Walker {
                     None => open.vertex.remove(slot),
                 };
             }
-            Command::Draw { .. } => draw((res, ledger), open, false, Amount::of(command))?,
-            Command::DrawIndexed { .. } => draw((res, ledger), open, true, Amount::of(command))?,
-            Command::DrawIndirect { buffer, indexed, count_buffer, .. } => {
-                open.step.extent.insert(Thing::Buffer(buffer.0));
-                open.step.extent.extend(count_buffer.map(|(buffer, _)| Thing::Buffer(buffer.0)));
-                draw((res, ledger), open, *indexed, Amount::of(command))?;
-            }
             Command::BeginOcclusionQuery { .. } => open.step.writes.extend(open.occlusion.map(Thing::Queries)),
             // They count fragments that are shaded.
             Command::BeginStatisticsQuery { set, .. } => {
@@ -176,7 +169,18 @@ impl Walker {
                     open.forget();
                 }
             }
-            _ => {}
+            command => {
+                if let Some(draws) = command.draws() {
+                    match draws {
+                        Draws::Direct { .. } => {}
+                        Draws::Indirect { buffer, count_buffer, .. } => {
+                            let buffers = [Some(buffer), count_buffer.map(|(buffer, _)| buffer)];
+                            open.step.extent.extend(buffers.into_iter().flatten().map(|buffer| Thing::Buffer(buffer.0)));
+                        }
+                    }
+                    draw((res, ledger), open, draws.indexed(), Amount::of(draws.vertices()))?;
+                }
+            }
         }
         Ok(())
     }
@@ -192,7 +196,10 @@ impl Walker {
                 if let Command::DispatchIndirect { buffer, .. } = command {
                     step.extent.insert(Thing::Buffer(buffer.0));
                 }
-                let amount = Amount::of(command);
+                let amount = match command {
+                    Command::Dispatch { groups } => Amount::of(Some(groups.iter().all(|&n| n > 0).into())),
+                    _ => Amount::Unknown,
+                };
                 match res.compute_pipeline(id) {
                     Ok(pipeline) if amount != Amount::Nothing => {
                         let interface = pipeline.program().interface();
@@ -287,14 +294,13 @@ enum Amount {
 }
 
 impl Amount {
-    fn of(command: &Command) -> Amount {
-        let some = match command {
-            &Command::Draw { vertices, instances, .. } => vertices > 0 && instances > 0,
-            &Command::DrawIndexed { indices, instances, .. } => indices > 0 && instances > 0,
-            Command::Dispatch { groups } => groups.iter().all(|&groups| groups > 0),
-            _ => return Amount::Unknown,
-        };
-        if some { Amount::Some } else { Amount::Nothing }
+    /// Of a number of vertices or workgroups, if it is known.
+    fn of(count: Option<u64>) -> Amount {
+        match count {
+            Some(0) => Amount::Nothing,
+            Some(_) => Amount::Some,
+            None => Amount::Unknown,
+        }
     }
 }
 

@@ -150,36 +150,38 @@ impl Checker<'_> {
                     None => None,
                 };
             }
-            Command::Draw { vertices, instances, first_vertex, first_instance } => {
+            command => {
+                let draws = command.draws().ok_or("not allowed here")?;
                 ready(draw)?;
-                vertex_ranges(draw, StepMode::Vertex, *first_vertex, *vertices)?;
-                vertex_ranges(draw, StepMode::Instance, *first_instance, *instances)?;
-                return Ok(Some(u64::from(*vertices) * u64::from(*instances)));
+                return self.draws(draw, &draws).map(|()| Some(draws.vertices().unwrap_or(0)));
             }
-            Command::DrawIndexed { indices, instances, first_index, first_instance, .. } => {
-                ready(draw)?;
-                let bound = draw.indices.ok_or("no index buffer is set")?;
-                let end = u64::from(*first_index) + u64::from(*indices);
-                ensure!(
-                    *indices == 0 || end <= bound,
-                    "indices {first_index} + {indices} reach past the {bound} of the index buffer"
-                );
-                vertex_ranges(draw, StepMode::Instance, *first_instance, *instances)?;
-                return Ok(Some(u64::from(*indices) * u64::from(*instances)));
-            }
-            Command::DrawIndirect { buffer, offset, indexed, count, count_buffer } => {
-                ready(draw)?;
-                ensure!(!indexed || draw.indices.is_some(), "no index buffer is set");
-                let bytes = u64::from(*count) * if *indexed { 20 } else { 16 };
-                range_fits(buffer, *offset, bytes, *self.buffers.get(buffer.0)?)?;
-                if let Some((counts, at)) = count_buffer {
-                    range_fits(counts, *at, 4, *self.buffers.get(counts.0)?)?;
-                }
-                return Ok(Some(0));
-            }
-            _ => return Err("not allowed here".into()),
         }
         Ok(None)
+    }
+
+    #[inline]
+    fn draws(&self, draw: &DrawState, draws: &Draws) -> Outcome {
+        let bound = if draws.indexed() { draw.indices.ok_or("no index buffer is set")? } else { 0 };
+        match *draws {
+            Draws::Direct { indexed, range: DrawRange { first, count, first_instance, instances, .. } } => {
+                if indexed {
+                    let end = u64::from(first) + u64::from(count);
+                    let fits = count == 0 || end <= bound;
+                    ensure!(fits, "indices {first} + {count} reach past the {bound} of the index buffer");
+                } else {
+                    vertex_ranges(draw, StepMode::Vertex, first, count)?;
+                }
+                vertex_ranges(draw, StepMode::Instance, first_instance, instances)?;
+            }
+            Draws::Indirect { buffer, offset, indexed, count, count_buffer } => {
+                let bytes = u64::from(count) * if indexed { 20 } else { 16 };
+                range_fits(&buffer, offset, bytes, *self.buffers.get(buffer.0)?)?;
+                if let Some((counts, at)) = count_buffer {
+                    range_fits(&counts, at, 4, *self.buffers.get(counts.0)?)?;
+                }
+            }
+        }
+        Ok(())
     }
 }
 

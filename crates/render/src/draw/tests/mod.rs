@@ -233,11 +233,11 @@ impl Scene {
                 group: &group,
                 vertex_buffers: &buffers,
                 index: index.as_ref(),
-                range: Range {
+                range: DrawRange {
                     first: range.start,
                     count: range.end - range.start,
                     instances: self.instances,
-                    ..Range::default()
+                    ..DrawRange::default()
                 },
                 stages,
                 signature: None,
