@@ -23,4 +23,12 @@ impl Stage {
             Stage::Fragment | Stage::Compute => false,
         }
     }
+
+    /// Whether invocations belong to workgroups, which share memory and wait for each other.
+    pub const fn has_workgroups(self) -> bool {
+        match self {
+            Stage::Vertex | Stage::Fragment => false,
+            Stage::Compute => true,
+        }
+    }
 }

@@ -169,7 +169,8 @@ fn ask(
         match (kind, &mut *constant) {
             (RequestKind::Constant, Some(unit)) => unit.visit(line, epoch, memory),
             (RequestKind::Texture | RequestKind::Load | RequestKind::Constant, _) => texture.visit(line, halves, epoch, memory),
-            _ => memory.push(texture.store(line, stored_bytes(found))),
+            (RequestKind::Store | RequestKind::Atomic, _) => memory.push(texture.store(line, stored_bytes(found))),
+            (RequestKind::End | RequestKind::Barrier | RequestKind::Shared, _) => {}
         }
     }
 }

@@ -141,8 +141,7 @@ fn for_each_object(command: &Command, mut see: impl FnMut(Object)) {
         Command::CreateRenderPipeline { id, desc, .. } => {
             see(Object::RenderPipeline(*id));
             desc.layout.into_iter().for_each(|layout| see(Object::PipelineLayout(layout)));
-            see(Object::Shader(desc.vertex.shader));
-            desc.fragment.iter().for_each(|stage| see(Object::Shader(stage.shader)));
+            desc.stages().for_each(|(_, stage)| see(Object::Shader(stage.shader)));
         }
         Command::CreateComputePipeline { id, layout, stage, .. } => {
             see(Object::ComputePipeline(*id));

@@ -492,7 +492,12 @@ impl Scratch {
             let parts = match kind {
                 RequestKind::Constant => count,
                 RequestKind::Load => count.div_ceil(8),
-                _ => 0,
+                RequestKind::Texture
+                | RequestKind::Store
+                | RequestKind::Atomic
+                | RequestKind::Shared
+                | RequestKind::Barrier
+                | RequestKind::End => 0,
             };
             lines.resize(first + count + parts, !0);
             for i in (4 * q..4 * q + 4).filter(|i| parts > 0 && mask >> i & 1 != 0) {

@@ -84,10 +84,7 @@ impl<'a> Lowerer<'a> {
             return self.refuse(format!("the {:?} stage is not supported", entry.stage));
         };
         let invocations = entry.workgroup_size.iter().fold(1u64, |n, &side| n.saturating_mul(u64::from(side)));
-        let workgroup_size = match stage {
-            Stage::Vertex | Stage::Fragment => [1; 3],
-            Stage::Compute => entry.workgroup_size,
-        };
+        let workgroup_size = if stage.has_workgroups() { entry.workgroup_size } else { [1; 3] };
         if workgroup_size.contains(&0) {
             return self.refuse("a workgroup without invocations");
         }

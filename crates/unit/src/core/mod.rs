@@ -345,7 +345,7 @@ impl Core {
         let warp = &card.warps[self.cluster][warp];
         match warp.steps.get(warp.step as usize) {
             Some(step) => {
-                if stage == Stage::Vertex {
+                if stage.is_geometry() {
                     self.vertex += step.instructions.iter().map(|&count| u64::from(count)).sum::<u64>();
                 }
                 self.issue.enter(&self.fixed, place, step, warp.order(warp.step));
@@ -375,7 +375,7 @@ impl Core {
         }
         let warp = &card.warps[self.cluster][self.resident[place as usize].warp];
         let step = warp.steps.get(warp.step as usize);
-        let needs_all = |step: &&Step| matches!(step.then, RequestKind::End | RequestKind::Barrier) || !self.config.scoreboard;
+        let needs_all = |step: &&Step| step.then.service().is_none() || !self.config.scoreboard;
         let Some(step) = step.filter(|step| !needs_all(step)) else { return false };
         let most = self.config.in_flight as u8 - 1;
         let may = |unanswered: u8, allowed: u8| unanswered <= allowed.min(most);
@@ -457,7 +457,7 @@ impl Core {
             let registers = self.asked(warp.registers);
             let mut shared = 0;
             let in_turns = self.turns.as_ref().is_some_and(|turns| turns.coming > 0);
-            if stage == Stage::Compute && self.taking.is_none() && !in_turns {
+            if stage.has_workgroups() && self.taking.is_none() && !in_turns {
                 // A workgroup comes whole, since its warps may wait for each other: the places and registers for all of them are
                 // there when the first is taken.
                 shared = warp.shared_bytes;
@@ -486,9 +486,9 @@ impl Core {
             }
             let Some(held) = self.place_for(registers) else { return did };
             self.shared -= shared;
-            if let Some(turns) = self.turns.as_mut().filter(|_| stage == Stage::Compute) {
+            if let Some(turns) = self.turns.as_mut().filter(|_| stage.has_workgroups()) {
                 turns.coming -= 1;
-            } else if stage == Stage::Compute {
+            } else if stage.has_workgroups() {
                 shared += self.taking.map_or(0, |(.., left)| left);
                 let left = self.taking.map_or(siblings, |(_, left, _)| left) - 1;
                 self.taking = (left > 0).then_some((number, left, 0));
@@ -637,16 +637,17 @@ impl Core {
         let mut did = Tick::Starved;
         for place in bits(self.issue.finished) {
             let resident = self.resident[place as usize];
-            let number = match resident.stage {
-                Stage::Fragment => resident.warp,
-                Stage::Vertex | Stage::Compute => resident.number,
+            // Warps of fragments are given up where their quads are put in order.
+            let (number, ends) = match resident.stage {
+                Stage::Fragment => (resident.warp, false),
+                Stage::Vertex | Stage::Compute => (resident.number, true),
             };
             let Some((_, output)) = &self.ports.stages[resident.stage] else { continue };
             if !wires.try_push(output, WarpToken { warp: number }) {
                 did = did.or(Tick::Blocked);
                 continue;
             }
-            if resident.stage != Stage::Fragment {
+            if ends {
                 card.warps[self.cluster].remove(resident.warp);
             }
             self.issue.finished &= !(1 << place);
@@ -655,7 +656,7 @@ impl Core {
             if resident.shared > 0 {
                 self.hand_on(resident);
             }
-            if self.turns.is_some() && resident.stage == Stage::Compute {
+            if self.turns.is_some() && resident.stage.has_workgroups() {
                 self.end_turn(resident);
             }
             did = Tick::Moved;

@@ -10,7 +10,6 @@ use std::collections::VecDeque;
 use super::issue::bits;
 use super::{Core, Resident};
 use crate::card::Card;
-use gfx::stage::Stage;
 use sim::Tick;
 
 /// The workgroup that runs in turns.
@@ -121,6 +120,6 @@ impl Core {
     /// Whether the place holds a warp of a workgroup.
     pub(super) fn is_of_group(&self, place: u32, number: u32) -> bool {
         let resident = &self.resident[place as usize];
-        resident.stage == Stage::Compute && resident.number == number
+        resident.stage.has_workgroups() && resident.number == number
     }
 }

@@ -130,33 +130,40 @@ impl ShaderProfile {
         }
         let (mut unanswered, mut constants) = (0_u64, 0_u64);
         for step in &cost.steps {
-            let needs_all = matches!(step.then, RequestKind::End | RequestKind::Barrier);
-            let allowed = if needs_all { InFlight::NONE } else { step.in_flight };
+            let allowed = if step.then.service().is_none() { InFlight::NONE } else { step.in_flight };
             let (allowed, of_constants) = (u64::from(allowed[Service::Texture]), u64::from(allowed[Service::Constant]));
             self.stops += u64::from(unanswered > allowed) * runs;
             self.constant_stops += u64::from(unanswered <= allowed && constants > of_constants) * runs;
-            let constant = step.then == RequestKind::Constant;
-            unanswered = unanswered.min(allowed) + u64::from(step.then.has_request() && !constant);
-            constants = constants.min(of_constants) + u64::from(constant);
-            self.shared += u64::from(step.then == RequestKind::Shared) * runs;
+            (unanswered, constants) = (unanswered.min(allowed), constants.min(of_constants));
+            match step.then.service() {
+                Some(Service::Texture) => unanswered += 1,
+                Some(Service::Constant) => constants += 1,
+                Some(Service::Shared) => self.shared += runs,
+                None => {}
+            }
             self.chain.iter_mut().zip(step.chain).for_each(|(sum, n)| *sum += u64::from(n) * runs);
         }
     }
 
     fn add_requests<'c>(&mut self, asking: impl Iterator<Item = &'c Step>, requests: &[Request]) {
         for (step, request) in asking.zip(requests) {
-            if step.then == RequestKind::Texture {
-                self.textures += 1;
-                self.operations[request.rate()] += u64::from(request.operations);
-                self.texture_lines += u64::from(request.lines);
-            } else if step.then == RequestKind::Constant {
-                self.constants += 1;
-                self.constant_lines += u64::from(request.lines);
-                self.constant_pieces += u64::from(request.lines);
-            } else {
-                self.accesses += 1;
-                self.access_lines += u64::from(request.lines);
-                self.access_pieces += u64::from(request.lines);
+            match step.then {
+                RequestKind::Texture => {
+                    self.textures += 1;
+                    self.operations[request.rate()] += u64::from(request.operations);
+                    self.texture_lines += u64::from(request.lines);
+                }
+                RequestKind::Constant => {
+                    self.constants += 1;
+                    self.constant_lines += u64::from(request.lines);
+                    self.constant_pieces += u64::from(request.lines);
+                }
+                RequestKind::Load | RequestKind::Store | RequestKind::Atomic => {
+                    self.accesses += 1;
+                    self.access_lines += u64::from(request.lines);
+                    self.access_pieces += u64::from(request.lines);
+                }
+                RequestKind::End | RequestKind::Barrier | RequestKind::Shared => {}
             }
         }
     }
