@@ -4,7 +4,9 @@
 //!
 //! ```
 //! use fillrate::gfx::format::Format;
+//! use fillrate::mem::{CLIENTS, ClientCounts};
 //! use fillrate::record::{self, Recorder};
+//! use fillrate::stats::{FRAME, FrameCounts};
 //! use fillrate::{Config, Fidelity, Options, replay};
 //!
 //! let mut card = Recorder::new("triangle");
@@ -28,8 +30,8 @@
 //! for name in ["baseline", "sort-middle-binned"] {
 //!     let config = Config::built_in(name).expect("it is built in");
 //!     let done = replay(&trace, &Options::new(config, Fidelity::Cycle), &|_| ())?;
-//!     let cycles = done.total.number("cycles").expect("machines count cycles");
-//!     let written = done.total.number("memory.clients.color.write_bytes").expect("a counter");
+//!     let FrameCounts { cycles } = FRAME.sum(&done.total);
+//!     let ClientCounts { write_bytes: written, .. } = CLIENTS.named("color").sum(&done.total);
 //!     println!("{name}: {cycles} cycles, {written} bytes written by the ROPs");
 //!     assert_eq!(done.frames.len(), 1);
 //! }

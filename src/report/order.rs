@@ -1,12 +1,12 @@
 //! Pictures of machines that keep the order of the trace: they are those of functional rendering.
 
-use crate::machine::Config;
+use crate::machine::{Config, SortOutcome};
 use crate::num::OUR_FAULT;
 use crate::stats::Tree;
 
 /// Pixels that a machine shows otherwise than functional rendering, by the statistics of a frame or of a run.
 pub fn wrong_pixels(statistics: &Tree) -> u64 {
-    statistics.number("sort.wrong_pixels").unwrap_or(0.0) as u64
+    SortOutcome::read(statistics).wrong_pixels
 }
 
 /// The message about wrong pixels of a machine that keeps the order of the trace. None: there are none, or the machine does not keep it.

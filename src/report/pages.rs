@@ -4,20 +4,22 @@
 use super::files::VERSION;
 use crate::machine::config::documentation;
 use crate::machine::parts::Parts;
-use crate::machine::{Config, ConfigError, LossCounts, PassOrderCounts, SORTING, SORTING_LOSS, SORTING_NETWORK};
-use crate::mem::{CLIENTS, ClientCounts, DRAM, DramCounts};
-use crate::sim::{CHANNELS, ChannelCounts, Description, UNITS, UnitCounts};
-use crate::stats::{Cycles, Declaration, FrameCounts, Group, Heading, page};
-use crate::unit::network::LinkCounts;
+use crate::machine::{
+    CLASS, Config, ConfigError, EFFICIENCY, LOAD_IMBALANCE, LossCounts, OVERLAP, PASSES_OUT_OF_ORDER, PassOrderCounts, SORTING,
+    SORTING_LOSS, SORTING_NETWORK, STAGE, WRONG_PIXELS,
+};
+use crate::mem::{BUSY_CYCLES, CLIENTS, ClientCounts, DRAM, DramCounts};
+use crate::sim::{CAPACITY, CHANNELS, ChannelCounts, Description, MEAN_OCCUPANCY, UNITS, UnitCounts};
+use crate::stats::{Cycles, Declaration, FRAME, FrameCounts, Group, Heading, SECONDS, counter, page};
+use crate::unit::network::{HOT_SPOT, HOTTEST_SHARE, LINKS, LinkCounts, MEAN_SHARE};
 use crate::unit::sorting::{OrderCounts, SortCounts};
 use crate::work::{FUNNEL, Funnel};
 
 const fn one(name: &'static str, unit: &'static str, meaning: &'static str) -> Declaration {
-    Declaration { name, unit, meaning }
+    Declaration::new(name, unit, meaning)
 }
 
-const RUN: &[Declaration] =
-    &[FrameCounts::DECLARATIONS[0], one("seconds", "s", "The same at the configuration's `clock_mhz`.")];
+const RUN: &[Declaration] = &[FrameCounts::DECLARATIONS[0], SECONDS];
 
 /// What `stats.json` has around the statistics.
 fn file() -> Vec<Declaration> {
@@ -56,47 +58,8 @@ const DRAW: &[Declaration] = &[
     one("cycles", "cycles", "From the retirement before it to its own; together those of the pass."),
 ];
 
-const CHANNEL: &[Declaration] = &[
-    one(
-        "mean_occupancy",
-        "items",
-        "Time integral of the items inside, by the cycles: by Little's law the items per cycle times their stay.",
-    ),
-    one("capacity", "items", "Room."),
-];
-
-const BUSY: &[Declaration] =
-    &[one("busy_cycles", "cycles", "Cycles of the card in which the data buses carried data, the sum over the channels.")];
-
-const NETWORK: &[Declaration] = &[
-    one("links", "links", "Links: channels of the network."),
-    LinkCounts::DECLARATIONS[0],
-    LinkCounts::DECLARATIONS[1],
-    one("mean_share", "ratio", "What links carried of what they could have, on average."),
-    one("hottest_share", "ratio", "What the busiest link carried of what it could have."),
-    one("hot_spot", "", "The busiest link: its channel and its ends."),
-];
-
-const LOSS: &[Declaration] = &[
-    one(
-        "stage",
-        "",
-        "The stage of the pipelines whose busiest unit worked most; of a run, that with most work over its frames.",
-    ),
-    one("efficiency", "ratio", "`useful` by `pipeline_cycles`: what the pipelines reach of linear speed-up."),
-];
-
-const SORT: &[Declaration] = &[
-    one("class", "", "The sort class of the machine."),
-    one(
-        "overlap",
-        "ratio",
-        "Copies sent by items sent at all (`redistributed_items` by `sent`): how many pipelines the average item meets that meets any. At least 1 where there is one.",
-    ),
-    one("load_imbalance", "ratio", "Quads of the busiest pipeline, divided by the mean of all; 1 is even."),
-    one("passes_out_of_order", "", "Numbers and labels of the passes that need order, up to 16."),
-    one("wrong_pixels", "pixels", "Pixels of the shown pictures that differ from API order; 0 on every machine that keeps it."),
-];
+const NETWORK: &[Declaration] =
+    &[LINKS, LinkCounts::DECLARATIONS[0], LinkCounts::DECLARATIONS[1], MEAN_SHARE, HOTTEST_SHARE, HOT_SPOT];
 
 /// Places in the order of the page; others follow.
 const ORDER: &[&str] = &[
@@ -133,10 +96,11 @@ fn places() -> Vec<(&'static str, &'static str, Vec<Declaration>)> {
         list.extend(own.iter().filter(|d| counted.iter().all(|c| c.name != d.name)));
         list
     };
-    let dram: Vec<Declaration> = DramCounts::DECLARATIONS.iter().copied().filter(|d| d.name != "bus_cycles").collect();
+    let dram: Vec<Declaration> =
+        DramCounts::DECLARATIONS.iter().copied().filter(|d| d.name != counter!(DramCounts, bus_cycles).name()).collect();
     let here = |heading: Heading, declared| (heading.path, heading.about, declared);
     let mut places = vec![
-        ("", "Time.", RUN.to_vec()),
+        here(FRAME, RUN.to_vec()),
         here(FUNNEL, Funnel::DECLARATIONS.to_vec()),
         (
             "phases[i]",
@@ -149,14 +113,17 @@ fn places() -> Vec<(&'static str, &'static str, Vec<Declaration>)> {
             DRAW.to_vec(),
         ),
         here(UNITS, all(Cycles::DECLARATIONS, UnitCounts::DECLARATIONS)),
-        here(CHANNELS, all(CHANNEL, ChannelCounts::DECLARATIONS)),
+        here(CHANNELS, all(&[MEAN_OCCUPANCY, CAPACITY], ChannelCounts::DECLARATIONS)),
         here(CLIENTS, ClientCounts::DECLARATIONS.to_vec()),
-        here(DRAM, all(BUSY, &dram)),
+        here(DRAM, all(&[BUSY_CYCLES], &dram)),
         here(
             SORTING,
-            all(SORT, &[SortCounts::DECLARATIONS, OrderCounts::DECLARATIONS, PassOrderCounts::DECLARATIONS].concat()),
+            all(
+                &[CLASS, OVERLAP, LOAD_IMBALANCE, PASSES_OUT_OF_ORDER, WRONG_PIXELS],
+                &[SortCounts::DECLARATIONS, OrderCounts::DECLARATIONS, PassOrderCounts::DECLARATIONS].concat(),
+            ),
         ),
-        here(SORTING_LOSS, all(LOSS, LossCounts::DECLARATIONS)),
+        here(SORTING_LOSS, all(&[STAGE, EFFICIENCY], LossCounts::DECLARATIONS)),
         here(SORTING_NETWORK, NETWORK.to_vec()),
     ];
     // What units count they say themselves.

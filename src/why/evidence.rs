@@ -10,7 +10,7 @@ use crate::mem::{CACHES, CLIENTS, CacheCounts, ClientCounts, DRAM};
 use crate::num::Cycle;
 use crate::report::summary::{bytes, grouped};
 use crate::sim::UNITS;
-use crate::stats::{Cycles, Group, Node, Tree};
+use crate::stats::{Cycles, Heading, Tree};
 use crate::unit::core::{CORES, CoreCounts};
 use crate::unit::texture::{TEXTURES, TextureCounts};
 use crate::work::{FUNNEL, Funnel};
@@ -27,14 +27,10 @@ pub struct Machine {
 }
 
 /// How even the load is between the units of the pipelines' bank whose busiest unit is busiest: that unit, and the mean of the bank.
-fn balance(units: &Tree) -> String {
-    let busy = |unit: &Tree| {
-        let cycles: Cycles = unit.read();
-        cycles.busy as f64 / cycles.total().max(1) as f64
-    };
+fn balance(tree: &Tree) -> String {
     let spread = |name: &'static str| {
-        let Some(Node::List(list)) = units.get(name) else { return None };
-        let shares: Vec<f64> = list.iter().map(busy).collect();
+        let cycles = UNITS.named(name).find(tree).into_iter().map(Tree::read);
+        let shares: Vec<f64> = cycles.map(|unit: Cycles| unit.busy as f64 / unit.total().max(1) as f64).collect();
         let most = shares.iter().copied().fold(0.0, f64::max);
         (shares.len() > 1 && most > 0.0).then(|| (name, shares.len(), most, shares.iter().sum::<f64>() / shares.len() as f64))
     };
@@ -51,14 +47,8 @@ fn balance(units: &Tree) -> String {
 impl Machine {
     /// The machine that has drawn a frame.
     pub fn of(config: &Config, frame: &FrameReport) -> Machine {
-        let mut banks = Vec::new();
-        let mut even = String::new();
-        if let Some(Node::Tree(units)) = frame.tree.get("units") {
-            even = balance(units);
-            let size = |node: &Node| if let Node::List(list) = node { list.len() } else { 1 };
-            banks.extend(units.entries().map(|(name, node)| (name.to_owned(), size(node))));
-        }
-        Machine { port_width: config.memory.port_width, banks, balance: even }
+        let banks = UNITS.banks(&frame.tree).map(|(name, units)| (name.to_owned(), units.len()));
+        Machine { port_width: config.memory.port_width, banks: banks.collect(), balance: balance(&frame.tree) }
     }
 }
 
@@ -78,17 +68,7 @@ impl Seen {
     }
 
     fn phase(report: &PhaseReport) -> Seen {
-        let mut tree = Tree::new();
-        if let Some(counts) = &report.counts {
-            FUNNEL.at(&mut tree, 0).extend(counts.funnel.tree());
-            counts.each(|(steps, of), name, value| {
-                let mut own = &mut tree;
-                for step in steps.iter().copied().chain(of) {
-                    own = own.child(step);
-                }
-                own.count(name, value);
-            });
-        }
+        let tree = report.counts.as_ref().map_or(Tree::new(), |counts| counts.tree());
         Seen { tree, cycles: report.cycles, draws: draws(report) }
     }
 
@@ -108,19 +88,16 @@ impl Seen {
         100.0 * of(&cycles) as f64 / cycles.total().max(1) as f64
     }
 
-    /// The names at a place.
-    fn names(&self, place: &str) -> Vec<&str> {
-        match self.tree.get(place) {
-            Some(Node::Tree(tree)) => tree.entries().map(|(name, _)| name).collect(),
-            _ => Vec::new(),
-        }
+    /// The names under a heading.
+    fn names(&self, heading: Heading) -> Vec<&str> {
+        heading.banks(&self.tree).map(|(name, _)| name).collect()
     }
 
     /// The bank that a client of memory belongs to.
     fn owner<'c>(&self, client: &'c str) -> &'c str {
         match client {
             // Units that route have read the indices.
-            "index" if self.names("units").contains(&"route") => "route",
+            "index" if self.names(UNITS).contains(&"route") => "route",
             "index" | "vertex" => "fetch",
             "position" => "route",
             own => own,
@@ -131,7 +108,7 @@ impl Seen {
     fn clients(&self, unit: &str) -> Vec<(&str, ClientCounts)> {
         let own = |client: &&str| self.owner(client) == unit;
         let counted = |client| (client, CLIENTS.sum_of::<ClientCounts>(&self.tree, client));
-        self.names("memory.clients").into_iter().filter(own).map(counted).filter(|(_, counts)| counts.requests > 0).collect()
+        self.names(CLIENTS).into_iter().filter(own).map(counted).filter(|(_, counts)| counts.requests > 0).collect()
     }
 
     /// The draws, with their size.
@@ -226,8 +203,7 @@ impl Seen {
     /// Which units wait for memory, and for what the first of them does.
     fn waits(&self) -> String {
         let share = |unit| (unit, self.share(unit, |cycles| cycles.memory));
-        let mut waits: Vec<(&str, f64)> =
-            self.names("units").into_iter().map(share).filter(|(_, share)| *share >= 1.0).collect();
+        let mut waits: Vec<(&str, f64)> = self.names(UNITS).into_iter().map(share).filter(|(_, share)| *share >= 1.0).collect();
         waits.sort_by(|a, b| b.1.total_cmp(&a.1));
         let Some(&(most, share)) = waits.first() else { return String::new() };
         let others: Vec<String> =
@@ -253,7 +229,7 @@ impl Seen {
             let ports = machine.banks.iter().find(|(name, _)| name == self.owner(client)).map_or(1, |(_, units)| *units);
             (client, read_bytes.max(write_bytes) as f64 / (self.cycles.max(1) * ports as u64) as f64)
         };
-        let most = self.names("memory.clients").into_iter().map(rate).max_by(|a, b| a.1.total_cmp(&b.1));
+        let most = self.names(CLIENTS).into_iter().map(rate).max_by(|a, b| a.1.total_cmp(&b.1));
         let Some((client, rate)) = most.filter(|(_, rate)| *rate > 0.0) else { return String::new() };
         format!("{client} moves {rate:.1} bytes per cycle through a port of {}", machine.port_width)
     }

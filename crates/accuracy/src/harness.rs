@@ -53,8 +53,7 @@ pub fn replay(config: &Config, scene: &Scene) -> Result<MachineReport> {
 /// If nothing stands there, or a unit has none of the counters: a check must not take for 0 what nothing has counted.
 pub fn each<G: Group>(tree: &Tree, heading: Heading) -> Result<Vec<G>> {
     let found = heading.find(tree);
-    let counted = |counts: &Tree| G::DECLARATIONS.iter().any(|counter| counts.get(counter.name).is_some());
-    let all = !found.is_empty() && found.iter().all(|counts| counted(counts));
+    let all = !found.is_empty() && found.iter().all(|counts| counts.has::<G>());
     ensure!(all, "the statistics have no such counters under {heading}");
     Ok(found.into_iter().map(Tree::read).collect())
 }

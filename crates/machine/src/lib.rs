@@ -50,9 +50,10 @@ mod tests;
 pub use config::{Config, ConfigError};
 pub use loss::LossCounts;
 pub use report::{
-    FrameReport, MachineReport, PassOrderCounts, Picture, SORTING, SORTING_LOSS, SORTING_NETWORK, SortOutcome, Totals,
+    CLASS, EFFICIENCY, FrameReport, LOAD_IMBALANCE, MachineReport, OVERLAP, PASSES_OUT_OF_ORDER, PassOrderCounts, Picture,
+    SORTING, SORTING_LOSS, SORTING_NETWORK, STAGE, SortOutcome, Totals, WRONG_PIXELS,
 };
-pub use tally::{DrawReport, Moved, PhaseReport, Place, Spent, Tally};
+pub use tally::{DrawReport, Moved, PhaseReport, Place, SHADING, Spent, Tally};
 pub use unit::card::notes::{BlockNotes, PassNotes};
 pub use unit::scanout::{Refresh, Shown};
 pub use watch::Watcher;

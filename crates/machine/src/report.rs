@@ -7,7 +7,7 @@ use super::loss::{Accounts, LossCounts, Waits};
 use super::tally::{PhaseReport, Tallies};
 use num::Cycle;
 use sim::Circuit;
-use stats::{Cycles, FrameCounts, Group, Heading, Tree};
+use stats::{Cycles, Declaration, FrameCounts, Group, Heading, Leaf, SECONDS, Tree};
 use unit::card::Card;
 use unit::network::Traffic;
 use unit::scanout::Shown;
@@ -55,6 +55,42 @@ pub const SORTING_LOSS: Heading = Heading::new(
 
 /// Where they say what the network that sorts has carried.
 pub const SORTING_NETWORK: Heading = Heading::new("sort.network", "The network that sorts.");
+
+/// The machine's class.
+pub const CLASS: Declaration = Declaration::new("class", "", "The sort class of the machine.");
+
+/// The mean number of copies.
+pub const OVERLAP: Declaration = Declaration::new(
+    "overlap",
+    "ratio",
+    "Copies sent by items sent at all (`redistributed_items` by `sent`): how many pipelines the average item meets that meets any. At least 1 where there is one.",
+);
+
+/// How uneven the load of the pipelines is.
+pub const LOAD_IMBALANCE: Declaration =
+    Declaration::new("load_imbalance", "ratio", "Quads of the busiest pipeline, divided by the mean of all; 1 is even.");
+
+/// The passes whose picture needs an order that the machine does not keep.
+pub const PASSES_OUT_OF_ORDER: Declaration =
+    Declaration::new("passes_out_of_order", "", "Numbers and labels of the passes that need order, up to 16.");
+
+/// Pixels that are not those of API order.
+pub const WRONG_PIXELS: Declaration = Declaration::new(
+    "wrong_pixels",
+    "pixels",
+    "Pixels of the shown pictures that differ from API order; 0 on every machine that keeps it.",
+);
+
+/// The stage at which the cycles of the pipelines are split.
+pub const STAGE: Declaration = Declaration::new(
+    "stage",
+    "",
+    "The stage of the pipelines whose busiest unit worked most; of a run, that with most work over its frames.",
+);
+
+/// The part of the pipelines' cycles that is useful.
+pub const EFFICIENCY: Declaration =
+    Declaration::new("efficiency", "ratio", "`useful` by `pipeline_cycles`: what the pipelines reach of linear speed-up.");
 
 stats::counters! {
     /// What a sort class counts whose pipelines do not keep API order among them; the others have no such counter.
@@ -306,19 +342,16 @@ pub struct SortOutcome {
 }
 
 impl SortOutcome {
-    const LOAD_IMBALANCE: &str = "load_imbalance";
-    const WRONG_PIXELS: &str = "wrong_pixels";
-    const STAGE: &str = "stage";
-    const PASSES: &str = "passes_out_of_order";
-
     /// Reads it from the statistics of a machine; zeros and empty texts where they lack it.
     pub fn read(total: &Tree) -> SortOutcome {
-        let Some(&sort) = SORTING.find(total).first() else { return SortOutcome::default() };
+        let leaf = |heading: Heading, of| heading.find(total).first().and_then(|sort| sort.leaf(of));
+        let number = |of| leaf(SORTING, of).and_then(Leaf::number).unwrap_or(0.0);
+        let text = |heading, of| leaf(heading, of).map_or("", Leaf::text).to_owned();
         SortOutcome {
-            load_imbalance: sort.number(SortOutcome::LOAD_IMBALANCE).unwrap_or(0.0),
-            wrong_pixels: sort.number(SortOutcome::WRONG_PIXELS).unwrap_or(0.0) as u64,
-            stage: sort.text_at(&format!("loss.{}", SortOutcome::STAGE)).to_owned(),
-            passes_out_of_order: sort.text_at(SortOutcome::PASSES).to_owned(),
+            load_imbalance: number(&LOAD_IMBALANCE),
+            wrong_pixels: number(&WRONG_PIXELS) as u64,
+            stage: text(SORTING_LOSS, &STAGE),
+            passes_out_of_order: text(SORTING, &PASSES_OUT_OF_ORDER),
         }
     }
 
@@ -333,15 +366,15 @@ fn statistics(machine: &Machine, span: Span, sums: &Sums) -> Tree {
     let Span { tree: counted, cycles, quads, sort, order, disordered } = span;
     let mut tree = Tree::new();
     tree.extend(FrameCounts { cycles }.tree());
-    tree.real("seconds", machine.config.seconds(cycles as f64));
+    tree.real(SECONDS.name, machine.config.seconds(cycles as f64));
     tree.extend(counted);
 
     let (most, sum) = (quads.iter().copied().max().unwrap_or(0), quads.iter().sum::<u64>());
     let quotient = |a: f64, b: f64| if b == 0.0 { 0.0 } else { a / b };
     let leaves = SORTING.at(&mut tree, 0);
-    leaves.text("class", machine.config.card.sort.name());
+    leaves.text(CLASS.name, machine.config.card.sort.name());
     leaves.extend(sort.tree());
-    leaves.real("overlap", quotient(sort.redistributed_items as f64, sort.sent as f64));
+    leaves.real(OVERLAP.name, quotient(sort.redistributed_items as f64, sort.sent as f64));
     let stage = sums.stages.iter().rev().max_by_key(|(_, work)| *work);
     let outcome = SortOutcome {
         load_imbalance: quotient((most * quads.len() as u64) as f64, sum as f64),
@@ -349,17 +382,17 @@ fn statistics(machine: &Machine, span: Span, sums: &Sums) -> Tree {
         stage: stage.map_or("", |(stage, _)| stage).to_owned(),
         passes_out_of_order: names(&disordered),
     };
-    leaves.real(SortOutcome::LOAD_IMBALANCE, outcome.load_imbalance);
+    leaves.real(LOAD_IMBALANCE.name, outcome.load_imbalance);
     leaves.extend(order.tree());
-    leaves.count(SortOutcome::WRONG_PIXELS, outcome.wrong_pixels);
+    leaves.count(WRONG_PIXELS.name, outcome.wrong_pixels);
     let split = SORTING_LOSS.at(&mut tree, 0);
-    split.text(SortOutcome::STAGE, &outcome.stage);
-    split.real("efficiency", quotient(sums.loss.useful as f64, sums.loss.pipeline_cycles as f64));
+    split.text(STAGE.name, &outcome.stage);
+    split.real(EFFICIENCY.name, quotient(sums.loss.useful as f64, sums.loss.pipeline_cycles as f64));
     split.extend(sums.loss.tree());
     let leaves = SORTING.at(&mut tree, 0);
     if !machine.card.class_state.copies.is_empty() {
         leaves.extend(PassOrderCounts { passes_needing_order: disordered.len() as u64 }.tree());
-        leaves.text(SortOutcome::PASSES, &outcome.passes_out_of_order);
+        leaves.text(PASSES_OUT_OF_ORDER.name, &outcome.passes_out_of_order);
     }
     if let Some(network) = &machine.network {
         let traffic = network.traffic(&tree, cycles).tree();

@@ -1,12 +1,12 @@
 //! What phases of a frame, and draws of a pass, have cost: counters read at the cycles between them.
 
 use super::Machine;
-use mem::ClientCounts;
+use mem::{ClientCounts, DramCounts};
 use num::Cycle;
 use sim::{Circuit, Sum};
-use stats::{Cycles, Declaration, Group};
+use stats::{Cycles, Declaration, Group, Heading, Tree, counter};
 use unit::phase::{DrawRecord, Mark, Phase, PhaseRecord};
-use work::Funnel;
+use work::{FUNNEL, Funnel};
 
 stats::counters! {
     /// The cycles of a bank's units by what they went to, summed over the units.
@@ -28,6 +28,9 @@ impl From<Cycles> for Spent {
     }
 }
 
+/// Where cores, texture units and the caches of constants count what they do for shaders.
+pub const SHADING: Heading = Heading::new("shading.NAME[i]", "What shading takes, by unit.");
+
 stats::counters! {
     /// What DRAM, or an ideal memory, has moved.
     pub struct Moved {
@@ -37,6 +40,16 @@ stats::counters! {
         write_bytes: "bytes",
     }
 }
+
+// One reader finds these counters in phases, and in whole frames, where more is counted.
+const _: () = assert!(
+    counter!(Spent, busy).is_named_as(&counter!(Cycles, busy))
+        && counter!(Spent, blocked).is_named_as(&counter!(Cycles, blocked))
+        && counter!(Spent, memory).is_named_as(&counter!(Cycles, memory))
+        && counter!(Spent, starved).is_named_as(&counter!(Cycles, starved))
+        && counter!(Moved, read_bytes).is_named_as(&counter!(DramCounts, read_bytes))
+        && counter!(Moved, write_bytes).is_named_as(&counter!(DramCounts, write_bytes))
+);
 
 /// What a machine has counted in a span of cycles.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -120,6 +133,16 @@ impl Tally {
             group((&["memory", "clients"], Some(name)), 0, ClientCounts::DECLARATIONS, &mut counts.values());
         }
         group((&["memory", "dram"], None), 0, Moved::DECLARATIONS, &mut self.dram.values());
+    }
+
+    /// As statistics.
+    pub fn tree(&self) -> Tree {
+        let mut tree = Tree::new();
+        FUNNEL.at(&mut tree, 0).extend(self.funnel.tree());
+        self.each(|(steps, of), name, value| {
+            steps.iter().copied().chain(of).fold(&mut tree, Tree::child).count(name, value);
+        });
+        tree
     }
 
     /// Each of these counters: the place of its group, its name in it, and its value.

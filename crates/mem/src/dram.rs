@@ -14,7 +14,7 @@ use super::port::{DramAnswer, DramRequest};
 use knob::Allowed;
 use num::{Cycle, NEVER};
 use sim::{In, Out, Tick, Unit, Wires};
-use stats::Heading;
+use stats::{Declaration, Heading};
 
 knob::choices! {
     /// When a bank's row is closed that no request in the queues wants.
@@ -169,6 +169,13 @@ impl DramConfig {
         }
     }
 }
+
+/// The use of the data buses.
+pub const BUSY_CYCLES: Declaration = Declaration::new(
+    "busy_cycles",
+    "cycles",
+    "Cycles of the card in which the data buses carried data, the sum over the channels.",
+);
 
 /// Where DRAM counts.
 pub const DRAM: Heading = Heading::new("memory.dram", "All DRAM channels together (or the ideal memory).");

@@ -39,7 +39,7 @@ mod tlb;
 
 pub use cache::{CACHES, Cache, CacheCounts, CacheShape, Place};
 pub use crossbar::{CLIENTS, ClientCounts, Crossbar, ReturnPath};
-pub use dram::{DRAM, Dram, DramConfig, DramCounts, PagePolicy, RefreshScope};
+pub use dram::{BUSY_CYCLES, DRAM, Dram, DramConfig, DramCounts, PagePolicy, RefreshScope};
 pub use ideal::{Ideal, IdealConfig};
 pub use l2::{L2Config, L2Counts, L2Slice, SLICES};
 pub use misses::Misses;

@@ -1,14 +1,14 @@
 //! Putting a memory behind clients.
 
 use super::crossbar::{CLIENTS, ClientCounts, Crossbar, ReturnPath};
-use super::dram::{DRAM, Dram, DramConfig};
+use super::dram::{BUSY_CYCLES, DRAM, Dram, DramConfig, DramCounts};
 use super::ideal::{Ideal, IdealConfig};
 use super::l2::{L2Config, L2Slice};
 use super::port::{Answer, DramAnswer, DramRequest, MemoryPort, REQUEST_BYTES, Request, SliceAnswer, SliceRequest};
 use super::tlb::TlbConfig;
 use knob::Allowed;
 use sim::{In, Link, Out, UnitId, Wiring};
-use stats::{Group, Tree};
+use stats::{Group, Tree, counter};
 
 /// How addresses are dealt to slices.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -383,24 +383,21 @@ pub fn memory_tree(clients: &[(&'static str, usize)], counts: &[ClientCounts], d
         CLIENTS.named(name).at(&mut tree, 0).extend(sum.tree());
     }
     let total = DRAM.at(&mut tree, 0);
-    let sum = |of: fn(&Dram) -> u64| dram.iter().map(of).sum::<u64>();
-    match ideal {
+    let (counts, busy) = match ideal {
         Some(ideal) => {
-            let all = |of: fn(&ClientCounts) -> u64| ideal.counts().iter().map(of).sum::<u64>();
-            total.count("read_bytes", all(|c| c.read_bytes));
-            total.count("write_bytes", all(|c| c.write_bytes));
-            total.count("row_hits", 0);
-            total.count("row_misses", 0);
-            total.count("busy_cycles", ideal.busy_cycles());
+            let moved: ClientCounts = ideal.counts().iter().copied().sum();
+            let ClientCounts { read_bytes, write_bytes, .. } = moved;
+            (DramCounts { read_bytes, write_bytes, ..DramCounts::default() }, ideal.busy_cycles())
         }
-        None => {
-            total.count("read_bytes", sum(|d| d.counts().read_bytes));
-            total.count("write_bytes", sum(|d| d.counts().write_bytes));
-            total.count("row_hits", sum(|d| d.counts().row_hits));
-            total.count("row_misses", sum(|d| d.counts().row_misses));
-            total.count("busy_cycles", sum(Dram::busy_cycles));
-            total.count("refreshes", sum(|d| d.counts().refreshes));
-        }
+        None => (dram.iter().map(Dram::counts).sum(), dram.iter().map(Dram::busy_cycles).sum()),
+    };
+    counter!(DramCounts, read_bytes).put(total, counts.read_bytes);
+    counter!(DramCounts, write_bytes).put(total, counts.write_bytes);
+    counter!(DramCounts, row_hits).put(total, counts.row_hits);
+    counter!(DramCounts, row_misses).put(total, counts.row_misses);
+    total.count(BUSY_CYCLES.name, busy);
+    if ideal.is_none() {
+        counter!(DramCounts, refreshes).put(total, counts.refreshes);
     }
     tree
 }

@@ -104,7 +104,7 @@ pub use clock::{Cause, Clock, Stuck, run};
 pub use sheet::{Counted, Description, Sheet, Sum};
 pub use stall_probe::{STATES, StallProbe, StallProbeCounts};
 pub use unit::{Tick, Unit};
-pub use wires::{CHANNELS, In, Out, Reading, Token, UNITS, UnitCounts, UnitId, Wire, Wires};
+pub use wires::{CAPACITY, CHANNELS, In, MEAN_OCCUPANCY, Out, Reading, Token, UNITS, UnitCounts, UnitId, Wire, Wires};
 pub use wiring::Wiring;
 
 #[cfg(test)]

@@ -7,7 +7,7 @@ use super::channel::{Channel, ChannelCounts, Link, Slot};
 use super::stall_probe::{StallProbe, StallProbeCounts, StallProbeState};
 use super::unit::Tick;
 use num::{Cycle, NEVER};
-use stats::{Account, Cycles, Group, Heading, Tree};
+use stats::{Account, Cycles, Declaration, Group, Heading, Tree, counter};
 
 /// Steps of the host for an item that goes through a channel: it is made, moved and used up.
 const ITEM_STEPS: u64 = 8;
@@ -472,11 +472,11 @@ impl Wires {
         for ((counts, channel), label) in self.channel_counts().zip(self.channels.iter()).zip(&self.labels) {
             let leaves = channels.element(label.name, label.index);
             leaves.reserve(5);
-            leaves.count("items", counts.items);
-            leaves.count("bytes", counts.bytes);
-            leaves.count("full_cycles", counts.full_cycles);
-            leaves.ratio("mean_occupancy", counts.occupancy, self.now);
-            leaves.level("capacity", u64::from(channel.capacity));
+            counter!(ChannelCounts, items).put(leaves, counts.items);
+            counter!(ChannelCounts, bytes).put(leaves, counts.bytes);
+            counter!(ChannelCounts, full_cycles).put(leaves, counts.full_cycles);
+            leaves.ratio(MEAN_OCCUPANCY.name, counts.occupancy, self.now);
+            leaves.level(CAPACITY.name, u64::from(channel.capacity));
         }
     }
 
@@ -494,6 +494,16 @@ impl Wires {
 
 /// Where units count.
 pub const UNITS: Heading = Heading::new("units.NAME[i]", "One entry per unit. The five kinds of cycles add up to `cycles`.");
+
+/// The mean number of items in a channel.
+pub const MEAN_OCCUPANCY: Declaration = Declaration::new(
+    "mean_occupancy",
+    "items",
+    "Time integral of the items inside, by the cycles: by Little's law the items per cycle times their stay.",
+);
+
+/// The size of a channel.
+pub const CAPACITY: Declaration = Declaration::new("capacity", "items", "Room.");
 
 /// Where channels count.
 pub const CHANNELS: Heading = Heading::new("channels.NAME[i]", "The bounded FIFOs between units, by what they carry.");

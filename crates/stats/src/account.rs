@@ -1,5 +1,6 @@
 //! Where the cycles of a unit go.
 
+use super::{Declaration, Heading};
 use num::Cycle;
 
 /// What a cycle of a unit is attributed to.
@@ -33,6 +34,12 @@ crate::counters! {
         idle: "cycles",
     }
 }
+
+/// The time of a frame, or of a run.
+pub const SECONDS: Declaration = Declaration::new("seconds", "s", "The same at the configuration's `clock_mhz`.");
+
+/// The top of the statistics.
+pub const FRAME: Heading = Heading::new("", "Time.");
 
 crate::counters! {
     /// What is counted of a frame, or of a run, before anything else.

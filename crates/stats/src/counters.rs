@@ -13,6 +13,13 @@ pub struct Declaration {
     pub meaning: &'static str,
 }
 
+impl Declaration {
+    /// The declaration of a statistic that is no counter, such as a share or a name.
+    pub const fn new(name: &'static str, unit: &'static str, meaning: &'static str) -> Declaration {
+        Declaration { name, unit, meaning }
+    }
+}
+
 /// A set of counters declared by [`counters!`](crate::counters).
 pub trait Group: Copy + Default + std::ops::AddAssign + std::iter::Sum + 'static {
     /// The counters, in the order of their declaration.
@@ -51,8 +58,18 @@ impl<G> Counter<G> {
     }
 
     /// The name of its leaf.
-    pub fn name(&self) -> &'static str {
+    pub const fn name(&self) -> &'static str {
         self.name
+    }
+
+    /// Whether a counter of another set has the same name, so that readers of either set find it.
+    pub const fn is_named_as<H>(&self, other: &Counter<H>) -> bool {
+        let (own, other) = (self.name.as_bytes(), other.name.as_bytes());
+        let mut at = 0;
+        while at < own.len() && at < other.len() && own[at] == other[at] {
+            at += 1;
+        }
+        at == own.len() && at == other.len()
     }
 
     /// Its value in a set.

@@ -2,7 +2,7 @@
 
 use std::fmt;
 
-use super::{Group, Node, Tree};
+use super::{Counter, Declaration, Group, Tree};
 
 /// A heading of the statistics: where the groups of counters of a kind of unit stand.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -43,6 +43,12 @@ impl Heading {
         if many { above.element(last, number) } else { above.child(last) }
     }
 
+    /// The subtree of a name that statistics have; what is missing on the way there is made.
+    pub fn at_of<'t>(&self, tree: &'t mut Tree, name: &str) -> &'t mut Tree {
+        let steps = self.steps().0.map(|step| if step == Heading::ANY { name } else { step });
+        steps.fold(tree, |tree, step| tree.child(step.to_owned()))
+    }
+
     /// The subtree in which its last step stands, which is made where it is missing; that step, and whether units are numbered there. Many
     /// units of several names are found faster from here.
     pub fn above<'t>(&self, tree: &'t mut Tree) -> (&'t mut Tree, &'static str, bool) {
@@ -57,16 +63,22 @@ impl Heading {
         Heading::follow(self.steps().0, tree)
     }
 
+    /// The same of one name, such as a unit that statistics name.
+    pub fn find_of<'t>(&self, tree: &'t Tree, name: &str) -> Vec<&'t Tree> {
+        Heading::follow(self.steps().0.map(|step| if step == Heading::ANY { name } else { step }), tree)
+    }
+
     fn follow<'t, 's>(steps: impl Iterator<Item = &'s str>, tree: &'t Tree) -> Vec<&'t Tree> {
-        steps.fold(vec![tree], |above, step| {
+        steps.filter(|step| !step.is_empty()).fold(vec![tree], |above, step| {
             let entries = above.into_iter().flat_map(Tree::entries);
-            let below = entries.filter(|&(name, _)| step == Heading::ANY || name == step).map(|(_, node)| match node {
-                Node::Tree(tree) => std::slice::from_ref(tree),
-                Node::List(list) => list,
-                Node::Leaf(_) => &[],
-            });
-            below.flatten().collect()
+            entries.filter(|&(name, _)| step == Heading::ANY || name == step).flat_map(|(_, node)| node.trees()).collect()
         })
+    }
+
+    /// The names that stand for `NAME`, the last step of its path, in order: each with a subtree for each unit.
+    pub fn banks<'t>(&self, tree: &'t Tree) -> impl Iterator<Item = (&'t str, &'t [Tree])> {
+        let above = self.steps().0.take_while(|&step| step != Heading::ANY);
+        Heading::follow(above, tree).into_iter().flat_map(Tree::entries).map(|(name, node)| (name, node.trees()))
     }
 
     /// The counters under it, those of all units summed. Counters that are not there are 0.
@@ -76,8 +88,54 @@ impl Heading {
 
     /// The same of one name, such as a unit that statistics name.
     pub fn sum_of<G: Group>(&self, tree: &Tree, name: &str) -> G {
-        let steps = self.steps().0.map(|step| if step == Heading::ANY { name } else { step });
-        Heading::follow(steps, tree).into_iter().map(Tree::read::<G>).sum()
+        self.find_of(tree, name).into_iter().map(Tree::read::<G>).sum()
+    }
+
+    /// A counter under it.
+    pub const fn counter<G>(self, counter: Counter<G>) -> Key {
+        Key { heading: self, name: None, leaf: counter.name() }
+    }
+
+    /// What else is declared under it.
+    pub const fn statistic(self, declaration: &Declaration) -> Key {
+        Key { heading: self, name: None, leaf: declaration.name }
+    }
+}
+
+/// A statistic under a heading: what a cell of a table shows, of any group.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Key {
+    heading: Heading,
+    name: Option<String>,
+    leaf: &'static str,
+}
+
+impl Key {
+    /// The same of a name that statistics have in place of `NAME`.
+    pub fn of(&self, name: &str) -> Key {
+        Key { name: Some(name.to_owned()), ..*self }
+    }
+
+    /// Its value, the sum over all units. None: no unit has it as a number.
+    pub fn sum(&self, tree: &Tree) -> Option<f64> {
+        let units = match &self.name {
+            Some(name) => self.heading.find_of(tree, name),
+            None => self.heading.find(tree),
+        };
+        units.into_iter().filter_map(|unit| unit.number(self.leaf)).reduce(|sum, own| sum + own)
+    }
+
+    /// Its path, with `units` in place of the number of a unit.
+    pub fn path(&self, units: &str) -> String {
+        let (steps, many) = self.heading.steps();
+        let mut path = String::new();
+        for step in steps.filter(|step| !step.is_empty()) {
+            path.extend([self.name.as_deref().filter(|_| step == Heading::ANY).unwrap_or(step), "."]);
+        }
+        if many {
+            path.insert_str(path.len() - 1, units);
+        }
+        path + self.leaf
     }
 }
 
@@ -91,7 +149,7 @@ impl fmt::Display for Heading {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::FrameCounts;
+    use crate::{FRAME, FrameCounts, counter};
 
     #[test]
     fn a_heading_finds_one_name_or_all_with_every_unit() {
@@ -104,5 +162,15 @@ mod tests {
         let sum = |heading: Heading| (heading.find(&tree).len(), heading.sum::<FrameCounts>(&tree).cycles);
         assert_eq!([units, units.named("a")].map(|heading| heading.to_string()), ["units.NAME[i]", "units.a[i]"]);
         assert_eq!([units, units.named("a"), units.named("c")].map(sum), [(3, 7), (2, 3), (0, 0)]);
+        let banks: Vec<_> = units.banks(&tree).map(|(name, list)| (name, list.len())).collect();
+        assert_eq!(banks, [("a", 2), ("b", 1)]);
+        let cycles = units.counter(counter!(FrameCounts, cycles));
+        assert_eq!([cycles.of("a"), cycles.of("c"), cycles.clone()].map(|key| key.sum(&tree)), [Some(3.0), None, Some(7.0)]);
+        assert_eq!(
+            (cycles.of("b").path("[*]"), cycles.path("")),
+            ("units.b[*].cycles".to_owned(), "units.NAME.cycles".to_owned())
+        );
+        let top = FRAME.counter(counter!(FrameCounts, cycles));
+        assert_eq!((top.path(""), top.sum(&FrameCounts { cycles: 5 }.tree())), ("cycles".to_owned(), Some(5.0)));
     }
 }

@@ -6,7 +6,7 @@ use std::fmt::Write;
 use serde::ser::{Serialize, SerializeMap, Serializer};
 use serde_json::{Map, Number, Value};
 
-use super::Group;
+use super::{Declaration, Group};
 
 /// One statistic.
 #[derive(Clone, Debug, PartialEq)]
@@ -71,6 +71,11 @@ impl Leaf {
             Leaf::Real(value) => Some(*value),
             Leaf::Text(_) => None,
         }
+    }
+
+    /// The text; empty if it is none.
+    pub fn text(&self) -> &str {
+        if let Leaf::Text(text) = self { text } else { "" }
     }
 
     /// As a JSON number or string; a real that is not finite becomes null, which JSON has no number for.
@@ -139,6 +144,34 @@ pub enum Node {
     Tree(Tree),
     /// One subtree for each of several units of a kind: `NAME[i]`.
     List(Vec<Tree>),
+}
+
+/// The largest count that is read from a file: a real number has no more digits.
+const EXACT: u64 = 1 << f64::MANTISSA_DIGITS;
+
+impl Node {
+    /// The subtrees: one, or one for each unit. None where this is a leaf.
+    pub fn trees(&self) -> &[Tree] {
+        match self {
+            Node::Leaf(_) => &[],
+            Node::Tree(tree) => std::slice::from_ref(tree),
+            Node::List(list) => list,
+        }
+    }
+
+    /// The node that [`Tree::json`] has written as this value. None where it writes no such value.
+    pub fn from_json(value: &Value) -> Option<Node> {
+        Some(match value {
+            Value::Null | Value::Bool(_) => return None,
+            Value::Number(number) => {
+                let whole = number.as_u64().filter(|&count| count <= EXACT);
+                Node::Leaf(whole.map_or(Leaf::Real(number.as_f64()?), Leaf::Count))
+            }
+            Value::String(text) => Node::Leaf(Leaf::Text(text.clone())),
+            Value::Array(list) => Node::List(list.iter().map(Tree::from_json).collect()),
+            Value::Object(_) => Node::Tree(Tree::from_json(value)),
+        })
+    }
 }
 
 /// As [`Tree::json`] has it.
@@ -288,7 +321,8 @@ impl Tree {
         }
     }
 
-    /// The leaf at a path, as a number. `None` when there is none or it is a text.
+    /// The leaf at a path that a user has given, or a test, as a number. `None` when there is none or it is a text. Readers that know the counter use
+    /// its declaration: [`Heading`](crate::Heading), [`Key`](crate::Key).
     pub fn number(&self, path: &str) -> Option<f64> {
         match self.get(path)? {
             Node::Leaf(leaf) => leaf.number(),
@@ -296,27 +330,25 @@ impl Tree {
         }
     }
 
-    /// The text at a path; empty where there is none.
-    pub fn text_at(&self, path: &str) -> &str {
-        match self.get(path) {
-            Some(Node::Leaf(Leaf::Text(text))) => text,
-            _ => "",
+    /// The statistic of this tree that is declared so. None where there is none.
+    pub fn leaf(&self, declaration: &Declaration) -> Option<&Leaf> {
+        match self.get(declaration.name)? {
+            Node::Leaf(leaf) => Some(leaf),
+            _ => None,
         }
     }
 
-    /// The counters at a place, those of a list of units summed. Counters that are not there are 0.
-    pub fn group<G: Group>(&self, place: &str) -> G {
-        match self.get(place) {
-            Some(Node::Tree(tree)) => tree.read(),
-            Some(Node::List(list)) => list.iter().map(Tree::read::<G>).sum(),
-            _ => G::default(),
-        }
+    /// Whether this tree has a counter of a group.
+    pub fn has<G: Group>(&self) -> bool {
+        G::DECLARATIONS.iter().any(|counter| self.leaf(counter).is_some())
     }
 
     /// The counters of this tree. Those that are not there are 0.
     pub fn read<G: Group>(&self) -> G {
         G::collect(|name| match self.get(name) {
             Some(Node::Leaf(Leaf::Count(value))) => *value,
+            // Files of other programs may have any number.
+            Some(Node::Leaf(leaf)) => (leaf.number().unwrap_or(0.0) as u64).min(EXACT),
             _ => 0,
         })
     }
@@ -393,6 +425,12 @@ impl Tree {
             }
         };
         Tree { entries: self.entries.iter().map(|(name, of)| (name.clone(), node(of))).collect() }
+    }
+
+    /// The tree of a JSON object such as [`Tree::json`] writes; empty where it is none.
+    pub fn from_json(value: &Value) -> Tree {
+        let node = |(name, value): (&String, &Value)| Some((name.clone().into(), Node::from_json(value)?));
+        Tree { entries: value.as_object().into_iter().flatten().filter_map(node).collect() }
     }
 
     /// The tree as a JSON object, in order.
@@ -480,6 +518,7 @@ impl Row {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::Heading;
 
     fn reading(items: u64, area: u64, cycles: u64) -> Tree {
         let mut tree = Tree::new();
@@ -529,9 +568,20 @@ mod tests {
             tree.child("units").element("setup", unit).extend(cycles(busy).tree());
         }
         tree.child("one").extend(cycles(9).tree());
-        assert_eq!(tree.group::<crate::Cycles>("units.setup"), crate::Cycles { busy: 7, idle: 2, ..Default::default() });
-        assert_eq!(tree.group::<crate::Cycles>("one"), cycles(9));
-        assert_eq!(tree.group::<crate::Cycles>("units.core"), crate::Cycles::default());
+        let of = |path| Heading::new(path, "").sum::<crate::Cycles>(&tree);
+        assert_eq!(of("units.setup"), crate::Cycles { busy: 7, idle: 2, ..Default::default() });
+        assert_eq!(of("one"), cycles(9));
+        assert_eq!(of("units.core"), crate::Cycles::default());
+    }
+
+    #[test]
+    fn a_tree_is_read_back_from_its_json() {
+        let tree = reading(7, 30, 10);
+        let read = Tree::from_json(&tree.json());
+        assert_eq!(read.json(), tree.json());
+        assert_eq!((read.number("units.setup[1].items"), read.number("units.setup[1].mean_occupancy")), (Some(7.0), Some(3.0)));
+        assert_eq!(Tree::from_json(&serde_json::json!({ "a": null, "b": [1], "c": -1 })).number("c"), Some(-1.0));
+        assert_eq!(Tree::from_json(&Value::Null), Tree::new());
     }
 
     #[test]

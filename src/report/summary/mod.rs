@@ -7,11 +7,12 @@ pub use phases::{Phases, draw};
 use crate::machine::class::{Class, Sorted};
 use crate::machine::config::SortClass;
 use crate::machine::{LossCounts, PassOrderCounts, SORTING, SORTING_LOSS, SortOutcome};
-use crate::mem::{CacheCounts, ClientCounts, DRAM, DramCounts};
+use crate::mem::{CACHES, CLIENTS, CacheCounts, ClientCounts, DRAM, DramCounts};
 use crate::run::sample::clusters::LEVEL;
 use crate::run::sample::survey::Count;
 use crate::run::sample::{Margin, Quantity, Sampled};
-use crate::stats::{Cycles, Group, Node, Tree};
+use crate::sim::UNITS;
+use crate::stats::{Cycles, Group, Tree, counter};
 use crate::unit::bin::{BINNING, BinCounts};
 use crate::unit::early::{EARLY_TESTS, EarlyCounts};
 use crate::unit::sorting::{OrderCounts, SortCounts};
@@ -86,26 +87,22 @@ pub fn funnel(n: &Funnel) -> String {
 /// Writes how busy each kind of unit was and what it did in its other cycles, the largest share of busy cycles first; units of one kind
 /// are averaged.
 pub fn units(total: &Tree) -> String {
-    let Some(Node::Tree(units)) = total.get("units") else { return String::new() };
-    let mut rows: Vec<(String, usize, [f64; 5])> = Vec::new();
-    for (name, node) in units.entries() {
-        let Node::List(list) = node else { continue };
-        let mut sum = [0.0; 5];
-        for tree in list {
-            let Cycles { busy, starved, blocked, memory, idle } = tree.read();
-            for (sum, cycles) in sum.iter_mut().zip([busy, starved, blocked, memory, idle]) {
-                *sum += cycles as f64;
-            }
-        }
+    if UNITS.find(total).is_empty() {
+        return String::new();
+    }
+    let mut rows: Vec<(&str, usize, [f64; 5])> = Vec::new();
+    for (name, list) in UNITS.banks(total) {
+        let Cycles { busy, starved, blocked, memory, idle } = UNITS.sum_of(total, name);
+        let sum = [busy, starved, blocked, memory, idle].map(|cycles| cycles as f64);
         let all: f64 = sum.iter().sum();
         if all > 0.0 {
-            rows.push((name.to_owned(), list.len(), sum.map(|n| 100.0 * n / all)));
+            rows.push((name, list.len(), sum.map(|n| 100.0 * n / all)));
         }
     }
     rows.sort_by(|a, b| b.2[0].total_cmp(&a.2[0]));
     let mut text = format!("  {:<26}{:>8}{:>9}{:>9}{:>9}{:>8}\n", "unit", "busy", "starved", "blocked", "memory", "idle");
     for (name, count, share) in &rows {
-        let name = if *count > 1 { format!("{name} x{count}") } else { name.clone() };
+        let name = if *count > 1 { format!("{name} x{count}") } else { (*name).to_owned() };
         let [busy, starved, blocked, memory, idle] = share;
         text.push_str(&format!("  {name:<26}{busy:>6.1} %{starved:>7.1} %{blocked:>7.1} %{memory:>7.1} %{idle:>6.1} %\n"));
     }
@@ -129,14 +126,12 @@ pub fn units(total: &Tree) -> String {
 /// Writes the bytes that each client moved, and what the DRAM did.
 pub fn memory(total: &Tree) -> String {
     let mut text = String::new();
-    if let Some(Node::Tree(clients)) = total.get("memory.clients") {
-        let mut rows: Vec<(&str, f64, f64)> = Vec::new();
-        for (name, node) in clients.entries() {
-            if let Node::Tree(tree) = node {
-                let ClientCounts { read_bytes, write_bytes, .. } = tree.read();
-                rows.push((name, read_bytes as f64, write_bytes as f64));
-            }
-        }
+    let moved = |(name, _)| {
+        let ClientCounts { read_bytes, write_bytes, .. } = CLIENTS.sum_of(total, name);
+        (name, read_bytes as f64, write_bytes as f64)
+    };
+    let mut rows: Vec<(&str, f64, f64)> = CLIENTS.banks(total).map(moved).collect();
+    if !rows.is_empty() {
         rows.retain(|(_, read, write)| read + write > 0.0);
         rows.sort_by(|a, b| (b.1 + b.2).total_cmp(&(a.1 + a.2)));
         text.push_str(&format!("  {:<26}{:>14}{:>14}\n", "client", "read", "written"));
@@ -211,9 +206,10 @@ pub fn sorting(total: &Tree, class: SortClass, pipelines: u32) -> String {
         let at = |cycles: u64| format!("{:.1} %", share(cycles, loss.pipeline_cycles));
         row("pipelines' cycles used", at(loss.useful), format!("measured at {}", outcome.stage));
         // All that the counters declare beside the sum and the use.
-        let parts = LossCounts::DECLARATIONS.iter().map(|counter| counter.name).zip(loss.values());
-        for (part, cycles) in parts.filter(|&(part, cycles)| cycles > 0 && !["pipeline_cycles", "useful"].contains(&part)) {
-            let name = if part == "outside_pass" { "outside the pass".into() } else { part.replace('_', " ") };
+        let others = LossCounts { pipeline_cycles: 0, useful: 0, ..loss };
+        for (part, cycles) in others.named().filter(|&(_, cycles)| cycles > 0) {
+            let outside = part == counter!(LossCounts, outside_pass).name();
+            let name = if outside { "outside the pass".into() } else { part.replace('_', " ") };
             row(&format!("  lost to {name}"), at(cycles), String::new());
         }
     }
@@ -255,8 +251,8 @@ pub fn shares(total: &Tree, funnel: &Funnel, picture: Option<&Pictures>) -> Stri
         let share = 100.0 * funnel.fragments_shaded as f64 / invocations as f64;
         row("quad efficiency", format!("{share:.1} % of the invocations shade a fragment, the others are helper invocations"));
     }
-    if let Some(Node::Tree(caches)) = total.get("caches") {
-        let counts = caches.entries().map(|(name, _)| (name, caches.group::<CacheCounts>(name)));
+    let mut counts = CACHES.banks(total).map(|(name, _)| (name, CACHES.sum_of::<CacheCounts>(total, name))).peekable();
+    if counts.peek().is_some() {
         let rate = |(name, counts): (&str, CacheCounts)| {
             format!("{name} {:.1} %", 100.0 * counts.hits as f64 / counts.accesses as f64)
         };

@@ -11,9 +11,9 @@ use crate::host::Stopwatch;
 use crate::profiles::{Profiled, Reader};
 use crate::rendering::{Consumer, Rendering, Work};
 use machine::{Config, Machine, PhaseReport};
-use mem::{CacheCounts, DramCounts};
+use mem::{CACHES, CacheCounts, DRAM, DramCounts};
 use render::ConsumerMemory;
-use stats::{FrameCounts, Group, Node, Tree, counter};
+use stats::{FrameCounts, Group, SECONDS, Tree, counter};
 use work::profile::Profiler;
 use work::{Event, Funnel};
 
@@ -46,20 +46,19 @@ impl Estimated {
     pub fn tree(&self, config: &Config) -> Tree {
         let mut tree = Tree::new();
         tree.extend(FrameCounts { cycles: self.cycles.round() as u64 }.tree());
-        tree.real("seconds", config.seconds(self.cycles));
+        tree.real(SECONDS.name, config.seconds(self.cycles));
         tree.extend(functional::tree(&self.funnel));
-        let dram = tree.child("memory").child("dram");
+        let dram = DRAM.at(&mut tree, 0);
         counter!(DramCounts, read_bytes).put(dram, self.memory.read.round() as u64);
         counter!(DramCounts, write_bytes).put(dram, self.memory.written.round() as u64);
         let [lookups, misses] = self.textures;
         for (name, lookups, misses) in [("texture", lookups, misses), ("l2", self.memory.lookups, self.memory.misses)] {
             let [lookups, misses] = [lookups, misses].map(|n| n.round() as u64);
-            let mut counts = Tree::new();
-            counter!(CacheCounts, accesses).put(&mut counts, lookups);
-            counter!(CacheCounts, hits).put(&mut counts, lookups.saturating_sub(misses));
-            counter!(CacheCounts, misses).put(&mut counts, misses);
             // All pipelines' caches, and all slices, as one.
-            tree.child("caches").set(name, Node::List(vec![counts]));
+            let counts = CACHES.named(name).at(&mut tree, 0);
+            counter!(CacheCounts, accesses).put(counts, lookups);
+            counter!(CacheCounts, hits).put(counts, lookups.saturating_sub(misses));
+            counter!(CacheCounts, misses).put(counts, misses);
         }
         tree
     }

@@ -26,10 +26,10 @@ use clusters::{Interval, LEVEL};
 use survey::{ACCESSES, Count, DRAM_READ, DRAM_WRITTEN, Drawn, EVICTIONS, HITS, MISSES, Observers, READ, Survey};
 
 use machine::{Machine, Shown};
-use mem::CacheCounts;
+use mem::{CACHES, CacheCounts};
 use num::Random;
 use render::{ConsumerMemory, Dependencies, FrameSet, Want};
-use stats::{Counter, Group, Leaf, Node, Tree};
+use stats::{Counter, Declaration, Group, Leaf, Node, SECONDS, Tree};
 use trace::Trace;
 
 /// How frames are sampled.
@@ -79,11 +79,14 @@ pub enum Quantity {
     HitRate(String),
 }
 
+/// The hits of a cache by its lookups.
+const HIT_RATE: Declaration = Declaration::new("hit_rate", "ratio", "Lookups that found their line, divided by all lookups.");
+
 impl std::fmt::Display for Quantity {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         match self {
             Quantity::Count(count) => count.fmt(f),
-            Quantity::HitRate(cache) => write!(f, "caches.{cache}.hit_rate"),
+            Quantity::HitRate(cache) => f.write_str(&CACHES.statistic(&HIT_RATE).of(cache).path("")),
         }
     }
 }
@@ -330,7 +333,7 @@ fn of_survey(
     let trees: Vec<(f64, &Tree)> = weights.iter().copied().zip(&counted).collect();
     let mut total = Tree::weighted(&trees);
     let cycles = Count::Cycles.of(&total);
-    total.real("seconds", options.config.seconds(cycles));
+    total.real(SECONDS.name, options.config.seconds(cycles));
     let trees: Vec<&Tree> = counted.iter().collect();
     estimated(&mut total, &drawn, &trees);
     let margins = intervals(&drawn, &trees).into_iter().map(|(of, Interval { margin, .. })| {
@@ -396,7 +399,7 @@ fn estimated(total: &mut Tree, drawn: &Drawn<'_>, frames: &[&Tree]) {
             let evictions = of(MISSES, EVICTIONS);
             let accesses = of(ACCESSES, ACCESSES).max(misses);
             let counts = CacheCounts { accesses, hits: accesses - misses, misses, evictions };
-            total.child("caches").element(cache, at).extend(counts.tree());
+            CACHES.named(cache).at(total, at).extend(counts.tree());
         }
     }
 }
@@ -413,8 +416,7 @@ fn intervals(drawn: &Drawn<'_>, frames: &[&Tree]) -> Vec<(Quantity, Interval)> {
         let interval = drawn.total(&count, frames);
         found.push((Quantity::Count(count), interval));
     }
-    let Some(Node::Tree(caches)) = first.get("caches") else { return found };
-    for (cache, _) in caches.entries() {
+    for (cache, _) in CACHES.banks(first) {
         let of = |what| Count::Cache(cache.to_owned(), what);
         let total = |what| drawn.total(&of(what), frames);
         let accesses = total(ACCESSES);

@@ -23,10 +23,10 @@ use crate::host::Stopwatch;
 use crate::rendering::{Consumer, Work};
 use crate::replay::Options;
 use machine::Config;
-use mem::{CacheCounts, ClientCounts, DramCounts};
+use mem::{CACHES, CLIENTS, CacheCounts, ClientCounts, DRAM, DramCounts};
 use num::{OUR_FAULT, Random};
 use render::{ConsumerMemory, Dependencies, FrameSet, Want};
-use stats::{Counter, FrameCounts, Node, Tree, counter};
+use stats::{Counter, FRAME, FrameCounts, Tree, counter};
 use trace::Trace;
 use work::profile::{FrameProfile, Profiler};
 use work::{Areas, Event};
@@ -65,44 +65,27 @@ pub enum Count {
 
 impl fmt::Display for Count {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self {
-            Count::Cycles => f.write_str(CYCLES.name()),
-            Count::Client(name, bytes) => write!(f, "{}.{}", client(name), bytes.name()),
-            Count::Dram(bytes) => write!(f, "{DRAM}.{}", bytes.name()),
-            Count::DramBytes => write!(f, "{DRAM}.bytes"),
-            Count::Cache(name, what) => write!(f, "{}.{}", caches(name), what.name()),
-        }
+        let path = match self {
+            Count::Cycles => FRAME.counter(CYCLES).path(""),
+            Count::Client(name, bytes) => CLIENTS.counter(*bytes).of(name).path(""),
+            Count::Dram(bytes) => DRAM.counter(*bytes).path(""),
+            Count::DramBytes => format!("{DRAM}.bytes"),
+            Count::Cache(name, what) => CACHES.counter(*what).of(name).path(""),
+        };
+        f.write_str(&path)
     }
-}
-
-/// The path of DRAM's counters in the statistics.
-const DRAM: &str = "memory.dram";
-
-/// The path of a memory client's counters in the statistics.
-fn client(name: &str) -> String {
-    format!("memory.clients.{name}")
-}
-
-/// The path of the counters of a kind of caches in the statistics.
-fn caches(name: &str) -> String {
-    format!("caches.{name}")
 }
 
 /// The caches of a kind, in the statistics of a machine.
 pub(super) fn banks(tree: &Tree, cache: &str) -> Vec<CacheCounts> {
-    match tree.get(&caches(cache)) {
-        Some(Node::List(banks)) => banks.iter().map(Tree::read).collect(),
-        _ => Vec::new(),
-    }
+    CACHES.find_of(tree, cache).into_iter().map(Tree::read).collect()
 }
 
 /// The bytes of each client of memory and of DRAM, as the statistics of a machine have them.
 pub(super) fn traffic(tree: &Tree) -> Vec<Count> {
-    let mut found = Vec::new();
-    if let Some(Node::Tree(clients)) = tree.get("memory.clients") {
-        let names = clients.entries().map(|(name, _)| name);
-        found.extend(names.flat_map(|name| [READ, WRITTEN].map(|bytes| Count::Client(name.to_owned(), bytes))));
-    }
+    let clients = CLIENTS.banks(tree).map(|(name, _)| name);
+    let mut found: Vec<Count> =
+        clients.flat_map(|name| [READ, WRITTEN].map(|bytes| Count::Client(name.to_owned(), bytes))).collect();
     found.extend([DRAM_READ, DRAM_WRITTEN].map(Count::Dram).into_iter().filter(|count| count.is_in(tree)));
     found
 }
@@ -112,33 +95,32 @@ impl Count {
     pub fn is_in(&self, tree: &Tree) -> bool {
         match self {
             Count::Cycles => true,
-            Count::Client(name, _) => tree.get(&client(name)).is_some(),
-            Count::Dram(_) | Count::DramBytes => tree.get(DRAM).is_some(),
-            Count::Cache(name, _) => !banks(tree, name).is_empty(),
+            Count::Client(name, _) => !CLIENTS.find_of(tree, name).is_empty(),
+            Count::Dram(_) | Count::DramBytes => !DRAM.find(tree).is_empty(),
+            Count::Cache(name, _) => !CACHES.find_of(tree, name).is_empty(),
         }
     }
 
     /// Its value in the statistics of a machine; the sum over a kind of cache.
     pub fn of(&self, tree: &Tree) -> f64 {
         let count = match self {
-            Count::Cycles => CYCLES.of(&tree.read()),
-            Count::Client(name, bytes) => bytes.of(&tree.group(&client(name))),
-            Count::Dram(bytes) => bytes.of(&tree.group(DRAM)),
+            Count::Cycles => CYCLES.of(&FRAME.sum(tree)),
+            Count::Client(name, bytes) => bytes.of(&CLIENTS.sum_of(tree, name)),
+            Count::Dram(bytes) => bytes.of(&DRAM.sum(tree)),
             Count::DramBytes => {
-                let DramCounts { read_bytes, write_bytes, .. } = tree.group(DRAM);
+                let DramCounts { read_bytes, write_bytes, .. } = DRAM.sum(tree);
                 read_bytes + write_bytes
             }
-            Count::Cache(name, what) => what.of(&tree.group(&caches(name))),
+            Count::Cache(name, what) => what.of(&CACHES.sum_of(tree, name)),
         };
         count as f64
     }
 
     /// Puts bytes of a client or of DRAM into statistics that have them.
     pub(super) fn put(&self, tree: &mut Tree, value: u64) {
-        let memory = tree.child("memory");
         match self {
-            Count::Client(name, bytes) => bytes.put(memory.child("clients").child(name.clone()), value),
-            Count::Dram(bytes) => bytes.put(memory.child("dram"), value),
+            Count::Client(name, bytes) => bytes.put(CLIENTS.at_of(tree, name), value),
+            Count::Dram(bytes) => bytes.put(DRAM.at(tree, 0), value),
             Count::Cycles | Count::DramBytes | Count::Cache(..) => {}
         }
     }

@@ -84,7 +84,7 @@ pub use plan::{Names, Network, NetworkPlan};
 pub use port::{Receiver, Sender, SenderCounts};
 pub use router::Router;
 pub use stall::Stall;
-pub use traffic::{LinkCounts, NetworkMap, Traffic};
+pub use traffic::{HOT_SPOT, HOTTEST_SHARE, LINKS, LinkCounts, MEAN_SHARE, NetworkMap, Traffic};
 
 use knob::Allowed;
 use sim::Token;

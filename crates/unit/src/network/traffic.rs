@@ -1,7 +1,7 @@
 //! The distribution of traffic: the busiest link against the mean.
 
 use sim::{CHANNELS, ChannelCounts};
-use stats::{Group, Tree};
+use stats::{Declaration, Group, Leaf, Tree};
 
 /// A link, by its channel.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -73,32 +73,41 @@ impl NetworkMap {
     }
 }
 
-impl Traffic {
-    const LINKS: &str = "links";
-    const MEAN: &str = "mean_share";
-    const HOTTEST: &str = "hottest_share";
-    const HOT_SPOT: &str = "hot_spot";
+/// The links of a network.
+pub const LINKS: Declaration = Declaration::new("links", "links", "Links: channels of the network.");
 
+/// Their mean use.
+pub const MEAN_SHARE: Declaration =
+    Declaration::new("mean_share", "ratio", "What links carried of what they could have, on average.");
+
+/// The use of the busiest.
+pub const HOTTEST_SHARE: Declaration =
+    Declaration::new("hottest_share", "ratio", "What the busiest link carried of what it could have.");
+
+/// The busiest.
+pub const HOT_SPOT: Declaration = Declaration::new("hot_spot", "", "The busiest link: its channel and its ends.");
+
+impl Traffic {
     /// As leaves of the statistics.
     pub fn tree(&self) -> Tree {
         let mut tree = Tree::new();
-        tree.level(Traffic::LINKS, self.links);
+        tree.level(LINKS.name, self.links);
         tree.extend(self.carried.tree());
-        tree.real(Traffic::MEAN, self.mean);
-        tree.real(Traffic::HOTTEST, self.hottest);
-        tree.text(Traffic::HOT_SPOT, &self.hot_spot);
+        tree.real(MEAN_SHARE.name, self.mean);
+        tree.real(HOTTEST_SHARE.name, self.hottest);
+        tree.text(HOT_SPOT.name, &self.hot_spot);
         tree
     }
 
     /// The traffic that [`Traffic::tree`] has written into a tree. Zeros if the tree has none.
     pub fn read(tree: &Tree) -> Traffic {
-        let number = |name| tree.number(name).unwrap_or(0.0);
+        let number = |of| tree.leaf(of).and_then(Leaf::number).unwrap_or(0.0);
         Traffic {
-            links: number(Traffic::LINKS) as u64,
+            links: number(&LINKS) as u64,
             carried: tree.read(),
-            mean: number(Traffic::MEAN),
-            hottest: number(Traffic::HOTTEST),
-            hot_spot: tree.text_at(Traffic::HOT_SPOT).to_owned(),
+            mean: number(&MEAN_SHARE),
+            hottest: number(&HOTTEST_SHARE),
+            hot_spot: tree.leaf(&HOT_SPOT).map_or("", Leaf::text).to_owned(),
         }
     }
 }
