@@ -20,13 +20,14 @@ use crate::report::owned::check_replaceable;
 use crate::rows::json_frame;
 use crate::run::maps::{FrameDetails, details};
 use crate::run::replay::Frame;
-use crate::stats::Tree;
+use crate::stats::{Tree, counter};
 use crate::sweep::folder::Results;
 use crate::sweep::html;
 use crate::sweep::inputs::begun;
 use crate::sweep::outcome::Outcome;
 use crate::trace::Trace;
 use crate::why::why;
+use crate::work::{FUNNEL, Funnel};
 
 /// Make a page of what a replay left, or a sweep: one HTML file with its pictures, tables, plots and numbers
 #[derive(clap::Args)]
@@ -162,13 +163,12 @@ impl Subject {
         let (Some(trace), Some(config)) = (trace, &self.config) else { return Ok(None) };
         let number = self.statistics.number();
         let mut details = details(trace, config, number, self.statistics.text("fidelity") == "cycle")?;
-        let [here, there] = [Some(details.maps.funnel.primitives_in as f64), self.statistics.own("funnel.primitives_in")];
-        if there.is_some() && here != there {
+        let primitives = FUNNEL.counter(counter!(Funnel, primitives_in)).sum(&self.statistics.frame().counts);
+        let here = details.maps.funnel.primitives_in as f64;
+        if let Some(there) = primitives.filter(|&there| there != here) {
             bail!(
-                "{} is not the trace of these statistics: its frame {number} has {} primitives, and theirs {}",
+                "{} is not the trace of these statistics: its frame {number} has {here} primitives, and theirs {there}",
                 trace.file().display(),
-                here.unwrap_or(0.0),
-                there.unwrap_or(0.0)
             );
         }
         if let Some(timeline) = &mut details.timeline {

@@ -1,13 +1,13 @@
 //! All that was counted in one phase or draw, as text: what `stats.json` has of it.
 
-use serde_json::Value;
-
-use super::html::data::{Statistics, number};
-use super::html::passes::{cycles, list, name};
+use super::html::data::{Part, Statistics};
 use super::summary::{bytes, funnel, grouped};
 use crate::host::one_line;
-use crate::stats::Group as _;
-use crate::work::Funnel;
+use crate::machine::{Moved, SHADING, Spent};
+use crate::mem::{CACHES, CLIENTS, CacheCounts, ClientCounts, DRAM};
+use crate::sim::UNITS;
+use crate::stats::{Group, Leaf, Node, counter};
+use crate::work::FUNNEL;
 
 /// The part of a frame that is reported.
 #[derive(Clone, Debug)]
@@ -24,30 +24,30 @@ pub enum Chosen {
 /// If the frame has no such part, or nothing was counted in it; the message says which there are.
 pub fn counted(statistics: &Statistics, chosen: &Chosen) -> Result<String, String> {
     let frame = statistics.frame();
-    let phases = list(frame, "phases");
-    let place = |phase: &Value| format!("{} of frame {}", one_line(&name(phase)), statistics.number());
-    let parts: Vec<(String, &Value)> = match chosen {
+    let phases = &frame.parts;
+    let place = |phase: &Part| format!("{} of frame {}", one_line(&phase.name()), statistics.number());
+    let parts: Vec<(String, &Part)> = match chosen {
         Chosen::Phase(wanted) => {
-            let same = |phase: &&Value| {
-                let rest = name(phase).strip_prefix(wanted.as_str()).map(|rest| rest.is_empty() || rest.starts_with(' '));
+            let same = |phase: &&Part| {
+                let rest = phase.name().strip_prefix(wanted.as_str()).map(|rest| rest.is_empty() || rest.starts_with(' '));
                 wanted == "all" || rest == Some(true)
             };
             phases.iter().filter(same).map(|phase| (place(phase), phase)).collect()
         }
         Chosen::Draw(wanted) => {
-            let draws = phases.iter().flat_map(|phase| list(phase, "draws").iter().map(move |draw| (phase, draw)));
-            let own = draws.filter(|(_, draw)| draw["number"].as_u64() == Some(*wanted));
+            let draws = phases.iter().flat_map(|phase| phase.parts.iter().map(move |draw| (phase, draw)));
+            let own = draws.filter(|(_, draw)| draw.number == Some(*wanted));
             own.map(|(phase, draw)| (title(draw, &place(phase)), draw)).collect()
         }
     };
     if parts.is_empty() {
         return Err(missing(phases, chosen, statistics.number()));
     }
-    if parts.iter().all(|(_, part)| part.get("units").is_none()) {
+    if !parts.iter().any(|(_, part)| part.is_counted()) {
         let fidelity = statistics.text("fidelity");
         return Err(format!("nothing was counted in it by --fidelity {fidelity}: replay with --fidelity cycle"));
     }
-    let all: f64 = phases.iter().map(cycles).sum();
+    let all: f64 = phases.iter().map(Part::cycles).sum();
     let mut text = parts.iter().map(|(title, part)| whole(title, part, frame, all)).collect::<Vec<_>>().join("\n");
     if let Chosen::Draw(_) = chosen {
         text.push_str("\nThe funnel is the draw's own. All else counts the cycles from the retirement before it to its own, with other draws in the machine.\n");
@@ -56,25 +56,25 @@ pub fn counted(statistics: &Statistics, chosen: &Chosen) -> Result<String, Strin
 }
 
 /// A draw with its names.
-fn title(draw: &Value, place: &str) -> String {
-    let names = ["group", "label"].map(|key| draw[key].as_str().unwrap_or("")).into_iter().filter(|name| !name.is_empty());
+fn title(draw: &Part, place: &str) -> String {
+    let names = [&draw.group, &draw.label].into_iter().filter(|name| !name.is_empty());
     let names: String = names.map(|name| format!(" {name}")).collect();
-    format!("draw {}{}, {place}", draw["number"], one_line(&names))
+    format!("draw {}{}, {place}", draw.number.unwrap_or(0), one_line(&names))
 }
 
 /// Why there is none.
-fn missing(phases: &[Value], chosen: &Chosen, frame: u32) -> String {
+fn missing(phases: &[Part], chosen: &Chosen, frame: u32) -> String {
     match chosen {
         Chosen::Phase(wanted) => {
             const MOST: usize = 12;
-            let mut names: Vec<String> = phases.iter().map(|phase| format!("`{}`", one_line(&name(phase)))).collect();
+            let mut names: Vec<String> = phases.iter().map(|phase| format!("`{}`", one_line(&phase.name()))).collect();
             names.dedup();
             let more = if names.len() > MOST { format!(" and {} more", names.len() - MOST) } else { String::new() };
             names.truncate(MOST);
             format!("frame {frame} has no phase `{wanted}`: it has {}{more}", names.join(", "))
         }
         Chosen::Draw(wanted) => {
-            let drawn = phases.iter().flat_map(|phase| list(phase, "draws")).filter_map(|draw| draw["number"].as_u64());
+            let drawn = phases.iter().flat_map(|phase| &phase.parts).filter_map(|draw| draw.number);
             match (drawn.clone().min(), drawn.max()) {
                 (Some(first), Some(last)) => format!("frame {frame} has no draw {wanted}: its draws are {first} to {last}"),
                 _ => "no draw was reported: replay with --per-draw".into(),
@@ -84,18 +84,16 @@ fn missing(phases: &[Value], chosen: &Chosen, frame: u32) -> String {
 }
 
 /// All of a part.
-fn whole(title: &str, part: &Value, frame: &Value, all: f64) -> String {
-    let own = cycles(part);
+fn whole(title: &str, part: &Part, frame: &Part, all: f64) -> String {
+    let own = part.cycles();
     let mut out = format!("{title}: {} cycles, {:.1} % of the frame\n", grouped(own as u64), percent(own, all));
     let mut section = |title: &str, text: String| {
         if !text.is_empty() {
             out.push_str(&format!("\n{title}\n{text}"));
         }
     };
-    let count = |path: &str| number(part, path).unwrap_or(0.0) as u64;
-    if part.get("funnel").is_some() {
-        let counts = Funnel::collect(|name| count(&format!("funnel.{name}")));
-        section("What was drawn, and what was thrown away where", funnel(&counts));
+    if !FUNNEL.find(&part.counts).is_empty() {
+        section("What was drawn, and what was thrown away where", funnel(&FUNNEL.sum(&part.counts)));
     }
     section("What the units did, in cycles of the bank; units that only waited for input are left out", units(part, frame));
     section("Caches", caches(part));
@@ -108,75 +106,78 @@ fn percent(part: f64, all: f64) -> f64 {
     if all > 0.0 { 100.0 * part / all } else { 0.0 }
 }
 
-/// The entries of an object.
-fn entries<'v>(part: &'v Value, name: &str) -> impl Iterator<Item = (&'v str, &'v Value)> {
-    part[name].as_object().into_iter().flatten().map(|(name, value)| (name.as_str(), value))
+/// The head of a table whose columns are counters.
+fn head<G: Group>(first: &str, width: usize) -> String {
+    let columns = G::DECLARATIONS.iter().map(|counter| format!("{:>width$}", counter.name));
+    std::iter::once(format!("  {first:<18}")).chain(columns).collect()
 }
 
-fn units(part: &Value, frame: &Value) -> String {
-    const STATES: [&str; 4] = ["busy", "blocked", "memory", "starved"];
-    let mut rows: Vec<(String, [f64; 4])> = entries(part, "units")
-        .map(|(unit, own)| {
-            let count = frame["units"][unit].as_array().map_or(1, Vec::len);
+fn units(part: &Part, frame: &Part) -> String {
+    let mut rows: Vec<(String, Spent)> = UNITS
+        .banks(&part.counts)
+        .map(|(unit, _)| {
+            let count = UNITS.find_of(&frame.counts, unit).len();
             let name = if count > 1 { format!("{unit} x{count}") } else { unit.to_owned() };
-            (name, STATES.map(|state| own[state].as_f64().unwrap_or(0.0)))
+            (name, UNITS.sum_of(&part.counts, unit))
         })
         .collect();
-    let share = |states: &[f64; 4], at: usize| percent(states[at], states.iter().sum());
-    rows.sort_by(|a, b| share(&b.1, 0).total_cmp(&share(&a.1, 0)));
+    let share = |spent: &Spent, own: u64| percent(own as f64, spent.values().map(|cycles| cycles as f64).sum());
+    rows.sort_by(|a, b| share(&b.1, b.1.busy).total_cmp(&share(&a.1, a.1.busy)));
     let mut text = String::new();
     if !rows.is_empty() {
-        text.push_str(&format!("  {:<18}", "unit"));
-        STATES.iter().for_each(|state| text.push_str(&format!("{state:>23}")));
+        text.push_str(&head::<Spent>("unit", 23));
         text.push('\n');
     }
-    for (name, states) in &rows {
+    for (name, spent) in &rows {
         text.push_str(&format!("  {name:<18}"));
-        for at in 0..STATES.len() {
-            text.push_str(&format!("{:>14}{:>7.1} %", grouped(states[at] as u64), share(states, at)));
-        }
+        spent.values().for_each(|own| text.push_str(&format!("{:>14}{:>7.1} %", grouped(own), share(spent, own))));
         text.push('\n');
     }
     text
 }
 
-fn caches(part: &Value) -> String {
-    const COUNTS: [&str; 4] = ["accesses", "hits", "misses", "evictions"];
+fn caches(part: &Part) -> String {
     let mut text = String::new();
-    for (cache, own) in entries(part, "caches") {
-        let counts = COUNTS.map(|count| own[count].as_u64().unwrap_or(0));
+    for (cache, _) in CACHES.banks(&part.counts) {
+        let counts: CacheCounts = CACHES.sum_of(&part.counts, cache);
         if text.is_empty() {
-            text.push_str(&format!("  {:<18}", "cache"));
-            COUNTS.iter().for_each(|count| text.push_str(&format!("{count:>14}")));
+            text.push_str(&head::<CacheCounts>("cache", 14));
             text.push_str("  hit rate\n");
         }
         text.push_str(&format!("  {cache:<18}"));
-        counts.iter().for_each(|&count| text.push_str(&format!("{:>14}", grouped(count))));
-        text.push_str(&format!("{:>8.1} %\n", percent(counts[1] as f64, counts[0] as f64)));
+        counts.values().for_each(|count| text.push_str(&format!("{:>14}", grouped(count))));
+        text.push_str(&format!("{:>8.1} %\n", percent(counts.hits as f64, counts.accesses as f64)));
     }
     text
 }
 
-fn shading(part: &Value) -> String {
-    let line = |(unit, own): (&str, &Value)| {
-        let counts = own.as_object().into_iter().flatten();
-        let counts: Vec<String> =
-            counts.map(|(name, count)| format!("{name} {}", grouped(count.as_u64().unwrap_or(0)))).collect();
-        format!("  {unit:<18}{}\n", counts.join(", "))
+fn shading(part: &Part) -> String {
+    let count = |(name, node): (&str, &Node)| match node {
+        Node::Leaf(Leaf::Count(count)) => Some(format!("{name} {}", grouped(*count))),
+        _ => None,
     };
-    entries(part, "shading").map(line).collect()
+    let banks = SHADING.banks(&part.counts).filter_map(|(unit, trees)| Some((unit, trees.first()?)));
+    banks
+        .map(|(unit, own)| format!("  {unit:<18}{}\n", own.entries().filter_map(count).collect::<Vec<_>>().join(", ")))
+        .collect()
 }
 
-fn memory(part: &Value) -> String {
-    let row = |name: &str, own: &Value| {
-        let [read, written] = ["read_bytes", "write_bytes"].map(|count| own[count].as_f64().unwrap_or(0.0));
-        let requests = own["requests"].as_u64().map_or(String::new(), grouped);
-        let row = format!("  {name:<18}{:>14}{:>14}{requests:>14}", bytes(read), bytes(written));
+fn memory(part: &Part) -> String {
+    let row = |name: &str, read_bytes: u64, write_bytes: u64, requests: String| {
+        let [read, written] = [read_bytes, write_bytes].map(|n| bytes(n as f64));
+        let row = format!("  {name:<18}{read:>14}{written:>14}{requests:>14}");
         row.trim_end().to_owned() + "\n"
     };
-    let mut text: String = entries(&part["memory"], "clients").map(|(name, own)| row(name, own)).collect();
-    if part["memory"].get("dram").is_some() {
-        text.push_str(&row("DRAM", &part["memory"]["dram"]));
+    let requests = CLIENTS.counter(counter!(ClientCounts, requests));
+    let clients = CLIENTS.banks(&part.counts).map(|(name, _)| {
+        let counts: ClientCounts = CLIENTS.sum_of(&part.counts, name);
+        let asked = requests.of(name).sum(&part.counts).map_or(String::new(), |_| grouped(counts.requests));
+        row(name, counts.read_bytes, counts.write_bytes, asked)
+    });
+    let mut text: String = clients.collect();
+    if !DRAM.find(&part.counts).is_empty() {
+        let Moved { read_bytes, write_bytes } = DRAM.sum(&part.counts);
+        text.push_str(&row("DRAM", read_bytes, write_bytes, String::new()));
     }
     if text.is_empty() { text } else { format!("  {:<18}{:>14}{:>14}{:>14}\n{text}", "client", "read", "written", "requests") }
 }

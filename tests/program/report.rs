@@ -5,7 +5,6 @@ use std::fs;
 use std::path::{Path, PathBuf};
 
 use fillrate::machine::Config;
-use fillrate::report::html::data::number;
 use fillrate::run::maps::{Kind, Surface, details};
 use fillrate::trace::Trace;
 use serde_json::{Value, json};
@@ -23,6 +22,23 @@ pub fn replayed(trace: &str, more: &[&str]) -> tempfile::TempDir {
 
 pub fn json_of(path: &Path) -> Value {
     serde_json::from_slice(&fs::read(path).expect("a file")).expect("JSON")
+}
+
+/// The number at a path such as `frames[0].funnel.quads_shaded`. `caches.texture[*].hits` is the sum over the list.
+fn number(value: &Value, path: &str) -> Option<f64> {
+    let Some((head, rest)) = path.split_once("[*]") else { return at(value, path)?.as_f64() };
+    let list = at(value, head)?.as_array()?;
+    let numbers: Vec<f64> = list.iter().filter_map(|element| number(element, rest.trim_start_matches('.'))).collect();
+    (!numbers.is_empty()).then(|| numbers.iter().sum())
+}
+
+/// The value at a path of names and places in lists.
+fn at<'v>(value: &'v Value, path: &str) -> Option<&'v Value> {
+    path.split('.').try_fold(value, |value, step| {
+        let (name, place) = step.split_once('[').map_or((step, None), |(name, place)| (name, place.strip_suffix(']')));
+        let value = value.get(name)?;
+        place.map_or(Some(value), |place| value.get(place.parse::<usize>().ok()?))
+    })
 }
 
 /// The JSON that a page holds under an id.

@@ -3,11 +3,14 @@
 use maud::{Markup, html};
 use serde_json::Value;
 
-use super::data::number;
+use super::data::Part;
 use super::replay::{Input, command};
 use super::{percent, readable, share};
 use crate::knob::Setting;
-use crate::machine::Config;
+use crate::machine::{Config, SortOutcome};
+use crate::mem::{CACHES, CacheCounts};
+use crate::unit::phase::PhaseKind;
+use crate::work::{FUNNEL, Funnel};
 
 /// One piece of advice.
 struct Advice {
@@ -67,8 +70,9 @@ fn timed(why: &Value) -> Vec<String> {
 }
 
 /// Rules over the counters of a frame.
-fn counted(frame: &Value, config: Option<&Config>) -> Vec<Advice> {
-    let n = |path: &str| number(frame, path).unwrap_or(0.0);
+fn counted(frame: &Part, config: Option<&Config>) -> Vec<Advice> {
+    let funnel: Funnel = FUNNEL.sum(&frame.counts);
+    let sort = SortOutcome::read(&frame.counts);
     let mut all = Vec::new();
     let mut add = |what: &str, evidence: String, set: Vec<Option<String>>, weight: f64| {
         let set: Vec<String> = set.into_iter().flatten().collect();
@@ -77,9 +81,16 @@ fn counted(frame: &Value, config: Option<&Config>) -> Vec<Advice> {
     };
     let knob = |path: &str, by: f64| config.and_then(|config| times(config, path, by));
     let on = |path: &str| config.and_then(|config| switch(config, path));
-    let (covered, shaded, helpers) =
-        (n("funnel.fragments_covered"), n("funnel.fragments_shaded"), n("funnel.helper_fragments"));
-    let cycles = n("cycles");
+    let [covered, shaded, helpers, late_failed, pixels, early] = [
+        funnel.fragments_covered,
+        funnel.fragments_shaded,
+        funnel.helper_fragments,
+        funnel.fragments_late_failed,
+        funnel.fragments_written,
+        funnel.quads_early_culled + 16 * funnel.tiles_hiz_culled,
+    ]
+    .map(|count| count as f64);
+    let cycles = frame.cycles();
     if helpers > 0.5 * (helpers + shaded) && shaded > 0.0 {
         let evidence = format!(
             "{} of the invocations are helpers: {} for {} fragments. Triangles are small or thin.",
@@ -94,13 +105,9 @@ fn counted(frame: &Value, config: Option<&Config>) -> Vec<Advice> {
             0.4 * share(helpers, helpers + shaded),
         );
     }
-    let early = n("funnel.quads_early_culled") + 16.0 * n("funnel.tiles_hiz_culled");
-    let pixels = n("funnel.fragments_written");
-    if n("funnel.fragments_late_failed") > 0.2 * shaded && shaded > 0.0 {
-        let evidence = format!(
-            "{} of the shaded fragments fail the depth test after shading.",
-            percent(share(n("funnel.fragments_late_failed"), shaded))
-        );
+    if late_failed > 0.2 * shaded && shaded > 0.0 {
+        let evidence =
+            format!("{} of the shaded fragments fail the depth test after shading.", percent(share(late_failed, shaded)));
         add("Test depth before shading: no discard, no depth from shaders.", evidence, vec![on("depth.early")], 0.5);
     }
     if covered > 2.0 * pixels.max(1.0) && early == 0.0 {
@@ -122,46 +129,39 @@ fn counted(frame: &Value, config: Option<&Config>) -> Vec<Advice> {
         ("color", "color.cache_blocks"),
         ("depth", "depth.cache_blocks"),
     ] {
-        let (lookups, hits) = (n(&format!("caches.{cache}[*].accesses")), n(&format!("caches.{cache}[*].hits")));
+        let CacheCounts { accesses, hits, .. } = CACHES.sum_of(&frame.counts, cache);
+        let (lookups, hits) = (accesses as f64, hits as f64);
         if lookups > 0.005 * cycles && hits < 0.8 * lookups {
             let evidence = format!("{} of {} lookups hit.", percent(share(hits, lookups)), readable(lookups));
             add(&format!("Make the {cache} cache larger."), evidence, vec![knob(path, 2.0)], 0.2);
         }
     }
-    if n("sort.load_imbalance") > 1.15 {
-        let evidence = format!("The busiest pipeline has {:.2} times the quads of the mean.", n("sort.load_imbalance"));
-        add(
-            "Deal the screen to pipelines in smaller tiles.",
-            evidence,
-            vec![knob("distribute.tile", 0.5)],
-            n("sort.load_imbalance") - 1.0,
-        );
+    if sort.load_imbalance > 1.15 {
+        let evidence = format!("The busiest pipeline has {:.2} times the quads of the mean.", sort.load_imbalance);
+        let set = vec![knob("distribute.tile", 0.5)];
+        add("Deal the screen to pipelines in smaller tiles.", evidence, set, sort.load_imbalance - 1.0);
     }
-    let phases = frame["phases"].as_array().map_or(&[][..], Vec::as_slice);
-    let of = |kind: &str| {
-        phases.iter().filter(|phase| phase["kind"] == kind).filter_map(|phase| phase["cycles"].as_f64()).sum::<f64>()
-    };
-    for (kind, what) in [
-        ("scan-out", "Scan-out follows drawing and nothing overlaps it: leave it out to compare drawing alone."),
-        ("transfers", "Uploads and copies precede drawing and nothing overlaps them: upload once, not in each frame."),
+    for (kind, set, what) in [
+        (
+            PhaseKind::ScanOut,
+            Some("scanout.enabled=false".to_owned()),
+            "Scan-out follows drawing and nothing overlaps it: leave it out to compare drawing alone.",
+        ),
+        (
+            PhaseKind::Transfers,
+            knob("memory.port_width", 2.0),
+            "Uploads and copies precede drawing and nothing overlaps them: upload once, not in each frame.",
+        ),
     ] {
-        if of(kind) > 0.1 * cycles && cycles > 0.0 {
-            let set = if kind == "scan-out" {
-                vec![Some("scanout.enabled=false".to_owned())]
-            } else {
-                vec![knob("memory.port_width", 2.0)]
-            };
-            add(
-                what,
-                format!("{kind} takes {} of the cycles.", percent(share(of(kind), cycles))),
-                set,
-                share(of(kind), cycles),
-            );
+        let own: f64 = frame.parts.iter().filter(|phase| phase.is(kind)).map(Part::cycles).sum();
+        if own > 0.1 * cycles && cycles > 0.0 {
+            let evidence = format!("{} takes {} of the cycles.", kind.name(), percent(share(own, cycles)));
+            add(what, evidence, vec![set], share(own, cycles));
         }
     }
-    if n("sort.wrong_pixels") > 0.0 {
+    if sort.wrong_pixels > 0 {
         let evidence =
-            format!("{} pixels differ from the picture in the order of the trace.", readable(n("sort.wrong_pixels")));
+            format!("{} pixels differ from the picture in the order of the trace.", readable(sort.wrong_pixels as f64));
         add("This machine does not keep the order that a pass needs.", evidence, Vec::new(), 2.0);
     }
     all
@@ -214,7 +214,7 @@ mod tests {
         for change in ["depth.early=false", "traverse.hierarchical_z=false"] {
             config.set(change).expect("a knob");
         }
-        let advice = counted(&frame, Some(&config));
+        let advice = counted(&Part::frame(&frame), Some(&config));
         assert_eq!(advice.len(), 11);
         let mut paths: Vec<&str> =
             advice.iter().flat_map(|own| &own.set).map(|set| set.split('=').next().unwrap_or(set)).collect();

@@ -4,23 +4,107 @@ use serde_json::{Map, Value};
 
 use crate::host::is_obeyed;
 use crate::report::files::VERSION;
+use crate::sim::UNITS;
+use crate::stats::{FRAME, FrameCounts, Key, Node, SECONDS, Tree, counter};
+use crate::unit::phase::PhaseKind;
+use crate::work::{FUNNEL, Funnel};
+
+/// The cycles of a frame, a phase or a draw.
+pub const CYCLES: Key = FRAME.counter(counter!(FrameCounts, cycles));
+
+/// A frame, a phase of a frame or a draw of a pass, as `stats.json` has it.
+#[derive(Clone, Debug, Default)]
+pub struct Part {
+    /// Its number in the trace. None at the end of a pass, behind its last draw.
+    pub number: Option<u64>,
+    /// The kind of a phase.
+    pub kind: String,
+    /// The label of a phase or a draw.
+    pub label: String,
+    /// The debug group of a draw.
+    pub group: String,
+    /// What limits a phase, where the replay has estimated it.
+    pub limit: String,
+    /// What was counted in it. Below a frame, banks are summed.
+    pub counts: Tree,
+    /// The phases of a frame, or the draws of a phase.
+    pub parts: Vec<Part>,
+    /// What stands for the numbers of units in paths of the file: all of them, or nothing where banks are summed.
+    pub units: &'static str,
+}
+
+impl Part {
+    /// Reads a frame. What the file does not have is empty.
+    pub fn frame(json: &Value) -> Part {
+        Part { units: "[*]", ..Part::read(json) }
+    }
+
+    fn read(json: &Value) -> Part {
+        let mut part = Part::default();
+        let text = |value: &Value| value.as_str().unwrap_or("").to_owned();
+        for (name, value) in json.as_object().into_iter().flatten() {
+            match name.as_str() {
+                "frame" | "number" => part.number = value.as_u64(),
+                "kind" => part.kind = text(value),
+                "label" => part.label = text(value),
+                "group" => part.group = text(value),
+                "limit" => part.limit = text(value),
+                "phases" | "draws" => part.parts = value.as_array().into_iter().flatten().map(Part::read).collect(),
+                _ => {
+                    if let Some(node) = Node::from_json(value) {
+                        part.counts.set(name.clone(), node);
+                    }
+                }
+            }
+        }
+        part
+    }
+
+    /// Its cycles; 0 where they are not known.
+    pub fn cycles(&self) -> f64 {
+        CYCLES.sum(&self.counts).unwrap_or(0.0)
+    }
+
+    /// Whether this is a phase of a kind.
+    pub fn is(&self, kind: PhaseKind) -> bool {
+        self.kind == kind.name()
+    }
+
+    /// Whether something is drawn or computed in this phase. The others move data.
+    pub fn draws(&self) -> bool {
+        self.is(PhaseKind::Pass) || self.is(PhaseKind::Dispatch)
+    }
+
+    /// Whether units were read at its ends. What they count is left out of the file where it is 0.
+    pub fn is_counted(&self) -> bool {
+        !UNITS.find(&self.counts).is_empty()
+    }
+
+    /// The name of a phase as the terminal has it.
+    pub fn name(&self) -> String {
+        let number = if self.draws() { format!(" {}", self.number.unwrap_or(0)) } else { String::new() };
+        let gap = if self.label.is_empty() { "" } else { " " };
+        format!("{}{number}{gap}{}", self.kind, self.label)
+    }
+}
 
 /// Frames up to which each is kept with its funnel and its phases; of more, only the cycles are.
 const DETAILED: usize = 500;
 
-/// The statistics that are kept of a frame that is not the shown one.
-const KEPT: [&str; 5] = ["frame", "cycles", "seconds", "funnel", "phases"];
+/// The names that are kept of a frame if there are more than [`DETAILED`].
+const FEW: [&str; 3] = ["frame", counter!(FrameCounts, cycles).name(), SECONDS.name];
 
-/// The statistics that are kept of the phases of such a frame.
-const PHASE: [&str; 5] = ["kind", "number", "label", "cycles", "limit"];
+/// The names that are kept of a frame that is not the shown one.
+const KEPT: [&str; 5] = [FEW[0], FEW[1], FEW[2], FUNNEL.path, "phases"];
 
-/// The statistics that are kept of a frame if there are more than [`DETAILED`].
-const FEW: [&str; 3] = ["frame", "cycles", "seconds"];
+/// The names that are kept of the phases of such a frame.
+const PHASE: [&str; 5] = ["kind", "number", "label", FEW[1], "limit"];
 
 /// The statistics of a replay. They have the names of `stats.json`; of all frames but one only a part is kept.
 #[derive(Clone, Debug)]
 pub struct Statistics {
     json: Value,
+    frames: Vec<Part>,
     shown: usize,
 }
 
@@ -32,9 +116,9 @@ pub struct Gather {
 }
 
 /// What a frame costs: its cycles, or where none are known what it shades.
-fn cost(frame: &Value) -> f64 {
-    let cycles = frame.get("cycles").and_then(Value::as_f64);
-    cycles.or_else(|| frame.get("funnel")?.get("fragments_shaded")?.as_f64()).unwrap_or(0.0)
+fn cost(frame: &Part) -> f64 {
+    let shaded = || FUNNEL.sum::<Funnel>(&frame.counts).fragments_shaded as f64;
+    CYCLES.sum(&frame.counts).unwrap_or_else(shaded)
 }
 
 fn part(frame: &Value, names: &[&str]) -> Value {
@@ -49,8 +133,8 @@ impl Gather {
         for phase in kept.get_mut("phases").and_then(Value::as_array_mut).into_iter().flatten() {
             *phase = part(phase, &PHASE);
         }
+        let own = cost(&Part::frame(&kept));
         self.frames.push(kept);
-        let own = cost(&frame);
         let most = self.most.as_ref().is_none_or(|(_, cost, _)| own > *cost);
         if most {
             self.most = Some((self.frames.len() - 1, own, frame));
@@ -68,8 +152,9 @@ impl Gather {
             shown = at;
             self.frames[at] = whole;
         }
+        let frames = self.frames.iter().map(Part::frame).collect();
         head.insert("frames".into(), Value::Array(self.frames));
-        Statistics { json: Value::Object(head), shown }
+        Statistics { json: Value::Object(head), frames, shown }
     }
 }
 
@@ -117,19 +202,19 @@ impl Statistics {
         &self.json
     }
 
-    /// The frames, in order.
-    pub fn frames(&self) -> &[Value] {
-        self.json["frames"].as_array().map_or(&[], Vec::as_slice)
+    /// The frames, in order. All but the one that is shown have lost most of what was counted.
+    pub fn frames(&self) -> &[Part] {
+        &self.frames
     }
 
     /// The frame that the page shows: the one that costs most.
-    pub fn frame(&self) -> &Value {
-        self.frames().get(self.shown).unwrap_or(&Value::Null)
+    pub fn frame(&self) -> &Part {
+        &self.frames[self.shown]
     }
 
     /// Its number in the trace.
     pub fn number(&self) -> u32 {
-        self.frame()["frame"].as_u64().and_then(|number| u32::try_from(number).ok()).unwrap_or(0)
+        self.frame().number.and_then(|number| u32::try_from(number).ok()).unwrap_or(0)
     }
 
     /// Its path.
@@ -141,29 +226,6 @@ impl Statistics {
     pub fn text(&self, name: &str) -> &str {
         self.json[name].as_str().unwrap_or("")
     }
-
-    /// The number at a path below the frame that is shown.
-    pub fn own(&self, path: &str) -> Option<f64> {
-        number(self.frame(), path)
-    }
-}
-
-/// The number at a path, such as `funnel.quads_shaded`. `caches.texture[*].hits` is the sum over the list.
-pub fn number(value: &Value, path: &str) -> Option<f64> {
-    let Some((head, rest)) = path.split_once("[*]") else { return at(value, path)?.as_f64() };
-    let list = at(value, head)?.as_array()?;
-    let numbers: Vec<f64> = list.iter().filter_map(|element| number(element, rest.trim_start_matches('.'))).collect();
-    (!numbers.is_empty()).then(|| numbers.iter().sum())
-}
-
-/// The value at a path of names and places in lists.
-pub fn at<'v>(value: &'v Value, path: &str) -> Option<&'v Value> {
-    path.split('.').try_fold(value, |value, step| {
-        let (name, places) = step.split_once('[').map_or((step, None), |(name, places)| (name, Some(places)));
-        let value = if name.is_empty() { value } else { value.get(name)? };
-        let Some(places) = places else { return Some(value) };
-        places.trim_end_matches(']').split("][").try_fold(value, |value, place| value.get(place.parse::<usize>().ok()?))
-    })
 }
 
 /// JSON that may stand in a `script` of a page: nothing in it ends the script, begins a tag, or changes how the page's text is shown.
@@ -187,15 +249,6 @@ mod tests {
     use super::*;
 
     #[test]
-    fn numbers_are_found_by_path_and_banks_are_summed() {
-        let value = json!({ "frames": [{ "caches": { "l2": [{ "hits": 2 }, { "hits": 3 }] } }] });
-        assert_eq!(number(&value, "frames[0].caches.l2[*].hits"), Some(5.0));
-        assert_eq!(number(&value, "frames[0].caches.l2[1].hits"), Some(3.0));
-        assert_eq!(number(&value, "frames[1].caches.l2[1].hits"), None);
-        assert_eq!(number(&value, "frames[0].caches.l2[*].misses"), None);
-    }
-
-    #[test]
     fn a_script_holds_no_tag_and_is_the_same_value() {
         let value = json!({ "label": "</script><!--<script>&\u{2028}\u{202e}\u{e0041}\"" });
         let text = script(&value);
@@ -206,14 +259,14 @@ mod tests {
     #[test]
     fn the_frame_that_costs_most_is_whole() {
         let mut gather = Gather::default();
-        let frame = |n: u64, cycles: u64| json!({ "frame": n, "cycles": cycles, "units": {}, "funnel": { "clipped": n }, "phases": [{ "kind": "pass", "draws": [] }] });
+        let frame = |n: u64, cycles: u64| json!({ "frame": n, "cycles": cycles, "units": { "clip": {} }, "funnel": { "clipped": n }, "phases": [{ "kind": "pass", "draws": [] }] });
         let most: Vec<bool> = [5, 9, 9, 7].iter().zip(3..).map(|(&cycles, n)| gather.add(frame(n, cycles))).collect();
         assert_eq!(most, [true, true, false, false]);
         let found = gather.end(Map::new());
         assert_eq!((found.number(), found.place().as_str()), (4, "frames[1]"));
-        assert!(found.frame().get("units").is_some());
+        assert!(found.frame().is_counted());
         assert_eq!(
-            found.frames()[3],
+            found.json()["frames"][3],
             json!({ "frame": 6, "cycles": 7, "funnel": { "clipped": 6 }, "phases": [{ "kind": "pass" }] })
         );
     }

@@ -1,17 +1,20 @@
 //! The machine at work: units, channels, the roofline, and the machine's own drawing.
 
 use maud::{Markup, PreEscaped, html};
-use serde_json::Value;
 
-use super::data::number;
+use super::data::Part;
 use super::replay::Input;
-use super::{Column, bar, cell, cell_share, heads, key, passes, percent, readable, share};
+use super::{Column, bar, cell, cell_share, heads, key, percent, readable, share};
 use crate::machine::config::MemoryKind;
-use crate::machine::{Config, Machine};
+use crate::machine::{Config, Machine, Moved};
+use crate::mem::DRAM;
 use crate::report::diagram::Diagram;
 use crate::report::plots::{Roofline, roofline as draw_roofline};
+use crate::sim::{CAPACITY, CHANNELS, ChannelCounts, MEAN_OCCUPANCY, UNITS, UnitCounts};
+use crate::stats::{Cycles, Group, Key, counter};
+use crate::unit::core::{CORES, CoreCounts};
 
-/// What a unit does in a cycle, with the class of its colour.
+/// What a unit does in a cycle, in the order of [`Cycles`], with the class of its colour.
 pub const STATES: [(&str, &str); 5] = [
     ("busy", "busy"),
     ("starved", "no input"),
@@ -35,16 +38,15 @@ pub struct Bank<'v> {
 }
 
 /// The banks of a frame, in data-flow order.
-pub fn banks(frame: &Value) -> Vec<Bank<'_>> {
+pub fn banks(frame: &Part) -> Vec<Bank<'_>> {
     let mut banks = Vec::new();
-    for (name, list) in frame.get("units").and_then(Value::as_object).into_iter().flatten() {
-        let list = list.as_array().map_or(&[][..], Vec::as_slice);
+    for (name, list) in UNITS.banks(&frame.counts) {
         let (mut sums, mut range) = ([0.0; 5], [1.0_f64, 0.0_f64]);
         for unit in list {
-            let own = STATES.map(|(state, _)| number(unit, state).unwrap_or(0.0));
-            let busy = share(own[0], own.iter().sum());
+            let own: Cycles = unit.read();
+            let busy = share(own.busy as f64, own.total() as f64);
             range = [range[0].min(busy), range[1].max(busy)];
-            sums.iter_mut().zip(own).for_each(|(sum, own)| *sum += own);
+            sums.iter_mut().zip(own.values()).for_each(|(sum, own)| *sum += own as f64);
         }
         let all: f64 = sums.iter().sum();
         if all > 0.0 {
@@ -53,6 +55,9 @@ pub fn banks(frame: &Value) -> Vec<Bank<'_>> {
     }
     banks
 }
+
+/// What went through units.
+const ITEMS: Key = UNITS.counter(counter!(UnitCounts, items));
 
 /// How busy the units were, and how full the channels.
 pub fn units(input: &Input<'_>) -> Option<Markup> {
@@ -82,7 +87,7 @@ pub fn units(input: &Input<'_>) -> Option<Markup> {
                     td.name { (bank.name) (bar("bar", &parts)) }
                     td.n data-value=(bank.count) { (bank.count) }
                     (cell_share(bank.shares[0])) (cell_share(bank.range[0])) (cell_share(bank.range[1]))
-                    (cell(frame, &place, &format!("units.{}[*].items", bank.name)))
+                    (cell(frame, &place, &ITEMS.of(bank.name)))
                 }
             } }
         } }
@@ -94,7 +99,11 @@ pub fn units(input: &Input<'_>) -> Option<Markup> {
     })
 }
 
-fn channels(frame: &Value, place: &str) -> Markup {
+fn channels(frame: &Part, place: &str) -> Markup {
+    let list: Vec<_> = CHANNELS.banks(&frame.counts).collect();
+    let [items, bytes, full] =
+        [counter!(ChannelCounts, items), counter!(ChannelCounts, bytes), counter!(ChannelCounts, full_cycles)]
+            .map(|counter| CHANNELS.counter(counter));
     let columns = [
         Column("channel", false, "A bounded FIFO between two units."),
         Column("count", true, "Parallel channels; the counts are their sum."),
@@ -103,25 +112,22 @@ fn channels(frame: &Value, place: &str) -> Markup {
         Column("fill", true, "Mean occupancy by capacity."),
         Column("full cycles", true, "Cycles in which it had no room, the sum over the channels."),
     ];
-    let list = frame.get("channels").and_then(Value::as_object);
     html! {
-        @if let Some(list) = list {
+        @if !list.is_empty() {
             details {
                 summary { "Channels: how full the FIFOs between units were" }
                 div.scroll.tall { table.sortable {
                     (heads(&columns))
                     tbody { @for (name, channels) in list {
-                        @let path = |leaf: &str| format!("channels.{name}[*].{leaf}");
-                        @let n = |leaf: &str| number(frame, &path(leaf)).unwrap_or(0.0);
-                        @let count = channels.as_array().map_or(0, Vec::len);
-                        @if n("items") > 0.0 {
+                        @let n = |key: &Key| key.of(name).sum(&frame.counts).unwrap_or(0.0);
+                        @if n(&items) > 0.0 {
                             tr {
                                 td.name { (name) }
-                                td.n data-value=(count) { (count) }
-                                (cell(frame, place, &path("items")))
-                                (cell(frame, place, &path("bytes")))
-                                (cell_share(share(n("mean_occupancy"), n("capacity"))))
-                                (cell(frame, place, &path("full_cycles")))
+                                td.n data-value=(channels.len()) { (channels.len()) }
+                                (cell(frame, place, &items.of(name)))
+                                (cell(frame, place, &bytes.of(name)))
+                                (cell_share(share(n(&CHANNELS.statistic(&MEAN_OCCUPANCY)), n(&CHANNELS.statistic(&CAPACITY)))))
+                                (cell(frame, place, &full.of(name)))
                             }
                         }
                     } }
@@ -146,21 +152,20 @@ pub fn bandwidth(config: &Config) -> f64 {
 const POINTS: usize = 7;
 
 /// What the cores did by what memory moved, under the roofs of the machine: the frame, and the passes and dispatches that take most of it.
-pub fn roofs(frame: &Value, config: &Config) -> Option<Roofline> {
+pub fn roofs(frame: &Part, config: &Config) -> Option<Roofline> {
     let width = f64::from(config.core.warp_width);
-    let point = |name: String, of: &Value, cores: &str| {
-        let count = |class: &str| number(of, &format!("{cores}.{class}")).unwrap_or(0.0);
-        let instructions = ["float", "integer", "special", "control", "multiply"].map(count).iter().sum::<f64>() * width;
-        let moved = |way: &str| number(of, &format!("memory.dram.{way}_bytes")).unwrap_or(0.0);
-        let (bytes, cycles) = (moved("read") + moved("write"), number(of, "cycles").unwrap_or(0.0));
+    let point = |name: String, of: &Part| {
+        let CoreCounts { float, integer, special, control, multiply, .. } = CORES.sum(&of.counts);
+        let instructions = (float + integer + special + control + multiply) as f64 * width;
+        let Moved { read_bytes, write_bytes } = DRAM.sum(&of.counts);
+        let (bytes, cycles) = ((read_bytes + write_bytes) as f64, of.cycles());
         (instructions > 0.0 && bytes > 0.0 && cycles > 0.0).then(|| (name, instructions / bytes, instructions / cycles))
     };
-    let cores = frame["units"]["core"].as_array().map_or(0, Vec::len) as f64;
-    let whole = point("frame".into(), frame, "shading.core[*]").filter(|_| cores > 0.0)?;
-    // What counters of a phase leave out is 0.
-    let mut phases: Vec<&Value> = passes::list(frame, "phases").iter().filter(|phase| passes::draws(phase)).collect();
-    phases.sort_by(|a, b| passes::cycles(b).total_cmp(&passes::cycles(a)));
-    let own = phases.into_iter().filter_map(|phase| point(passes::name(phase), phase, "shading.core")).take(POINTS);
+    let cores = UNITS.named("core").find(&frame.counts).len() as f64;
+    let whole = point("frame".into(), frame).filter(|_| cores > 0.0)?;
+    let mut phases: Vec<&Part> = frame.parts.iter().filter(|phase| phase.draws()).collect();
+    phases.sort_by(|a, b| b.cycles().total_cmp(&a.cycles()));
+    let own = phases.into_iter().filter_map(|phase| point(phase.name(), phase)).take(POINTS);
     let peak = f64::from(config.core.issue) * width * cores;
     let lanes = f64::from(config.core.float_lanes) * cores;
     Some(Roofline { bandwidth: bandwidth(config), peak: peak.min(lanes), points: std::iter::once(whole).chain(own).collect() })

@@ -22,6 +22,8 @@ use serde_json::Value;
 
 use super::summary::{bytes, grouped};
 use crate::host::printable;
+use crate::stats::Key;
+use data::Part as Counted;
 
 const STYLE: &str = include_str!("page.css");
 const SCRIPT: &str = include_str!("page.js");
@@ -112,20 +114,25 @@ pub fn share(part: f64, whole: f64) -> f64 {
     if whole > 0.0 { part / whole } else { 0.0 }
 }
 
-/// The cell of a table that holds the statistic at a path; empty where there is none. `base` is the path's beginning.
-pub fn cell(from: &Value, base: &str, path: &str) -> Markup {
-    cell_as(from, base, path, readable)
+/// The cell of a table that holds a statistic of a frame, a phase or a draw; empty where it has none. `base` is its path.
+pub fn cell(from: &Counted, base: &str, key: &Key) -> Markup {
+    cell_as(from, base, key, readable)
 }
 
 /// As [`cell`], with bytes in a readable unit.
-pub fn cell_bytes(from: &Value, base: &str, path: &str) -> Markup {
-    cell_as(from, base, path, bytes)
+pub fn cell_bytes(from: &Counted, base: &str, key: &Key) -> Markup {
+    cell_as(from, base, key, bytes)
 }
 
-fn cell_as(from: &Value, base: &str, path: &str, text: impl Fn(f64) -> String) -> Markup {
+fn cell_as(from: &Counted, base: &str, key: &Key, text: impl Fn(f64) -> String) -> Markup {
+    cell_of(key.sum(&from.counts), &format!("{base}.{}", key.path(from.units)), text)
+}
+
+/// The cell of a table with a value of the file, which stands there at a path; empty where there is none.
+pub fn cell_of(value: Option<f64>, path: &str, text: impl Fn(f64) -> String) -> Markup {
     html! {
-        @match data::number(from, path) {
-            Some(value) => td.n data-path=(format!("{base}.{path}")) data-value=(value) { (text(value)) },
+        @match value {
+            Some(value) => td.n data-path=(path) data-value=(value) { (text(value)) },
             None => td.n data-value="" { "\u{2013}" },
         }
     }

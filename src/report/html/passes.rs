@@ -1,58 +1,40 @@
 //! The time of a frame: its phases one after another, its passes and its draws.
 
 use maud::{Markup, html};
-use serde_json::Value;
 
-use super::data::number;
+use super::data::{CYCLES, Part};
 use super::replay::{Input, Limit};
-use super::{Column, bar, cell, cell_share, heads, key, percent, readable, share};
-
-/// Kinds of phases in which something is drawn or computed; the others move data.
-pub fn draws(phase: &Value) -> bool {
-    matches!(phase["kind"].as_str(), Some("pass" | "dispatch"))
-}
-
-/// The name of a phase as the terminal has it.
-pub fn name(phase: &Value) -> String {
-    let [kind, label] = ["kind", "label"].map(|name| phase[name].as_str().unwrap_or(""));
-    let number = if draws(phase) { format!(" {}", phase["number"].as_u64().unwrap_or(0)) } else { String::new() };
-    let gap = if label.is_empty() { "" } else { " " };
-    format!("{kind}{number}{gap}{label}")
-}
-
-/// The cycles of a phase or a draw.
-pub fn cycles(phase: &Value) -> f64 {
-    phase["cycles"].as_f64().unwrap_or(0.0)
-}
-
-/// A list of a frame; empty where there is none.
-pub fn list<'v>(frame: &'v Value, name: &str) -> &'v [Value] {
-    frame[name].as_array().map_or(&[], Vec::as_slice)
-}
+use super::{Column, bar, cell, cell_of, cell_share, heads, key, percent, readable, share};
+use crate::machine::{Moved, Spent};
+use crate::mem::{CACHES, CacheCounts, DRAM};
+use crate::sim::UNITS;
+use crate::stats::{Counter, Key, counter};
+use crate::unit::phase::PhaseKind;
+use crate::work::{FUNNEL, Funnel};
 
 /// The phases of a frame on a line, and what drawing and all else take.
 pub fn time(input: &Input<'_>) -> Option<Markup> {
     let statistics = input.statistics;
     let frame = statistics.frame();
-    let phases = list(frame, "phases");
+    let phases = &frame.parts;
     if phases.is_empty() {
         return None;
     }
-    let all: f64 = phases.iter().map(cycles).sum();
-    let drawn: f64 = phases.iter().filter(|phase| draws(phase)).map(cycles).sum();
-    let class = |phase: &Value| if draws(phase) { "k-draw" } else { "k-other" };
+    let all: f64 = phases.iter().map(Part::cycles).sum();
+    let drawn: f64 = phases.iter().filter(|phase| phase.draws()).map(Part::cycles).sum();
+    let class = |phase: &Part| if phase.draws() { "k-draw" } else { "k-other" };
     let strip: Vec<(&str, f64, String)> = phases
         .iter()
         .map(|phase| {
-            let text = format!("{}: {} cycles, {}", name(phase), readable(cycles(phase)), percent(share(cycles(phase), all)));
-            (class(phase), share(cycles(phase), all), text)
+            let (cycles, part) = (phase.cycles(), share(phase.cycles(), all));
+            (class(phase), part, format!("{}: {} cycles, {}", phase.name(), readable(cycles), percent(part)))
         })
         .collect();
-    let kinds: Vec<(&str, f64, usize)> = ["pass", "dispatch", "transfers", "scan-out"]
+    let kinds: Vec<(PhaseKind, f64, usize)> = [PhaseKind::Pass, PhaseKind::Dispatch, PhaseKind::Transfers, PhaseKind::ScanOut]
         .into_iter()
         .map(|kind| {
-            let own = phases.iter().filter(|phase| phase["kind"].as_str() == Some(kind));
-            (kind, own.clone().map(cycles).sum(), own.count())
+            let own = phases.iter().filter(|phase| phase.is(kind));
+            (kind, own.clone().map(Part::cycles).sum(), own.count())
         })
         .filter(|(_, _, count)| *count > 0)
         .collect();
@@ -66,44 +48,57 @@ pub fn time(input: &Input<'_>) -> Option<Markup> {
         div.scroll { table {
             thead { tr { th scope="col" { "kind" } th.n scope="col" { "number" } th.n scope="col" { "cycles" } th.n scope="col" { "share" } th scope="col" { "" } } }
             tbody { @for (kind, sum, count) in &kinds {
-                @let own = if matches!(*kind, "pass" | "dispatch") { "k-draw" } else { "k-other" };
-                tr { td.name { (kind) } td.n { (count) } td.n data-value=(sum) { (readable(*sum)) } (cell_share(share(*sum, all)))
+                @let own = if matches!(kind, PhaseKind::Pass | PhaseKind::Dispatch) { "k-draw" } else { "k-other" };
+                tr { td.name { (kind.name()) } td.n { (count) } td.n data-value=(sum) { (readable(*sum)) } (cell_share(share(*sum, all)))
                     td { (bar("bar", &[(own, share(*sum, all), percent(share(*sum, all)))])) } }
             } }
         } }
     })
 }
 
-/// Statistics of phases and draws that are columns: a path and a heading. What is 0 everywhere is left out.
-const COLUMNS: [(&str, &str); 13] = [
-    ("funnel.vertices_shaded", "vertices shaded"),
-    ("funnel.triangles_setup", "triangles set up"),
-    ("funnel.quads_rasterized", "quads"),
-    ("funnel.quads_early_culled", "quads hidden early"),
-    ("funnel.fragments_shaded", "fragments shaded"),
-    ("funnel.helper_fragments", "helpers"),
-    ("funnel.fragments_written", "fragments written"),
-    ("memory.dram.read_bytes", "bytes from DRAM"),
-    ("memory.dram.write_bytes", "bytes to DRAM"),
-    ("caches.texture.accesses", "texture lookups"),
-    ("caches.texture.misses", "texture misses"),
-    ("caches.vertex.misses", "vertex misses"),
-    ("caches.l2.misses", "L2 misses"),
+const fn counted(counter: Counter<Funnel>) -> Key {
+    FUNNEL.counter(counter)
+}
+
+const fn cached(cache: &'static str, counter: Counter<CacheCounts>) -> Key {
+    CACHES.named(cache).counter(counter)
+}
+
+/// Statistics of phases and draws that are columns, with their headings. What is 0 everywhere is left out.
+const COLUMNS: [(Key, &str); 13] = [
+    (counted(counter!(Funnel, vertices_shaded)), "vertices shaded"),
+    (counted(counter!(Funnel, triangles_setup)), "triangles set up"),
+    (counted(counter!(Funnel, quads_rasterized)), "quads"),
+    (counted(counter!(Funnel, quads_early_culled)), "quads hidden early"),
+    (counted(counter!(Funnel, fragments_shaded)), "fragments shaded"),
+    (counted(counter!(Funnel, helper_fragments)), "helpers"),
+    (counted(counter!(Funnel, fragments_written)), "fragments written"),
+    (DRAM.counter(counter!(Moved, read_bytes)), "bytes from DRAM"),
+    (DRAM.counter(counter!(Moved, write_bytes)), "bytes to DRAM"),
+    (cached("texture", counter!(CacheCounts, accesses)), "texture lookups"),
+    (cached("texture", counter!(CacheCounts, misses)), "texture misses"),
+    (cached("vertex", counter!(CacheCounts, misses)), "vertex misses"),
+    (cached("l2", counter!(CacheCounts, misses)), "L2 misses"),
 ];
 
 /// The columns that some of these entries have.
-fn columns(entries: &[&Value]) -> Vec<(&'static str, &'static str)> {
-    let has = |path: &str| entries.iter().any(|entry| number(entry, path).is_some_and(|value| value != 0.0));
-    COLUMNS.into_iter().filter(|(path, _)| has(path)).collect()
+fn columns(entries: &[&Part]) -> Vec<(Key, &'static str)> {
+    let has = |key: &Key| entries.iter().any(|entry| key.sum(&entry.counts).is_some_and(|value| value != 0.0));
+    COLUMNS.into_iter().filter(|(key, _)| has(key)).collect()
+}
+
+/// The heads of these columns, each with the path of its statistic.
+fn heads_of(columns: &[(Key, &'static str)]) -> Vec<(&'static str, String)> {
+    columns.iter().map(|(key, name)| (*name, key.path(""))).collect()
 }
 
 /// The unit of a span that was busy in the largest share of its cycles, and that share: how far it is used, not what limits. `frame` tells how
 /// many there are of each.
-pub fn most_used<'v>(entry: &'v Value, frame: &Value) -> Option<(&'v str, f64)> {
-    let all = cycles(entry);
-    let units = entry.get("units")?.as_object()?.iter().filter_map(|(name, states)| {
-        let count = frame["units"][name].as_array().map_or(1, Vec::len);
-        Some((name.as_str(), states.get("busy")?.as_f64()? / (all * count as f64)))
+pub fn most_used<'v>(entry: &'v Part, frame: &Part) -> Option<(&'v str, f64)> {
+    let busy = UNITS.counter(counter!(Spent, busy));
+    let units = UNITS.banks(&entry.counts).filter_map(|(name, _)| {
+        let count = UNITS.find_of(&frame.counts, name).len().max(1);
+        Some((name, busy.of(name).sum(&entry.counts)? / (entry.cycles() * count as f64)))
     });
     units.filter(|(_, share)| share.is_finite()).max_by(|a, b| a.1.total_cmp(&b.1))
 }
@@ -116,23 +111,23 @@ const USED: Column<'static> = Column(
 );
 
 /// The cell of the unit that is used most.
-fn used_cell(entry: &Value, frame: &Value) -> Markup {
+fn used_cell(entry: &Part, frame: &Part) -> Markup {
     html! { td.unit { @match most_used(entry, frame) { Some((unit, share)) => { (unit) " " span.note { (percent(share)) } }, None => "\u{2013}" } } }
 }
 
 /// The estimate of what limits a phase.
-fn estimated<'i>(input: &'i Input<'_>, at: usize, phase: &Value) -> Option<&'i Limit> {
-    input.limits.get(at).filter(|own| own.name == name(phase))
+fn estimated<'i>(input: &'i Input<'_>, at: usize, phase: &Part) -> Option<&'i Limit> {
+    input.limits.get(at).filter(|own| own.name == phase.name())
 }
 
 /// The unit that limits a phase, by estimate.
-fn unit_limit<'i>(input: &'i Input<'_>, at: usize, phase: &'i Value) -> Option<&'i str> {
-    let told = || phase["limit"].as_str().filter(|told| !told.is_empty());
+fn unit_limit<'i>(input: &'i Input<'_>, at: usize, phase: &'i Part) -> Option<&'i str> {
+    let told = || Some(phase.limit.as_str()).filter(|told| !told.is_empty());
     estimated(input, at, phase).map(|own| own.unit.as_str()).or_else(told)
 }
 
 /// What limits a phase, and the evidence.
-fn limit(input: &Input<'_>, at: usize, phase: &Value) -> Markup {
+fn limit(input: &Input<'_>, at: usize, phase: &Part) -> Markup {
     html! {
         td.reason {
             @match estimated(input, at, phase) {
@@ -148,23 +143,23 @@ fn limit(input: &Input<'_>, at: usize, phase: &Value) -> Markup {
 }
 
 /// The cell of a counter of a phase or a draw. Where these have counters, those that are 0 are left out of the file.
-fn counted_cell(entry: &Value, base: &str, path: &str) -> Markup {
-    if number(entry, path).is_none() && entry.get("units").is_some() {
+fn counted_cell(entry: &Part, base: &str, key: &Key) -> Markup {
+    if key.sum(&entry.counts).is_none() && entry.is_counted() {
         return html! { td.n data-value="0" { "0" } };
     }
-    cell(entry, base, path)
+    cell(entry, base, key)
 }
 
 /// The table of phases, those that take most first, with what was counted in each.
 fn phases(input: &Input<'_>) -> Option<Markup> {
     let statistics = input.statistics;
     let frame = statistics.frame();
-    let phases = list(frame, "phases");
-    let all: f64 = phases.iter().map(cycles).sum();
+    let phases = &frame.parts;
+    let all: f64 = phases.iter().map(Part::cycles).sum();
     let mut order: Vec<usize> = (0..phases.len()).collect();
-    order.sort_by(|&a, &b| cycles(&phases[b]).total_cmp(&cycles(&phases[a])).then(a.cmp(&b)));
+    order.sort_by(|&a, &b| phases[b].cycles().total_cmp(&phases[a].cycles()).then(a.cmp(&b)));
     let more = columns(&phases.iter().collect::<Vec<_>>());
-    let counted = phases.iter().any(|phase| phase.get("units").is_some());
+    let counted = phases.iter().any(Part::is_counted);
     let mut titles = vec![
         Column("phase", false, "Passes and dispatches have their numbers in the trace."),
         Column("order", true, "Its place in the frame."),
@@ -179,7 +174,8 @@ fn phases(input: &Input<'_>) -> Option<Markup> {
     if counted {
         titles.push(USED);
     }
-    titles.extend(more.iter().map(|(path, name)| Column(name, true, path)));
+    let named = heads_of(&more);
+    titles.extend(named.iter().map(|(name, path)| Column(name, true, path)));
     (!phases.is_empty()).then(|| {
         html! {
             div.scroll.tall { table.sortable id="passes" {
@@ -188,13 +184,13 @@ fn phases(input: &Input<'_>) -> Option<Markup> {
                     @let phase = &phases[at];
                     @let base = format!("{}.phases[{at}]", statistics.place());
                     tr {
-                        td.name { (name(phase)) }
+                        td.name { (phase.name()) }
                         td.n data-value=(at) { (at + 1) }
-                        (cell(phase, &base, "cycles"))
-                        (cell_share(share(cycles(phase), all)))
+                        (cell(phase, &base, &CYCLES))
+                        (cell_share(share(phase.cycles(), all)))
                         (limit(input, at, phase))
                         @if counted { (used_cell(phase, frame)) }
-                        @for (path, _) in &more { (counted_cell(phase, &base, path)) }
+                        @for (key, _) in &more { (counted_cell(phase, &base, key)) }
                     }
                 } }
             } }
@@ -208,16 +204,15 @@ fn draw_table(input: &Input<'_>) -> Option<Markup> {
     const MOST: usize = 1000;
     let statistics = input.statistics;
     let frame = statistics.frame();
-    let phases = list(frame, "phases").iter().enumerate();
-    let mut draws: Vec<(usize, usize, &Value, &Value)> = phases
-        .flat_map(|(at, phase)| list(phase, "draws").iter().enumerate().map(move |(own, draw)| (at, own, phase, draw)))
-        .collect();
+    let phases = frame.parts.iter().enumerate();
+    let mut draws: Vec<(usize, usize, &Part, &Part)> =
+        phases.flat_map(|(at, phase)| phase.parts.iter().enumerate().map(move |(own, draw)| (at, own, phase, draw))).collect();
     if draws.is_empty() {
         return None;
     }
-    let all: f64 = draws.iter().map(|(.., draw)| cycles(draw)).sum();
+    let all: f64 = draws.iter().map(|(.., draw)| draw.cycles()).sum();
     // In a stable order: of equal ones the first.
-    draws.sort_by(|a, b| cycles(b.3).total_cmp(&cycles(a.3)));
+    draws.sort_by(|a, b| b.3.cycles().total_cmp(&a.3.cycles()));
     let left = draws.len().saturating_sub(MOST);
     draws.truncate(MOST);
     let more = columns(&draws.iter().map(|(.., draw)| *draw).collect::<Vec<_>>());
@@ -234,28 +229,30 @@ fn draw_table(input: &Input<'_>) -> Option<Markup> {
         ),
         USED,
     ];
-    titles.extend(more.iter().map(|(path, name)| Column(name, true, path)));
-    let label = |draw: &Value| {
-        let [group, label] = ["group", "label"].map(|name| draw[name].as_str().unwrap_or("").to_owned());
-        let end = if draw["number"].is_null() { "end of the pass".to_owned() } else { String::new() };
-        [group, label, end].into_iter().filter(|text| !text.is_empty()).collect::<Vec<_>>().join(" / ")
+    let named = heads_of(&more);
+    titles.extend(named.iter().map(|(name, path)| Column(name, true, path)));
+    let label = |draw: &Part| {
+        let end = if draw.number.is_none() { "end of the pass" } else { "" };
+        [draw.group.as_str(), &draw.label, end].into_iter().filter(|text| !text.is_empty()).collect::<Vec<_>>().join(" / ")
     };
+    let number = |of: &Part, base: &str| cell_of(of.number.map(|number| number as f64), &format!("{base}.number"), readable);
     Some(html! {
         h3 { "Draws" }
         @if left > 0 { p.note { "The " (readable(MOST as f64)) " draws with most cycles; " (readable(left as f64)) " more are in draws.csv." } }
         div.scroll.tall { table.sortable id="draws" {
             (heads(&titles))
             tbody { @for (at, own, phase, draw) in &draws {
-                @let base = format!("{}.phases[{at}].draws[{own}]", statistics.place());
+                @let pass = format!("{}.phases[{at}]", statistics.place());
+                @let base = format!("{pass}.draws[{own}]");
                 tr {
-                    (cell(draw, &base, "number"))
+                    (number(draw, &base))
                     td.name { (label(draw)) }
-                    (cell(phase, &format!("{}.phases[{at}]", statistics.place()), "number"))
-                    (cell(draw, &base, "cycles"))
-                    (cell_share(share(cycles(draw), all)))
+                    (number(phase, &pass))
+                    (cell(draw, &base, &CYCLES))
+                    (cell_share(share(draw.cycles(), all)))
                     td.reason { @match unit_limit(input, *at, phase) { Some(unit) => b { (unit) }, None => span.note { "\u{2013}" } } }
                     (used_cell(draw, frame))
-                    @for (path, _) in &more { (counted_cell(draw, &base, path)) }
+                    @for (key, _) in &more { (counted_cell(draw, &base, key)) }
                 }
             } }
         } }

@@ -4,24 +4,22 @@ use crate::machine::{Config, Machine};
 use crate::report::diagram::Diagram;
 use crate::report::plots::{Scale, Series, Stack, alone, bars, chart, roofline};
 
-use super::data::Statistics;
+use super::data::{CYCLES, Part, Statistics};
 use super::machine::{STATES, banks, roofs};
-use super::passes::name;
 use super::{percent, readable, share};
 
 /// The plots, each with its name: phases and frames, units, the roofline, the machine. What the statistics do not have is left out.
 pub fn replay(statistics: &Statistics, config: Option<&Config>) -> Vec<(String, String)> {
     let frame = statistics.frame();
     let mut plots = Vec::new();
-    let phases = frame["phases"].as_array().map_or(&[][..], Vec::as_slice);
-    let cycles = |phase: &serde_json::Value| phase["cycles"].as_f64().unwrap_or(0.0);
-    let all: f64 = phases.iter().map(cycles).sum();
-    let rows: Vec<Stack> = phases
+    let all: f64 = frame.parts.iter().map(Part::cycles).sum();
+    let rows: Vec<Stack> = frame
+        .parts
         .iter()
         .map(|phase| {
-            let color = if matches!(phase["kind"].as_str(), Some("pass" | "dispatch")) { "draw" } else { "other" };
-            let part = share(cycles(phase), all);
-            Stack { name: name(phase), shares: vec![(color, part, percent(part))], note: readable(cycles(phase)) }
+            let color = if phase.draws() { "draw" } else { "other" };
+            let part = share(phase.cycles(), all);
+            Stack { name: phase.name(), shares: vec![(color, part, percent(part))], note: readable(phase.cycles()) }
         })
         .collect();
     if !rows.is_empty() {
@@ -40,8 +38,8 @@ pub fn replay(statistics: &Statistics, config: Option<&Config>) -> Vec<(String, 
         let rows: Vec<Stack> = banks.iter().map(row).collect();
         plots.push(("units".to_owned(), alone(&bars("What units did", &STATES, &rows))));
     }
-    let points: Vec<(f64, f64)> =
-        statistics.frames().iter().filter_map(|frame| Some((frame["frame"].as_f64()?, frame["cycles"].as_f64()?))).collect();
+    let point = |frame: &Part| Some((frame.number? as f64, CYCLES.sum(&frame.counts)?));
+    let points: Vec<(f64, f64)> = statistics.frames().iter().filter_map(point).collect();
     if points.len() > 1 {
         let series = [Series { name: "cycles", points, line: true }];
         let svg = chart("frame", "cycles", Scale::Linear, Scale::FromZero, &series).into_string();

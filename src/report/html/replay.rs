@@ -3,13 +3,16 @@
 use maud::{Markup, html};
 use serde_json::{Value, json};
 
-use super::data::{Statistics, number};
+use super::data::{CYCLES, Part as Counted, Statistics};
 use super::{Part, advice, inline, machine, maps, page, part, passes, percent, readable, series, share, tables, word};
-use crate::machine::{Config, PhaseReport};
+use crate::machine::{Config, PhaseReport, SORTING, WRONG_PIXELS};
+use crate::mem::{DRAM, DramCounts};
 use crate::report::summary::bytes;
 use crate::run::bound::{FrameEstimate, PhaseEstimate};
 use crate::run::maps::Maps;
 use crate::run::timeline::Timeline;
+use crate::stats::{FRAME, Key, SECONDS, counter};
+use crate::work::{FUNNEL, Funnel};
 
 /// What a page of a replay is made from.
 pub struct Input<'i> {
@@ -89,31 +92,25 @@ fn knob(value: &Value) -> String {
 
 /// The figures that stand first.
 fn tiles(statistics: &Statistics) -> Markup {
-    let n = |path: &str| statistics.own(path);
     let place = statistics.place();
-    let mut tiles: Vec<(String, &str, &str, f64)> = Vec::new();
-    if let Some(cycles) = n("cycles") {
-        tiles.push((readable(cycles), "cycles", "cycles", cycles));
+    let mut tiles: Vec<(String, &str, Key, f64)> = Vec::new();
+    let mut tile = |key: Key, name, text: &dyn Fn(f64) -> String| {
+        let value = key.sum(&statistics.frame().counts);
+        tiles.extend(value.map(|value| (text(value), name, key, value)));
+    };
+    tile(CYCLES, "cycles", &readable);
+    let seconds = FRAME.statistic(&SECONDS);
+    if seconds.sum(&statistics.frame().counts) > Some(0.0) {
+        tile(seconds, "of the card's time", &|seconds| format!("{:.3} ms", 1e3 * seconds));
     }
-    if let Some(seconds) = n("seconds").filter(|seconds| *seconds > 0.0) {
-        tiles.push((format!("{:.3} ms", 1e3 * seconds), "of the card's time", "seconds", seconds));
-    }
-    for (path, name) in [("funnel.triangles_setup", "triangles set up"), ("funnel.fragments_shaded", "fragments shaded")] {
-        if let Some(value) = n(path) {
-            tiles.push((readable(value), name, path, value));
-        }
-    }
-    for (path, name) in [("memory.dram.read_bytes", "read from DRAM"), ("memory.dram.write_bytes", "written to DRAM")] {
-        if let Some(value) = n(path) {
-            tiles.push((bytes(value), name, path, value));
-        }
-    }
-    if let Some(value) = n("sort.wrong_pixels") {
-        tiles.push((readable(value), "wrong pixels", "sort.wrong_pixels", value));
-    }
+    tile(FUNNEL.counter(counter!(Funnel, triangles_setup)), "triangles set up", &readable);
+    tile(FUNNEL.counter(counter!(Funnel, fragments_shaded)), "fragments shaded", &readable);
+    tile(DRAM.counter(counter!(DramCounts, read_bytes)), "read from DRAM", &bytes);
+    tile(DRAM.counter(counter!(DramCounts, write_bytes)), "written to DRAM", &bytes);
+    tile(SORTING.statistic(&WRONG_PIXELS), "wrong pixels", &readable);
     html! {
-        div.tiles { @for (text, name, path, value) in &tiles {
-            div.tile { b data-path=(format!("{place}.{path}")) data-value=(value) { (text) } span { (name) } }
+        div.tiles { @for (text, name, key, value) in &tiles {
+            div.tile { b data-path=(format!("{place}.{}", key.path(""))) data-value=(value) { (text) } span { (name) } }
         } }
     }
 }
@@ -186,14 +183,15 @@ fn proven(why: &Value) -> Markup {
 /// The unit that is used most in a phase, where phases have counters of their own.
 fn most_used_in<'i>(input: &'i Input<'_>, phase: usize) -> Option<(&'i str, f64)> {
     let frame = input.statistics.frame();
-    passes::most_used(frame["phases"].get(phase)?, frame)
+    passes::most_used(frame.parts.get(phase)?, frame)
 }
 
 /// What holds the frame back: proven, estimated, or how to find out.
 fn verdict(input: &Input<'_>) -> Markup {
     let prove = command(input.statistics, "why", &[]);
-    let all: f64 = input.statistics.own("cycles").unwrap_or(0.0);
-    let cycles = |at: usize| number(input.statistics.frame(), &format!("phases[{at}].cycles")).unwrap_or(0.0);
+    let frame = input.statistics.frame();
+    let all = frame.cycles();
+    let cycles = |at: usize| frame.parts.get(at).map_or(0.0, Counted::cycles);
     let most = (0..input.limits.len()).max_by(|&a, &b| cycles(a).total_cmp(&cycles(b)));
     html! {
         @match (input.why, most) {

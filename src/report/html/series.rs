@@ -3,8 +3,9 @@
 use maud::{Markup, html};
 use serde_json::{Value, json};
 
+use super::data::Part;
 use super::replay::Input;
-use super::{key, passes, percent, readable};
+use super::{key, percent, readable};
 use crate::run::timeline::{Sample, Timeline};
 use crate::stats::Cycles;
 
@@ -60,8 +61,8 @@ pub fn section(input: &Input<'_>) -> Option<Markup> {
     let timeline = input.timeline?;
     let samples = &timeline.samples;
     let end = samples.last()?.end as f64;
-    let phases = input.statistics.frame()["phases"].as_array().map_or(&[][..], Vec::as_slice);
-    let total: f64 = phases.iter().filter_map(|phase| phase["cycles"].as_f64()).sum();
+    let phases = &input.statistics.frame().parts;
+    let total: f64 = phases.iter().map(Part::cycles).sum();
     let units = timeline.units.iter().enumerate().filter_map(|(at, bank)| {
         let sum = samples.iter().fold(Cycles::default(), |mut sum, sample| {
             sum += sample.units[at];
@@ -90,7 +91,7 @@ pub fn section(input: &Input<'_>) -> Option<Markup> {
         let last = format!("{most:.1}");
         (most > 0.0).then(|| row(&name, &format!("items in {name} over time, at most {last}"), &[("draw", steps)], &last))
     });
-    let at = |n: usize| phases[..n].iter().filter_map(|phase| phase["cycles"].as_f64()).sum::<f64>() / total.max(1.0);
+    let at = |n: usize| phases[..n].iter().map(Part::cycles).sum::<f64>() / total.max(1.0);
     Some(html! {
         p { "From left to right " (readable(end)) " cycles, read " (samples.len()) " times. This machine draws frame " (input.statistics.number()) " alone, with empty caches." }
         (key(&[("s-busy", "busy"), ("s-blocked", "no room behind it"), ("s-memory", "waits for memory")]))
@@ -99,8 +100,8 @@ pub fn section(input: &Input<'_>) -> Option<Markup> {
             tbody {
                 @if total > 0.0 { tr { td.name { "phases" } td.over { svg viewBox=(format!("0 0 1000 {HEIGHT}")) preserveAspectRatio="none" role="img" aria-label="phases" {
                     @for (n, phase) in phases.iter().enumerate() {
-                        rect x=(format!("{:.1}", 1000.0 * at(n))) y="2" width=(format!("{:.1}", 1000.0 * (at(n + 1) - at(n)))) height=(HEIGHT - 4.0) style=(format!("fill:var(--{})", if passes::draws(phase) { "draw" } else { "other" })) {
-                            title { (passes::name(phase)) }
+                        rect x=(format!("{:.1}", 1000.0 * at(n))) y="2" width=(format!("{:.1}", 1000.0 * (at(n + 1) - at(n)))) height=(HEIGHT - 4.0) style=(format!("fill:var(--{})", if phase.draws() { "draw" } else { "other" })) {
+                            title { (phase.name()) }
                         }
                     }
                 } } td.n {} } }

@@ -3,58 +3,67 @@
 use std::collections::BTreeMap;
 
 use maud::{Markup, html};
-use serde_json::Value;
 
-use super::data::number;
+use super::data::{CYCLES, Part};
 use super::replay::Input;
-use super::{Column, bar, cell, cell_bytes, cell_share, heads, key, percent, readable, share};
+use super::{Column, bar, cell, cell_bytes, cell_of, cell_share, heads, key, percent, readable, share};
+use crate::mem::{CACHES, CLIENTS, CacheCounts, ClientCounts, DRAM, DramCounts};
 use crate::report::pages::Glossary;
 use crate::report::plots::{Scale, Series, chart};
+use crate::sim::{CHANNELS, UNITS, UnitCounts};
+use crate::stats::{Counter, Cycles, Declaration, Group, Heading, Key, Tree, counter};
+use crate::work::{FUNNEL, Funnel};
 
-/// Rows of the funnel: the counter, its name, and the counter that it is a part of.
-const FUNNEL: [(&str, &str, &str); 24] = [
-    ("vertices_in", "vertices read", ""),
-    ("vertices_shaded", "vertices shaded", "vertices_in"),
-    ("primitives_in", "primitives", ""),
-    ("culled_backface", "\u{2212} facing away", "primitives_in"),
-    ("culled_frustum", "\u{2212} outside the view", "primitives_in"),
-    ("culled_degenerate", "\u{2212} degenerate", "primitives_in"),
-    ("culled_scissor", "\u{2212} outside the scissor", "primitives_in"),
-    ("culled_no_sample", "\u{2212} between samples", "primitives_in"),
-    ("setup_culled", "+ culled after setup", "primitives_in"),
-    ("setup_parts", "+ parts of clipped primitives", "primitives_in"),
-    ("setup_copies", "+ copies in other pipelines", "primitives_in"),
-    ("triangles_setup", "triangles set up", "primitives_in"),
-    ("tiles_visited", "blocks of 8x8 visited", ""),
-    ("tiles_hiz_culled", "\u{2212} hidden (hierarchical Z)", "tiles_visited"),
-    ("quads_rasterized", "quads", ""),
-    ("quads_early_culled", "\u{2212} hidden early", "quads_rasterized"),
-    ("quads_hiz_culled", "of these by hierarchical Z", "quads_early_culled"),
-    ("quads_shaded", "quads shaded", "quads_rasterized"),
-    ("fragments_covered", "fragments covered", ""),
-    ("fragments_shaded", "fragments shaded", "fragments_covered"),
-    ("helper_fragments", "+ helper invocations", "fragments_shaded"),
-    ("fragments_discarded", "\u{2212} discarded", "fragments_shaded"),
-    ("fragments_late_failed", "\u{2212} hidden (late Z)", "fragments_shaded"),
-    ("fragments_written", "fragments written", "fragments_covered"),
+/// A row of the funnel: the counter, its name, and the counter that it is a part of.
+type Row = (Counter<Funnel>, &'static str, Option<Counter<Funnel>>);
+
+/// Rows of the funnel.
+const ROWS: [Row; 24] = [
+    (counter!(Funnel, vertices_in), "vertices read", None),
+    (counter!(Funnel, vertices_shaded), "vertices shaded", Some(counter!(Funnel, vertices_in))),
+    (counter!(Funnel, primitives_in), "primitives", None),
+    (counter!(Funnel, culled_backface), "\u{2212} facing away", Some(counter!(Funnel, primitives_in))),
+    (counter!(Funnel, culled_frustum), "\u{2212} outside the view", Some(counter!(Funnel, primitives_in))),
+    (counter!(Funnel, culled_degenerate), "\u{2212} degenerate", Some(counter!(Funnel, primitives_in))),
+    (counter!(Funnel, culled_scissor), "\u{2212} outside the scissor", Some(counter!(Funnel, primitives_in))),
+    (counter!(Funnel, culled_no_sample), "\u{2212} between samples", Some(counter!(Funnel, primitives_in))),
+    (counter!(Funnel, setup_culled), "+ culled after setup", Some(counter!(Funnel, primitives_in))),
+    (counter!(Funnel, setup_parts), "+ parts of clipped primitives", Some(counter!(Funnel, primitives_in))),
+    (counter!(Funnel, setup_copies), "+ copies in other pipelines", Some(counter!(Funnel, primitives_in))),
+    (counter!(Funnel, triangles_setup), "triangles set up", Some(counter!(Funnel, primitives_in))),
+    (counter!(Funnel, tiles_visited), "blocks of 8x8 visited", None),
+    (counter!(Funnel, tiles_hiz_culled), "\u{2212} hidden (hierarchical Z)", Some(counter!(Funnel, tiles_visited))),
+    (counter!(Funnel, quads_rasterized), "quads", None),
+    (counter!(Funnel, quads_early_culled), "\u{2212} hidden early", Some(counter!(Funnel, quads_rasterized))),
+    (counter!(Funnel, quads_hiz_culled), "of these by hierarchical Z", Some(counter!(Funnel, quads_early_culled))),
+    (counter!(Funnel, quads_shaded), "quads shaded", Some(counter!(Funnel, quads_rasterized))),
+    (counter!(Funnel, fragments_covered), "fragments covered", None),
+    (counter!(Funnel, fragments_shaded), "fragments shaded", Some(counter!(Funnel, fragments_covered))),
+    (counter!(Funnel, helper_fragments), "+ helper invocations", Some(counter!(Funnel, fragments_shaded))),
+    (counter!(Funnel, fragments_discarded), "\u{2212} discarded", Some(counter!(Funnel, fragments_shaded))),
+    (counter!(Funnel, fragments_late_failed), "\u{2212} hidden (late Z)", Some(counter!(Funnel, fragments_shaded))),
+    (counter!(Funnel, fragments_written), "fragments written", Some(counter!(Funnel, fragments_covered))),
 ];
 
 /// What went in, and where it was thrown away.
 pub fn funnel(input: &Input<'_>) -> Option<Markup> {
     let frame = input.statistics.frame();
     let place = input.statistics.place();
-    let n = |name: &str| number(frame, &format!("funnel.{name}")).unwrap_or(0.0);
-    frame.get("funnel").is_some().then(|| {
+    let funnel: Funnel = FUNNEL.sum(&frame.counts);
+    (!FUNNEL.find(&frame.counts).is_empty()).then(|| {
         html! { div.scroll { table {
             thead { tr { th scope="col" { "stage" } th.n scope="col" { "count" } th.n scope="col" { "share" } th.wide scope="col" { "" } } }
-            tbody { @for (name, text, of) in FUNNEL {
+            tbody { @for (counter, text, of) in ROWS {
                 tr {
                     td.name { (text) }
-                    (cell(frame, &place, &format!("funnel.{name}")))
-                    @if of.is_empty() { td.n {} td.wide {} } @else {
-                        @let part = share(n(name), n(of));
-                        td.n data-value=(part) title=(format!("of {}", of.replace('_', " "))) { (percent(part)) }
-                        td.wide { (bar("bar", &[("b-read", part.min(1.0), percent(part))])) }
+                    (cell(frame, &place, &FUNNEL.counter(counter)))
+                    @match of {
+                        None => { td.n {} td.wide {} },
+                        Some(of) => {
+                            @let part = share(counter.of(&funnel) as f64, of.of(&funnel) as f64);
+                            td.n data-value=(part) title=(format!("of {}", of.name().replace('_', " "))) { (percent(part)) }
+                            td.wide { (bar("bar", &[("b-read", part.min(1.0), percent(part))])) }
+                        },
                     }
                 }
             } }
@@ -65,8 +74,9 @@ pub fn funnel(input: &Input<'_>) -> Option<Markup> {
 /// The first-level caches and the second level.
 pub fn caches(input: &Input<'_>) -> Option<Markup> {
     let frame = input.statistics.frame();
-    let caches = frame.get("caches")?.as_object()?;
+    let caches: Vec<_> = CACHES.banks(&frame.counts).collect();
     let place = input.statistics.place();
+    let key = |counter, cache: &str| CACHES.counter(counter).of(cache);
     let columns = [
         Column("cache", false, ""),
         Column("units", true, "How many there are of it; the counts are their sum."),
@@ -76,19 +86,18 @@ pub fn caches(input: &Input<'_>) -> Option<Markup> {
         Column("misses", true, ""),
         Column("evictions", true, ""),
     ];
-    Some(html! { div.scroll { table.sortable {
+    (!caches.is_empty()).then(|| html! { div.scroll { table.sortable {
         (heads(&columns))
         tbody { @for (name, list) in caches {
-            @let path = |leaf: &str| format!("caches.{name}[*].{leaf}");
-            @let lookups = number(frame, &path("accesses")).unwrap_or(0.0);
+            @let CacheCounts { accesses, hits, .. } = CACHES.sum_of(&frame.counts, name);
             tr {
                 td.name { (name) }
-                td.n data-value=(list.as_array().map_or(0, Vec::len)) { (list.as_array().map_or(0, Vec::len)) }
-                (cell(frame, &place, &path("accesses")))
-                (cell(frame, &place, &path("hits")))
-                @if lookups > 0.0 { (cell_share(share(number(frame, &path("hits")).unwrap_or(0.0), lookups))) } @else { td.n data-value="" { "\u{2013}" } }
-                (cell(frame, &place, &path("misses")))
-                (cell(frame, &place, &path("evictions")))
+                td.n data-value=(list.len()) { (list.len()) }
+                (cell(frame, &place, &key(counter!(CacheCounts, accesses), name)))
+                (cell(frame, &place, &key(counter!(CacheCounts, hits), name)))
+                @if accesses > 0 { (cell_share(share(hits as f64, accesses as f64))) } @else { td.n data-value="" { "\u{2013}" } }
+                (cell(frame, &place, &key(counter!(CacheCounts, misses), name)))
+                (cell(frame, &place, &key(counter!(CacheCounts, evictions), name)))
             }
         } }
     } } })
@@ -98,21 +107,16 @@ pub fn caches(input: &Input<'_>) -> Option<Markup> {
 pub fn memory(input: &Input<'_>) -> Option<Markup> {
     let frame = input.statistics.frame();
     let place = input.statistics.place();
-    let n = |path: &str| number(frame, path).unwrap_or(0.0);
-    let of = |name: &str, leaf: &str| n(&format!("memory.clients.{name}.{leaf}"));
-    let mut clients: Vec<&str> = frame
-        .get("memory")?
-        .get("clients")
-        .and_then(Value::as_object)
-        .into_iter()
-        .flatten()
-        .map(|(name, _)| name.as_str())
-        .collect();
-    let sum = |name: &str| of(name, "read_bytes") + of(name, "write_bytes");
-    clients.retain(|name| sum(name) > 0.0);
-    clients.sort_by(|a, b| sum(b).total_cmp(&sum(a)).then(a.cmp(b)));
-    let most = clients.first().map_or(0.0, |name| sum(name));
-    let dram = n("memory.dram.row_hits") + n("memory.dram.row_misses");
+    let sum = |counts: &ClientCounts| (counts.read_bytes + counts.write_bytes) as f64;
+    let clients = CLIENTS.banks(&frame.counts).map(|(name, _)| (name, CLIENTS.sum_of(&frame.counts, name)));
+    let mut clients: Vec<(&str, ClientCounts)> = clients.filter(|(_, counts)| sum(counts) > 0.0).collect();
+    clients.sort_by(|a, b| sum(&b.1).total_cmp(&sum(&a.1)).then(a.0.cmp(b.0)));
+    let most = clients.first().map_or(0.0, |(_, counts)| sum(counts));
+    if clients.is_empty() && DRAM.find(&frame.counts).is_empty() {
+        return None;
+    }
+    let DramCounts { row_hits, row_misses, .. } = DRAM.sum(&frame.counts);
+    let rows = row_hits + row_misses;
     let columns = [
         Column("client", false, "The unit that asks."),
         Column("read", true, "Bytes read from the memory system."),
@@ -125,16 +129,17 @@ pub fn memory(input: &Input<'_>) -> Option<Markup> {
             (key(&[("b-read", "read"), ("b-write", "written")]))
             div.scroll { table.sortable {
                 (heads(&columns[..4]))
-                tbody { @for name in &clients {
-                    @let path = |leaf: &str| format!("memory.clients.{name}.{leaf}");
+                tbody { @for (name, counts) in &clients {
+                    @let key = |counter| CLIENTS.counter(counter).of(name);
+                    @let [read, written] = [counts.read_bytes, counts.write_bytes].map(|bytes| bytes as f64);
                     tr {
                         td.name { (name) }
-                        (cell_bytes(frame, &place, &path("read_bytes")))
-                        (cell_bytes(frame, &place, &path("write_bytes")))
-                        (cell(frame, &place, &path("requests")))
+                        (cell_bytes(frame, &place, &key(counter!(ClientCounts, read_bytes))))
+                        (cell_bytes(frame, &place, &key(counter!(ClientCounts, write_bytes))))
+                        (cell(frame, &place, &key(counter!(ClientCounts, requests))))
                         td.wide { (bar("bar", &[
-                            ("b-read", share(of(name, "read_bytes"), most), format!("read {} bytes", readable(of(name, "read_bytes")))),
-                            ("b-write", share(of(name, "write_bytes"), most), format!("written {} bytes", readable(of(name, "write_bytes")))),
+                            ("b-read", share(read, most), format!("read {} bytes", readable(read))),
+                            ("b-write", share(written, most), format!("written {} bytes", readable(written))),
                         ])) }
                     }
                 } }
@@ -144,9 +149,9 @@ pub fn memory(input: &Input<'_>) -> Option<Markup> {
             thead { tr { th scope="col" { "DRAM" } th.n scope="col" { "read" } th.n scope="col" { "written" } th.n scope="col" { "row hits" } } }
             tbody { tr {
                 td.name { "all channels" }
-                (cell_bytes(frame, &place, "memory.dram.read_bytes"))
-                (cell_bytes(frame, &place, "memory.dram.write_bytes"))
-                @if dram > 0.0 { (cell_share(n("memory.dram.row_hits") / dram)) } @else { td.n data-value="" { "\u{2013}" } }
+                (cell_bytes(frame, &place, &DRAM.counter(counter!(DramCounts, read_bytes))))
+                (cell_bytes(frame, &place, &DRAM.counter(counter!(DramCounts, write_bytes))))
+                @if rows > 0 { (cell_share(row_hits as f64 / rows as f64)) } @else { td.n data-value="" { "\u{2013}" } }
             } }
         } }
     })
@@ -161,11 +166,18 @@ pub fn frames(input: &Input<'_>) -> Option<Markup> {
     if frames.len() < 2 {
         return None;
     }
-    let cycles = |frame: &Value| frame["cycles"].as_f64();
-    let points: Vec<(f64, f64)> = frames.iter().filter_map(|frame| Some((frame["frame"].as_f64()?, cycles(frame)?))).collect();
+    let cycles = |frame: &Part| CYCLES.sum(&frame.counts);
+    let points: Vec<(f64, f64)> = frames.iter().filter_map(|frame| Some((frame.number? as f64, cycles(frame)?))).collect();
     let mut order: Vec<usize> = (0..frames.len()).collect();
     order.sort_by(|&a, &b| cycles(&frames[b]).unwrap_or(0.0).total_cmp(&cycles(&frames[a]).unwrap_or(0.0)).then(a.cmp(&b)));
     order.truncate(LISTED);
+    let funnel = |counter| FUNNEL.counter(counter);
+    let shown: [Key; 4] = [
+        CYCLES,
+        funnel(counter!(Funnel, primitives_in)),
+        funnel(counter!(Funnel, fragments_shaded)),
+        funnel(counter!(Funnel, fragments_written)),
+    ];
     let columns = [
         Column("frame", true, "Its number in the trace."),
         Column("cycles", true, ""),
@@ -185,7 +197,10 @@ pub fn frames(input: &Input<'_>) -> Option<Markup> {
                 (heads(&columns))
                 tbody { @for at in &order {
                     @let (frame, place) = (&frames[*at], format!("frames[{at}]"));
-                    tr { @for path in ["frame", "cycles", "funnel.primitives_in", "funnel.fragments_shaded", "funnel.fragments_written"] { (cell(frame, &place, path)) } }
+                    tr {
+                        (cell_of(frame.number.map(|number| number as f64), &format!("{place}.frame"), readable))
+                        @for key in &shown { (cell(frame, &place, key)) }
+                    }
                 } }
             } }
         }
@@ -228,19 +243,22 @@ pub fn glossary(input: &Input<'_>) -> Option<Markup> {
             found.insert(plain, (declared.meaning, declared.unit));
         }
     };
-    let frame = input.statistics.frame();
-    for place in ["funnel", "memory.dram"] {
-        let names = super::data::at(frame, place).and_then(Value::as_object);
-        names.into_iter().flatten().for_each(|(name, _)| add(&format!("{place}.{name}")));
+    let counts = &input.statistics.frame().counts;
+    for heading in [FUNNEL, DRAM] {
+        let names = heading.find(counts).into_iter().flat_map(Tree::entries);
+        names.for_each(|(name, _)| add(&format!("{heading}.{name}")));
     }
-    for (bank, leaves) in [
-        ("units", &["items", "busy", "starved", "blocked", "memory", "idle"][..]),
-        ("channels", &["items", "bytes", "full_cycles", "mean_occupancy", "capacity"]),
-        ("caches", &["accesses", "hits", "misses", "evictions"]),
-    ] {
-        if let Some((name, _)) = frame.get(bank).and_then(Value::as_object).and_then(|map| map.iter().next()) {
-            leaves.iter().for_each(|leaf| add(&format!("{bank}.{name}[0].{leaf}")));
-        }
+    let first = |heading: Heading| heading.banks(counts).next();
+    let mut declared = |heading: Heading, declarations: &[Declaration]| {
+        let Some((name, _)) = first(heading) else { return };
+        declarations.iter().for_each(|declaration| add(&heading.statistic(declaration).of(name).path("[0]")));
+    };
+    declared(UNITS, UnitCounts::DECLARATIONS);
+    declared(UNITS, Cycles::DECLARATIONS);
+    declared(CACHES, CacheCounts::DECLARATIONS);
+    if let Some((name, [channel, ..])) = first(CHANNELS) {
+        let place = CHANNELS.path.replace("NAME[i]", &format!("{name}[0]"));
+        channel.entries().for_each(|(leaf, _)| add(&format!("{place}.{leaf}")));
     }
     let named = |path: &str| {
         let steps: Vec<&str> = path.split('.').collect();
