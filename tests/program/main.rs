@@ -6,6 +6,7 @@ mod card;
 mod cli;
 mod commands;
 mod compare;
+mod counters;
 mod draws;
 mod floors;
 mod gl;
