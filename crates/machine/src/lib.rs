@@ -35,6 +35,7 @@ pub mod config;
 mod drawing;
 mod loss;
 pub mod parts;
+mod readings;
 mod report;
 mod sort_first;
 mod sort_last_fragment;
@@ -66,7 +67,7 @@ use drawing::Drawing;
 use mem::{ClientCounts, Crossbar, requests};
 use num::{Cycle, Limit, LimitOverrun, Limits, NEVER, OUR_FAULT};
 use parts::Parts;
-use report::Readings;
+use report::Recorder;
 use sim::{self, Circuit, Clock, Stuck, Wire};
 use unit::Fault;
 use unit::apply::{WarmedUnits, apply};
@@ -257,9 +258,9 @@ impl Machine {
         mut each: impl FnMut(FrameReport),
         watcher: Option<&mut dyn Watcher>,
     ) -> Result<MachineReport, MachineError> {
-        let mut readings = Readings::new(self);
-        self.drive(&mut events, clock, Some((&mut readings, &mut each)), watcher)?;
-        Ok(readings.total(self))
+        let mut recorder = Recorder::new(self);
+        self.drive(&mut events, clock, Some((&mut recorder, &mut each)), watcher)?;
+        Ok(recorder.total(self))
     }
 
     /// Functional warming with a stream of events to its end: afterwards the machine holds what it would hold if it had drawn them, as far as
@@ -302,7 +303,7 @@ impl Machine {
         &mut self,
         events: &mut dyn Iterator<Item = Event>,
         clock: Clock,
-        mut readings: Option<(&mut Readings, &mut dyn FnMut(FrameReport))>,
+        mut recorder: Option<(&mut Recorder, &mut dyn FnMut(FrameReport))>,
         mut watcher: Option<&mut dyn Watcher>,
     ) -> Result<(), MachineError> {
         // Without a watcher, one comparison in each cycle that is visited.
@@ -329,7 +330,7 @@ impl Machine {
                     Some(Event::Applied(_)) if !sort.class().in_place => {
                         return Err(Fault::FunctionalWarming { class: sort.name() }.into());
                     }
-                    Some(Event::EndFrame(end)) if readings.is_none() && !free => {
+                    Some(Event::EndFrame(end)) if recorder.is_none() && !free => {
                         let shown = end.shown.filter(|_| self.config.scanout.enabled);
                         scanned_out.push_back(shown);
                         self.card.events.push_back(Event::EndFrame(EndFrame { shown: None, ..end }));
@@ -400,8 +401,8 @@ impl Machine {
                 if ran.is_err() || !(marked || captured) {
                     break ran;
                 }
-                if marked && let Some((readings, _)) = &mut readings {
-                    readings.mark(self);
+                if marked && let Some((recorder, _)) = &mut recorder {
+                    recorder.mark(self);
                 } else if marked {
                     self.card.phases.forget();
                 }
@@ -428,7 +429,7 @@ impl Machine {
                 if let Some(watcher) = &mut watcher {
                     watcher.read(self.circuit.wires().reading());
                 }
-                let Some((readings, each)) = &mut readings else {
+                let Some((recorder, each)) = &mut recorder else {
                     if let Some(surface) = scanned_out.pop_front().flatten()
                         && self.card.frame.find(surface.key).is_some()
                     {
@@ -437,7 +438,7 @@ impl Machine {
                     self.card.phases.forget();
                     continue;
                 };
-                let frame = readings.frame(self, end);
+                let frame = recorder.frame(self, end);
                 reported = reported.saturating_add(report);
                 if let Some(watcher) = &mut watcher {
                     watcher.settled(self.circuit.wires().reading());

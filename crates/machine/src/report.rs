@@ -4,15 +4,15 @@ use std::rc::Rc;
 
 use super::Machine;
 use super::loss::{Accounts, LossCounts, Waits};
+use super::readings::Readings;
 use super::tally::{PhaseReport, Tallies};
 use num::Cycle;
-use sim::Circuit;
-use stats::{Cycles, Declaration, FrameCounts, Group, Heading, Leaf, SECONDS, Tree};
-use unit::card::Card;
+use sim::{Circuit, UNITS, UnitCounts};
+use stats::{Declaration, FrameCounts, Group, Heading, Leaf, SECONDS, Tree};
 use unit::network::Traffic;
 use unit::scanout::Shown;
 use unit::sorting::{OrderCounts, SortCounts};
-use work::{EndFrame, FUNNEL, Surface};
+use work::{EndFrame, Surface};
 
 /// The picture of a frame.
 #[derive(Clone, Debug, PartialEq)]
@@ -131,21 +131,21 @@ impl Totals {
 
     /// Cycles in all.
     pub fn cycles(&self) -> Cycle {
-        self.span.cycles
+        self.span.cycles()
     }
 
     /// The statistics, of a machine of that configuration.
     pub fn tree(&self, machine: &Machine) -> Tree {
-        statistics(machine, self.span.clone(), &self.sums)
+        statistics(machine, &self.span, &self.sums)
     }
 }
 
 /// What was counted between two readings.
 #[derive(Clone, Debug)]
 struct Span {
-    tree: Tree,
-    cycles: Cycle,
-    quads: Vec<u64>,
+    counts: Readings,
+    /// What went through each unit.
+    items: Vec<u64>,
     sort: SortCounts,
     order: OrderCounts,
     /// Numbers and labels of the passes that need an order which the machine does not keep.
@@ -155,43 +155,42 @@ struct Span {
 impl Span {
     fn between(machine: &Machine, earlier: &Reading, now: &Reading) -> Span {
         Span {
-            tree: now.tree.since(&earlier.tree),
-            cycles: now.cycles - earlier.cycles,
-            quads: now.quads.iter().zip(&earlier.quads).map(|(now, then)| now - then).collect(),
+            counts: now.counts.since(&earlier.counts),
+            items: now.items.iter().zip(&earlier.items).map(|(now, then)| now - then).collect(),
             sort: now.sort.since(&earlier.sort),
             order: now.order.since(&earlier.order),
             disordered: machine.card.disordered[earlier.disordered..now.disordered].to_vec(),
         }
     }
 
+    fn cycles(&self) -> Cycle {
+        self.counts.wires.cycle
+    }
+
     fn add(&mut self, later: &Span) {
-        self.tree = Tree::weighted(&[(1.0, &self.tree), (1.0, &later.tree)]);
-        self.cycles += later.cycles;
-        self.quads.iter_mut().zip(&later.quads).for_each(|(sum, quads)| *sum += quads);
+        self.counts.add(&later.counts);
+        self.items.iter_mut().zip(&later.items).for_each(|(sum, own)| *sum += own);
         self.sort += later.sort;
         self.order += later.order;
         self.disordered.extend_from_slice(&later.disordered);
     }
 }
 
-/// A reading of all counters.
+/// A reading where a frame ends: with all counters, what sorting counts and what pipelines have waited for.
 #[derive(Clone, Debug)]
 struct Reading {
-    tree: Tree,
-    cycles: Cycle,
-    /// Quads by pipeline, of which the imbalance is computed.
-    quads: Vec<u64>,
+    counts: Readings,
+    /// What went through each unit.
+    items: Vec<u64>,
     sort: SortCounts,
     order: OrderCounts,
-    /// The name and the account of each unit.
-    units: Vec<(&'static str, Cycles)>,
     waits: Waits,
     /// Passes that need an order which the machine does not keep.
     disordered: usize,
 }
 
-/// Readings so far.
-pub(super) struct Readings {
+/// Takes readings at the ends of frames, and at the beginning of phases.
+pub(super) struct Recorder {
     start: Rc<Reading>,
     last: Rc<Reading>,
     sums: Sums,
@@ -228,71 +227,19 @@ impl Sums {
     }
 }
 
-/// Places in the statistics in their order: those in front of memory, and those behind. Places that are not listed here follow, in
-/// data-flow order.
-const BEFORE_MEMORY: &[&str] = &[
-    "caches.vertex",
-    "caches.position",
-    "caches.texture",
-    "caches.constant",
-    "caches.constant-second",
-    "caches.depth",
-    "caches.early",
-    "caches.color",
-    "caches.l2",
-];
-const BEHIND_MEMORY: &[&str] = &[
-    "memory",
-    "rop.depth",
-    "rop.early",
-    "rop.color",
-    "hierarchical",
-    "setup",
-    "shading.core",
-    "shading.texture",
-    "shading.fills",
-    "shading.constant",
-    "command",
-    "binning",
-    "early",
-    "hiding",
-    "routing",
-    "composition",
-    "display",
-];
-
-/// What memory's clients and channels have counted up to now.
-fn memory(machine: &Machine) -> Tree {
-    let circuit = &machine.circuit;
-    mem::memory_tree(&machine.clients, machine.client_counts(), &circuit.dram, circuit.ideal.as_ref())
-}
-
 /// What a machine has counted up to now.
 fn read(machine: &mut Machine) -> Reading {
     machine.circuit.wires_mut().settle();
     let circuit = &machine.circuit;
-    let cycles = circuit.wires().now();
-    let mut tree = Tree::new();
-    tree.extend(FrameCounts { cycles }.tree());
-    FUNNEL.at(&mut tree, 0).extend(machine.card.funnel.total().tree());
-    tree.extend(circuit.tree());
-    let mut sheet = circuit.sheet();
-    sheet.move_to(&mut tree, BEFORE_MEMORY);
-    tree.extend(memory(machine));
-    sheet.move_to(&mut tree, BEHIND_MEMORY);
-    sheet.move_rest(&mut tree);
-
     let sort = (machine.config.card.sort.class().sorting)(circuit);
     let mut order = OrderCounts::default();
     circuit.gather.iter().for_each(|unit| order += unit.counts());
     circuit.order.iter().for_each(|unit| order += unit.counts());
     circuit.setup.iter().for_each(|unit| order += unit.counts());
     circuit.bin.iter().for_each(|unit| order += unit.order());
-    let units = circuit.wires().units().map(|(name, _)| name).zip(circuit.wires().reading().units).collect();
-    let waits = waits(machine);
-    let quads = circuit.traverse.iter().map(sim::Unit::<Card>::items).collect();
     let disordered = machine.card.disordered.len();
-    Reading { tree, cycles, quads, sort, order, units, waits, disordered }
+    let items = circuit.tally().0;
+    Reading { counts: Readings::of(machine), items, sort, order, waits: waits(machine), disordered }
 }
 
 /// What the pipelines have waited for up to now.
@@ -313,17 +260,17 @@ fn waits(machine: &Machine) -> Waits {
     }
 }
 
-/// What became of the pipelines' cycles between two readings.
-fn loss(machine: &Machine, earlier: &Reading, now: &Reading) -> (Option<&'static str>, LossCounts) {
-    let accounts = now.units.iter().zip(&earlier.units);
-    let units: Vec<_> = accounts.map(|((name, now), (_, earlier))| (*name, now.since(earlier))).collect();
+/// What became of the pipelines' cycles in a span in which they have waited for that.
+fn loss(machine: &Machine, span: &Span, waits: &Waits) -> (Option<&'static str>, LossCounts) {
+    let names = machine.circuit.wires().units().map(|(name, _)| name);
+    let units: Vec<_> = names.zip(span.counts.wires.units.iter().copied()).collect();
     let accounts = Accounts {
         class: machine.config.card.sort.class(),
         pipelines: machine.config.card.pipelines as usize,
-        cycles: now.cycles - earlier.cycles,
+        cycles: span.cycles(),
         units: &units,
-        sort: now.sort.since(&earlier.sort),
-        waits: &now.waits.since(&earlier.waits),
+        sort: span.sort,
+        waits,
     };
     accounts.split()
 }
@@ -362,13 +309,16 @@ impl SortOutcome {
 }
 
 /// The statistics of what was counted.
-fn statistics(machine: &Machine, span: Span, sums: &Sums) -> Tree {
-    let Span { tree: counted, cycles, quads, sort, order, disordered } = span;
+fn statistics(machine: &Machine, span: &Span, sums: &Sums) -> Tree {
+    let Span { counts, items, sort, order, disordered } = span;
+    let cycles = span.cycles();
     let mut tree = Tree::new();
     tree.extend(FrameCounts { cycles }.tree());
     tree.real(SECONDS.name, machine.config.seconds(cycles as f64));
-    tree.extend(counted);
+    counts.put(machine, items, &mut tree);
 
+    let traversed = UNITS.named("traverse").find(&tree).into_iter();
+    let quads: Vec<u64> = traversed.map(|unit| unit.read::<UnitCounts>().items).collect();
     let (most, sum) = (quads.iter().copied().max().unwrap_or(0), quads.iter().sum::<u64>());
     let quotient = |a: f64, b: f64| if b == 0.0 { 0.0 } else { a / b };
     let leaves = SORTING.at(&mut tree, 0);
@@ -380,7 +330,7 @@ fn statistics(machine: &Machine, span: Span, sums: &Sums) -> Tree {
         load_imbalance: quotient((most * quads.len() as u64) as f64, sum as f64),
         wrong_pixels: sums.wrong_pixels,
         stage: stage.map_or("", |(stage, _)| stage).to_owned(),
-        passes_out_of_order: names(&disordered),
+        passes_out_of_order: names(disordered),
     };
     leaves.real(LOAD_IMBALANCE.name, outcome.load_imbalance);
     leaves.extend(order.tree());
@@ -413,11 +363,12 @@ fn names(passes: &[(u32, String)]) -> String {
     text
 }
 
-impl Readings {
+impl Recorder {
     /// The first reading.
-    pub fn new(machine: &mut Machine) -> Readings {
+    pub fn new(machine: &mut Machine) -> Recorder {
         let start = Rc::new(read(machine));
-        Readings { last: start.clone(), start, sums: Sums::default(), tallies: Tallies::new(machine) }
+        let tallies = Tallies::new(machine, &start.counts);
+        Recorder { last: start.clone(), start, sums: Sums::default(), tallies }
     }
 
     /// A phase has begun, or a draw has retired.
@@ -441,14 +392,14 @@ impl Readings {
             })
         });
         let wrong_pixels = picture.as_ref().map_or(0, |picture| picture.wrong_pixels);
-        let loss = loss(machine, &self.last, &now);
+        let span = Span::between(machine, &self.last, &now);
+        let loss = loss(machine, &span, &now.waits.since(&self.last.waits));
         self.sums.wrong_pixels += wrong_pixels;
         self.sums.stage(loss);
         let mut sums = Sums { wrong_pixels, ..Sums::default() };
         sums.stage(loss);
-        let tree = statistics(machine, Span::between(machine, &self.last, &now), &sums);
-        let cycles = now.cycles - self.last.cycles;
-        let phases = self.tallies.frame(machine, self.last.cycles, now.cycles);
+        let (tree, cycles) = (statistics(machine, &span, &sums), span.cycles());
+        let phases = self.tallies.frame(machine, &self.last.counts, &now.counts);
         self.last = Rc::new(now);
         let shown = machine.circuit.scanout.take_shown();
         FrameReport { number, cycles, seconds: machine.config.seconds(cycles as f64), tree, phases, picture, shown }
@@ -457,9 +408,10 @@ impl Readings {
     /// The run has ended.
     pub fn total(mut self, machine: &mut Machine) -> MachineReport {
         // Where no cycle has gone by since the last frame, nothing was counted.
-        let same = machine.circuit.wires().now() == self.last.cycles;
+        let same = machine.circuit.wires().now() == self.last.counts.wires.cycle;
         let now = if same { self.last.clone() } else { Rc::new(read(machine)) };
-        self.sums.stage(loss(machine, &self.last, &now));
+        let rest = Span::between(machine, &self.last, &now);
+        self.sums.stage(loss(machine, &rest, &now.waits.since(&self.last.waits)));
         let totals = Totals { span: Span::between(machine, &self.start, &now), sums: self.sums };
         let shown = machine.circuit.scanout.take_shown();
         MachineReport { frames: Vec::new(), total: totals.tree(machine), cycles: totals.cycles(), shown, totals }

@@ -1,7 +1,8 @@
 //! What phases of a frame, and draws of a pass, have cost: counters read at the cycles between them.
 
 use super::Machine;
-use mem::{ClientCounts, DramCounts};
+use super::readings::Readings;
+use mem::{CACHES, ClientCounts, DramCounts};
 use num::Cycle;
 use sim::{Circuit, Sum};
 use stats::{Cycles, Declaration, Group, Heading, Tree, counter};
@@ -69,23 +70,25 @@ pub struct Tally {
 }
 
 impl Tally {
-    /// What a machine has counted up to now.
-    pub(super) fn of(machine: &Machine) -> Tally {
-        let circuit = &machine.circuit;
+    /// The sums of readings over banks.
+    fn of(machine: &Machine, readings: &Readings) -> Tally {
+        let Readings { funnel, wires, sheet, memory, .. } = readings;
         let mut units: Vec<(&'static str, Spent)> = Vec::with_capacity(32);
-        for ((name, _), cycles) in circuit.wires().units().zip(circuit.wires().accounts()) {
+        for ((name, _), &cycles) in machine.circuit.wires().units().zip(&wires.units) {
             match units.last_mut().filter(|(known, _)| *known == name) {
                 Some((_, sum)) => *sum += cycles.into(),
                 None => units.push((name, cycles.into())),
             }
         }
-        let clients = mem::client_sums(&machine.clients, machine.client_counts());
-        let dram = match &circuit.ideal {
-            Some(_) => clients.iter().map(|&(_, counts)| moved(counts.read_bytes, counts.write_bytes)).sum(),
-            None => circuit.dram.iter().map(|dram| moved(dram.counts().read_bytes, dram.counts().write_bytes)).sum(),
-        };
-        let [caches, shading] = circuit.sums(["caches", "shading"]);
-        Tally { funnel: machine.card.funnel.total(), units, caches, shading, clients, dram }
+        let DramCounts { read_bytes, write_bytes, .. } = memory.dram;
+        Tally {
+            funnel: *funnel,
+            units,
+            caches: sheet.sums(CACHES),
+            shading: sheet.sums(SHADING),
+            clients: memory.clients.clone(),
+            dram: Moved { read_bytes, write_bytes },
+        }
     }
 
     /// What was counted since an earlier reading of the same machine.
@@ -156,10 +159,6 @@ impl Tally {
 /// Where a group of counters stands: the steps of its path, and what it is of.
 pub type Place = (&'static [&'static str], Option<&'static str>);
 
-fn moved(read_bytes: u64, write_bytes: u64) -> Moved {
-    Moved { read_bytes, write_bytes }
-}
-
 /// A draw of a pass, or what follows the last of them.
 #[derive(Clone, Debug)]
 pub struct DrawReport {
@@ -205,13 +204,13 @@ pub(super) struct Tallies {
 }
 
 impl Tallies {
-    pub fn new(machine: &Machine) -> Tallies {
-        Tallies { start: Tally::of(machine), phases: Vec::new() }
+    pub fn new(machine: &Machine, start: &Readings) -> Tallies {
+        Tallies { start: Tally::of(machine, start), phases: Vec::new() }
     }
 
     /// Reads the counters for what has come to an end in the cycle gone by.
     pub fn read(&mut self, machine: &mut Machine) {
-        let now = Tally::of(machine);
+        let now = Tally::of(machine, &Readings::of(machine));
         for mark in machine.card.phases.marks() {
             let last = self.phases.len();
             match (mark, self.phases.last_mut()) {
@@ -228,10 +227,10 @@ impl Tallies {
         }
     }
 
-    /// The phases of the frame that ends in this cycle, which began in `begin`.
-    pub fn frame(&mut self, machine: &mut Machine, begin: Cycle, end: Cycle) -> Vec<PhaseReport> {
-        let now = Tally::of(machine);
-        let records = machine.card.phases.take(begin, end);
+    /// The phases of the frame between two readings.
+    pub fn frame(&mut self, machine: &mut Machine, begin: &Readings, end: &Readings) -> Vec<PhaseReport> {
+        let now = Tally::of(machine, end);
+        let records = machine.card.phases.take(begin.wires.cycle, end.wires.cycle);
         let start = std::mem::replace(&mut self.start, now);
         let mut readings = std::mem::take(&mut self.phases);
         // What comes before the first phase is the first's.

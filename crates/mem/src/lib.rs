@@ -47,8 +47,8 @@ pub use port::{
     Answer, DramAnswer, DramRequest, HEADER, Kind, MemoryPort, REQUEST_BYTES, Request, SliceAnswer, SliceRequest, requests,
 };
 pub use system::{
-    ChannelShare, Interleave, Memory, MemoryConfig, MemoryIds, MemoryKind, MemoryKnobs, MemoryPlan, MemoryUnits, PortShape,
-    client_sums, memory_tree,
+    ChannelShare, Interleave, Memory, MemoryConfig, MemoryCounts, MemoryIds, MemoryKind, MemoryKnobs, MemoryPlan, MemoryUnits,
+    PortShape,
 };
 pub use tlb::{TLB, TlbConfig, TlbCounts};
 #[cfg(test)]

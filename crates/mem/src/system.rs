@@ -364,40 +364,75 @@ impl MemoryPlan {
     }
 }
 
-/// What the clients of each name have counted together.
-pub fn client_sums(clients: &[(&'static str, usize)], counts: &[ClientCounts]) -> Vec<(&'static str, ClientCounts)> {
-    let mut sums: Vec<(&'static str, ClientCounts)> = Vec::new();
-    for (&(name, _), counts) in clients.iter().zip(counts) {
-        match sums.iter_mut().find(|(known, _)| *known == name) {
-            Some((_, sum)) => *sum += *counts,
-            None => sums.push((name, *counts)),
-        }
-    }
-    sums
+/// What memory has counted, up to now or between two readings.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct MemoryCounts {
+    /// The clients of each name together.
+    pub clients: Vec<(&'static str, ClientCounts)>,
+    /// The channels of DRAM together, or the ideal memory.
+    pub dram: DramCounts,
+    busy_cycles: u64,
+    ideal: bool,
 }
 
-/// What clients have counted under [`CLIENTS`], and DRAM under [`DRAM`].
-pub fn memory_tree(clients: &[(&'static str, usize)], counts: &[ClientCounts], dram: &[Dram], ideal: Option<&Ideal>) -> Tree {
-    let mut tree = Tree::new();
-    for (name, sum) in client_sums(clients, counts) {
-        CLIENTS.named(name).at(&mut tree, 0).extend(sum.tree());
-    }
-    let total = DRAM.at(&mut tree, 0);
-    let (counts, busy) = match ideal {
-        Some(ideal) => {
-            let moved: ClientCounts = ideal.counts().iter().copied().sum();
-            let ClientCounts { read_bytes, write_bytes, .. } = moved;
-            (DramCounts { read_bytes, write_bytes, ..DramCounts::default() }, ideal.busy_cycles())
+impl MemoryCounts {
+    /// What was counted up to now. `counts` are those of the clients, in the order of their ports.
+    pub fn read(
+        clients: &[(&'static str, usize)],
+        counts: &[ClientCounts],
+        dram: &[Dram],
+        ideal: Option<&Ideal>,
+    ) -> MemoryCounts {
+        let mut sums: Vec<(&'static str, ClientCounts)> = Vec::new();
+        for (&(name, _), counts) in clients.iter().zip(counts) {
+            match sums.iter_mut().find(|(known, _)| *known == name) {
+                Some((_, sum)) => *sum += *counts,
+                None => sums.push((name, *counts)),
+            }
         }
-        None => (dram.iter().map(Dram::counts).sum(), dram.iter().map(Dram::busy_cycles).sum()),
-    };
-    counter!(DramCounts, read_bytes).put(total, counts.read_bytes);
-    counter!(DramCounts, write_bytes).put(total, counts.write_bytes);
-    counter!(DramCounts, row_hits).put(total, counts.row_hits);
-    counter!(DramCounts, row_misses).put(total, counts.row_misses);
-    total.count(BUSY_CYCLES.name, busy);
-    if ideal.is_none() {
-        counter!(DramCounts, refreshes).put(total, counts.refreshes);
+        let (dram, busy_cycles) = match ideal {
+            Some(ideal) => {
+                let ClientCounts { read_bytes, write_bytes, .. } = counts.iter().copied().sum();
+                (DramCounts { read_bytes, write_bytes, ..DramCounts::default() }, ideal.busy_cycles())
+            }
+            None => (dram.iter().map(Dram::counts).sum(), dram.iter().map(Dram::busy_cycles).sum()),
+        };
+        MemoryCounts { clients: sums, dram, busy_cycles, ideal: ideal.is_some() }
     }
-    tree
+
+    /// What was counted since an earlier reading of the same memory.
+    pub fn since(&self, earlier: &MemoryCounts) -> MemoryCounts {
+        let clients = self.clients.iter().zip(&earlier.clients).map(|((name, now), (_, then))| (*name, now.since(then)));
+        MemoryCounts {
+            clients: clients.collect(),
+            dram: self.dram.since(&earlier.dram),
+            busy_cycles: self.busy_cycles - earlier.busy_cycles,
+            ideal: self.ideal,
+        }
+    }
+
+    /// Adds what an equal memory has counted.
+    pub fn add(&mut self, later: &MemoryCounts) {
+        self.clients.iter_mut().zip(&later.clients).for_each(|((_, sum), (_, own))| *sum += *own);
+        self.dram += later.dram;
+        self.busy_cycles += later.busy_cycles;
+    }
+
+    /// The leaves of the statistics under [`CLIENTS`] and [`DRAM`].
+    pub fn tree(&self) -> Tree {
+        let mut tree = Tree::new();
+        for (name, counts) in &self.clients {
+            CLIENTS.named(name).at(&mut tree, 0).extend(counts.tree());
+        }
+        let total = DRAM.at(&mut tree, 0);
+        counter!(DramCounts, read_bytes).put(total, self.dram.read_bytes);
+        counter!(DramCounts, write_bytes).put(total, self.dram.write_bytes);
+        counter!(DramCounts, row_hits).put(total, self.dram.row_hits);
+        counter!(DramCounts, row_misses).put(total, self.dram.row_misses);
+        total.count(BUSY_CYCLES.name, self.busy_cycles);
+        if !self.ideal {
+            counter!(DramCounts, refreshes).put(total, self.dram.refreshes);
+        }
+        tree
+    }
 }

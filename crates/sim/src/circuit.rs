@@ -1,7 +1,7 @@
 //! Units and wires as one machine.
 
 use super::agenda::GROUP;
-use super::sheet::{Counted, Description, Sheet, Sum};
+use super::sheet::{Counted, Description, Sheet};
 use super::unit::{Tick, Unit};
 use super::wires::Wires;
 use super::wiring::Wiring;
@@ -27,11 +27,6 @@ pub trait Bank<C>: Sized {
     /// Appends what each has counted in addition to its items.
     fn read(&self, sheet: &mut Sheet) {
         Counted::of::<C>().read(self.units(), sheet);
-    }
-
-    /// Appends what they have counted together below headings to the list that belongs to the heading's first step.
-    fn sum(&self, tops: &[&str], lists: &mut [Vec<Sum>]) {
-        Counted::of::<C>().sum(self.units(), tops, lists);
     }
 
     /// Appends what the units of such a bank count.
@@ -204,10 +199,7 @@ pub trait Circuit {
 
     /// The leaves `units` and `channels` of the statistics, over the cycles gone by.
     fn tree(&self) -> Tree {
-        let mut tree = Tree::new();
-        self.wires().units_to(&mut tree, &self.tally().0);
-        self.wires().channels_to(&mut tree);
-        tree
+        self.wires().tree(&self.wires().reading(), &self.tally().0)
     }
 }
 
@@ -428,13 +420,6 @@ macro_rules! circuit {
                 let mut sheet = $crate::Sheet::default();
                 $($crate::Bank::<$context>::read(&self.$field, &mut sheet);)*
                 sheet
-            }
-
-            /// What all units together have counted below the headings whose first steps are `tops`, by the last step.
-            $vis fn sums<const N: usize>(&self, tops: [&str; N]) -> [Vec<$crate::Sum>; N] {
-                let mut lists = [const { Vec::new() }; N];
-                $($crate::Bank::<$context>::sum(&self.$field, &tops, &mut lists);)*
-                lists
             }
 
             /// What they count.

@@ -16,20 +16,10 @@ pub struct Description {
 /// unit has no such group.
 type Read<U> = Box<dyn Fn(&U, usize, &mut Vec<u64>) -> Option<usize>>;
 
-/// The same for a group by its place among the descriptions and a unit by its number in the bank.
-type ReadAt<'b> = &'b dyn Fn(usize, usize, &mut Vec<u64>) -> Option<usize>;
-
 /// The groups of counters of a kind of unit.
 pub struct Counted<U> {
     descriptions: Vec<Description>,
     reads: Vec<Read<U>>,
-}
-
-/// The counters of a bank of units, whatever kind they are of: what is done with them is compiled once and not for each kind.
-struct Bank<'b> {
-    descriptions: &'b [Description],
-    units: usize,
-    read: ReadAt<'b>,
 }
 
 impl<U: 'static> Counted<U> {
@@ -69,65 +59,17 @@ impl<U: 'static> Counted<U> {
     }
 
     pub(super) fn read(&self, units: &[U], sheet: &mut Sheet) {
-        self.bank(units, |bank| bank.read(sheet));
-    }
-
-    pub(super) fn sum(&self, units: &[U], tops: &[&str], lists: &mut [Vec<Sum>]) {
-        self.bank(units, |bank| bank.sum(tops, lists));
-    }
-
-    fn bank(&self, units: &[U], with: impl FnOnce(Bank)) {
-        let read = |group: usize, unit: usize, values: &mut Vec<u64>| self.reads[group](&units[unit], unit, values);
-        with(Bank { descriptions: &self.descriptions, units: units.len(), read: &read });
+        for (description, read) in self.descriptions.iter().zip(&self.reads) {
+            let before = sheet.numbers.len();
+            let numbers = units.iter().enumerate().filter_map(|(number, unit)| read(unit, number, &mut sheet.values));
+            sheet.numbers.extend(numbers);
+            sheet.kinds.push((*description, sheet.numbers.len() - before));
+        }
     }
 
     pub(super) fn describe(&self, list: &mut Vec<Description>) {
         list.extend_from_slice(&self.descriptions);
     }
-}
-
-impl Bank<'_> {
-    fn read(&self, sheet: &mut Sheet) {
-        let mut values = Vec::new();
-        for (group, Description { heading, declarations }) in self.descriptions.iter().enumerate() {
-            for unit in 0..self.units {
-                values.clear();
-                if let Some(number) = (self.read)(group, unit, &mut values) {
-                    sheet.entries.push((*heading, number, tree(declarations, &values)));
-                }
-            }
-        }
-    }
-
-    fn sum(&self, tops: &[&str], lists: &mut [Vec<Sum>]) {
-        let mut values = Vec::new();
-        for (group, Description { heading, declarations }) in self.descriptions.iter().enumerate() {
-            let first = heading.steps().0.next();
-            let Some(list) = tops.iter().position(|&top| first == Some(top)).map(|at| &mut lists[at]) else { continue };
-            let mut sum: Option<Vec<u64>> = None;
-            for unit in 0..self.units {
-                values.clear();
-                if (self.read)(group, unit, &mut values).is_some() {
-                    let sum = sum.get_or_insert_with(|| vec![0; values.len()]);
-                    sum.iter_mut().zip(&values).for_each(|(sum, value)| *sum += value);
-                }
-            }
-            let Some(values) = sum else { continue };
-            let name = heading.steps().0.last().unwrap_or_default();
-            match list.iter_mut().find(|known| known.name == name) {
-                // Several banks are of one kind.
-                Some(known) => known.values.iter_mut().zip(&values).for_each(|(sum, value)| *sum += value),
-                None => list.push(Sum { name, declarations, values }),
-            }
-        }
-    }
-}
-
-/// Counters with their values as leaves.
-fn tree(declarations: &[Declaration], values: &[u64]) -> Tree {
-    let mut tree = Tree::with_capacity(declarations.len());
-    declarations.iter().zip(values).for_each(|(declaration, &value)| tree.count(declaration.name, value));
-    tree
 }
 
 /// What all units together have counted under one name of a heading.
@@ -141,40 +83,73 @@ pub struct Sum {
     pub values: Vec<u64>,
 }
 
-/// What the units of a machine have counted in addition to their items, up to now.
-#[derive(Debug, Default)]
+/// What the units of a machine have counted in addition to their items, up to now or between two readings.
+#[derive(Clone, Debug, Default)]
 pub struct Sheet {
-    entries: Vec<(Heading, usize, Tree)>,
+    /// The groups, in data-flow order, each with the number of units that have it.
+    kinds: Vec<(Description, usize)>,
+    /// The numbers of these units.
+    numbers: Vec<usize>,
+    /// The values of these units.
+    values: Vec<u64>,
 }
 
 impl Sheet {
-    /// Moves to a tree what stands below one of these paths, in their order, and below those in data-flow order.
-    pub fn move_to(&mut self, tree: &mut Tree, paths: &[&str]) {
-        // Units of one kind stand one after the other: where they go is found once.
-        let mut last: Option<(Heading, Option<usize>)> = None;
-        let place = |(heading, ..): &(Heading, usize, Tree)| match last {
-            Some((known, place)) if known == *heading => place,
-            _ => {
-                let below = |path: &&str| {
-                    let (mut steps, _) = heading.steps();
-                    path.split('.').all(|step| steps.next() == Some(step))
-                };
-                let place = paths.iter().position(below);
-                last = Some((*heading, place));
-                place
-            }
-        };
-        let places: Vec<_> = self.entries.iter().map(place).collect();
-        let mut moved: Vec<_> = std::mem::take(&mut self.entries).into_iter().zip(places).collect();
-        self.entries.extend(moved.extract_if(.., |(_, place)| place.is_none()).map(|(entry, _)| entry));
-        moved.sort_by_key(|(_, place)| *place);
-        moved.into_iter().for_each(|((heading, number, counts), _)| heading.at(tree, number).extend(counts));
+    /// What was counted since an earlier reading of the same machine.
+    pub fn since(&self, earlier: &Sheet) -> Sheet {
+        debug_assert_eq!(self.numbers, earlier.numbers, "a unit has the same groups all the time");
+        let values = self.values.iter().zip(&earlier.values).map(|(now, then)| now - then).collect();
+        Sheet { kinds: self.kinds.clone(), numbers: self.numbers.clone(), values }
     }
 
-    /// Moves all that is left.
-    pub fn move_rest(self, tree: &mut Tree) {
-        for (heading, number, counts) in self.entries {
-            heading.at(tree, number).extend(counts);
+    /// Adds what a machine of the same configuration has counted.
+    pub fn add(&mut self, later: &Sheet) {
+        self.values.iter_mut().zip(&later.values).for_each(|(sum, own)| *sum += own);
+    }
+
+    /// The groups, each with the numbers of its units and their values.
+    fn kinds(&self) -> impl Iterator<Item = (&Description, &[usize], &[u64])> {
+        let (mut numbers, mut values) = (&self.numbers[..], &self.values[..]);
+        self.kinds.iter().map(move |(description, units)| {
+            let own = (numbers.split_at(*units), values.split_at(units * description.declarations.len()));
+            (numbers, values) = (own.0.1, own.1.1);
+            (description, own.0.0, own.1.0)
+        })
+    }
+
+    /// Puts groups into a tree, in the order of the places of their headings, and at one place in data-flow order. Groups without a place are
+    /// left out.
+    pub fn put(&self, tree: &mut Tree, place: impl Fn(&Heading) -> Option<usize>) {
+        let mut placed: Vec<_> = self.kinds().filter_map(|kind| Some((place(&kind.0.heading)?, kind))).collect();
+        placed.sort_by_key(|(place, _)| *place);
+        for (_, (Description { heading, declarations }, numbers, values)) in placed {
+            for (&number, values) in numbers.iter().zip(values.chunks_exact(declarations.len())) {
+                let unit = heading.at(tree, number);
+                unit.reserve(declarations.len());
+                declarations.iter().zip(values).for_each(|(declaration, &value)| unit.count(declaration.name, value));
+            }
         }
+    }
+
+    /// What all units together have counted below the first step of a heading, by the last step.
+    pub fn sums(&self, heading: Heading) -> Vec<Sum> {
+        let top = heading.steps().0.next();
+        let mut sums: Vec<Sum> = Vec::new();
+        for (Description { heading, declarations }, numbers, values) in self.kinds() {
+            let (mut steps, _) = heading.steps();
+            if numbers.is_empty() || steps.next() != top {
+                continue;
+            }
+            let name = steps.last().unwrap_or_default();
+            // Several banks may be of one kind.
+            let at = sums.iter().position(|known| known.name == name).unwrap_or(sums.len());
+            if at == sums.len() {
+                sums.push(Sum { name, declarations, values: vec![0; declarations.len()] });
+            }
+            for own in values.chunks_exact(declarations.len()) {
+                sums[at].values.iter_mut().zip(own).for_each(|(sum, value)| *sum += value);
+            }
+        }
+        sums
     }
 }

@@ -427,10 +427,6 @@ impl Wires {
         lines
     }
 
-    fn channel_counts(&self) -> impl Iterator<Item = ChannelCounts> {
-        self.channels.iter().map(|channel| channel.counts(self.now))
-    }
-
     /// What the host has done for the cycles before `at`, in steps of about 40 ns: cycles in which units were busy, and [`ITEM_STEPS`] for each item that
     /// has gone into a channel. Nothing may have moved since `at`, so that both clocks count the same.
     pub fn steps_at(&self, at: Cycle) -> u64 {
@@ -466,29 +462,27 @@ impl Wires {
         self.agenda.accounts().map(|account| account.read(self.now))
     }
 
-    /// Puts what the channels have counted under [`CHANNELS`].
-    pub(super) fn channels_to(&self, tree: &mut Tree) {
-        let (channels, ..) = CHANNELS.above(tree);
-        for ((counts, channel), label) in self.channel_counts().zip(self.channels.iter()).zip(&self.labels) {
-            let leaves = channels.element(label.name, label.index);
-            leaves.reserve(5);
-            counter!(ChannelCounts, items).put(leaves, counts.items);
-            counter!(ChannelCounts, bytes).put(leaves, counts.bytes);
-            counter!(ChannelCounts, full_cycles).put(leaves, counts.full_cycles);
-            leaves.ratio(MEAN_OCCUPANCY.name, counts.occupancy, self.now);
-            leaves.level(CAPACITY.name, u64::from(channel.capacity));
-        }
-    }
-
-    /// Puts what the units have counted under [`UNITS`]; `items` gives each unit's own count, in the order of declaration.
-    pub(super) fn units_to(&self, tree: &mut Tree, items: &[u64]) {
-        let (units, ..) = UNITS.above(tree);
-        for ((account, label), items) in self.accounts().zip(&self.units).zip(items) {
+    /// The leaves of the statistics under [`UNITS`] and [`CHANNELS`]; `items` gives each unit's own count, in the order of declaration.
+    pub fn tree(&self, reading: &Reading, items: &[u64]) -> Tree {
+        let mut tree = Tree::new();
+        let (units, ..) = UNITS.above(&mut tree);
+        for ((account, label), items) in reading.units.iter().zip(&self.units).zip(items) {
             let leaves = units.element(label.name, label.index);
             leaves.reserve(1 + Cycles::DECLARATIONS.len());
             leaves.extend(UnitCounts { items: *items }.tree());
             leaves.extend(account.tree());
         }
+        let (channels, ..) = CHANNELS.above(&mut tree);
+        for ((counts, channel), label) in reading.channels.iter().zip(self.channels.iter()).zip(&self.labels) {
+            let leaves = channels.element(label.name, label.index);
+            leaves.reserve(5);
+            counter!(ChannelCounts, items).put(leaves, counts.items);
+            counter!(ChannelCounts, bytes).put(leaves, counts.bytes);
+            counter!(ChannelCounts, full_cycles).put(leaves, counts.full_cycles);
+            leaves.ratio(MEAN_OCCUPANCY.name, counts.occupancy, reading.cycle);
+            leaves.level(CAPACITY.name, u64::from(channel.capacity));
+        }
+        tree
     }
 }
 
@@ -531,7 +525,7 @@ pub struct Wire {
     pub to: usize,
 }
 
-/// All that the wires count, at one moment.
+/// All that the wires count, up to a cycle or between two.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Reading {
     /// Cycles gone by.
@@ -540,4 +534,22 @@ pub struct Reading {
     pub channels: Vec<ChannelCounts>,
     /// By unit, in the order of declaration.
     pub units: Vec<Cycles>,
+}
+
+impl Reading {
+    /// What was counted since an earlier reading of the same wires.
+    pub fn since(&self, earlier: &Reading) -> Reading {
+        Reading {
+            cycle: self.cycle - earlier.cycle,
+            channels: self.channels.iter().zip(&earlier.channels).map(|(now, then)| now.since(then)).collect(),
+            units: self.units.iter().zip(&earlier.units).map(|(now, then)| now.since(then)).collect(),
+        }
+    }
+
+    /// Adds what equal wires have counted.
+    pub fn add(&mut self, later: &Reading) {
+        self.cycle += later.cycle;
+        self.channels.iter_mut().zip(&later.channels).for_each(|(sum, own)| *sum += *own);
+        self.units.iter_mut().zip(&later.units).for_each(|(sum, own)| *sum += *own);
+    }
 }

@@ -6,8 +6,7 @@
 //!   the name of a counter.
 //! * [`Account`] gives each cycle of a unit to exactly one of busy, starved, blocked, memory and idle.
 //! * [`Histogram`] counts values in power-of-two classes.
-//! * [`Tree`] is the ordered set of named leaves that a run leaves behind; [`Tree::since`] makes a frame's statistics out of
-//!   two readings of counters that only ever grow.
+//! * [`Tree`] is the ordered set of named leaves that a run leaves behind.
 //!
 //! ```
 //! use stats::{Account, Cycles, Group, Heading, Tree, Why};

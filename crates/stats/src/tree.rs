@@ -11,16 +11,16 @@ use super::{Declaration, Group};
 /// One statistic.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Leaf {
-    /// A counter that only grows: between two readings it is their difference.
+    /// A counter.
     Count(u64),
-    /// A quotient of two counters, as a mean over cycles: between two readings, the quotient of the differences. 0/0 is 0.
+    /// A quotient of two counters, as a mean over cycles. 0/0 is 0.
     Ratio {
         /// What is divided.
         numerator: u64,
         /// By what.
         denominator: u64,
     },
-    /// A property that does not accumulate, as a capacity: between two readings, the later.
+    /// A property that does not accumulate, as a capacity.
     Level(u64),
     /// A real property that does not accumulate.
     Real(f64),
@@ -29,17 +29,6 @@ pub enum Leaf {
 }
 
 impl Leaf {
-    /// The leaf between two readings.
-    fn since(&self, earlier: &Leaf) -> Leaf {
-        match (self, earlier) {
-            (Leaf::Count(now), Leaf::Count(then)) => Leaf::Count(now - then),
-            (Leaf::Ratio { numerator, denominator }, Leaf::Ratio { numerator: n, denominator: d }) => {
-                Leaf::Ratio { numerator: numerator - n, denominator: denominator - d }
-            }
-            _ => self.clone(),
-        }
-    }
-
     /// The weighted sum of leaves of one kind, as in [`Tree::weighted`].
     fn weighted<'l>(&self, parts: impl Iterator<Item = (f64, &'l Leaf)>) -> Leaf {
         let (mut sums, mut weights) = ([0.0; 2], 0.0);
@@ -188,7 +177,7 @@ impl Serialize for Node {
 /// The name of an entry. Nearly all are declared in the code: trees of them are made for each frame, without a copy of any name.
 type Name = Cow<'static, str>;
 
-/// Named statistics in the order in which they were added. Two readings of the same machine have the same shape.
+/// Named statistics in the order in which they were added.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Tree {
     entries: Vec<(Name, Node)>,
@@ -351,25 +340,6 @@ impl Tree {
             Some(Node::Leaf(leaf)) => (leaf.number().unwrap_or(0.0) as u64).min(EXACT),
             _ => 0,
         })
-    }
-
-    /// What happened between two readings: counters are subtracted, properties are those of `self`. An entry that `earlier`
-    /// does not have is taken whole.
-    pub fn since(&self, earlier: &Tree) -> Tree {
-        let mut difference = Tree { entries: Vec::with_capacity(self.entries.len()) };
-        for (at, (name, node)) in self.entries.iter().enumerate() {
-            let node = match (node, earlier.entry(at, name)) {
-                (Node::Leaf(now), Some(Node::Leaf(then))) => Node::Leaf(now.since(then)),
-                (Node::Tree(now), Some(Node::Tree(then))) => Node::Tree(now.since(then)),
-                (Node::List(now), Some(Node::List(then))) => {
-                    let empty = Tree::new();
-                    Node::List(now.iter().enumerate().map(|(i, tree)| tree.since(then.get(i).unwrap_or(&empty))).collect())
-                }
-                (node, _) => node.clone(),
-            };
-            difference.entries.push((name.clone(), node));
-        }
-        difference
     }
 
     /// The sum of trees of one shape, each counter by its tree's weight, rounded; of quotients, that of the sums; of real properties,
@@ -548,16 +518,6 @@ mod tests {
         let expected =
             r#"{"class":"sort-middle, \"immediate\"","units":{"setup":[{},{"items":7,"mean_occupancy":3.0,"capacity":8}]}}"#;
         assert_eq!(json, expected);
-    }
-
-    #[test]
-    fn a_frame_is_the_difference_of_two_readings() {
-        let frame = reading(12, 130, 20).since(&reading(7, 30, 10));
-        assert_eq!(frame.number("units.setup[1].items"), Some(5.0));
-        assert_eq!(frame.number("units.setup[1].mean_occupancy"), Some(10.0));
-        assert_eq!(frame.number("units.setup[1].capacity"), Some(8.0));
-        assert_eq!(frame.number("units.setup[2].capacity"), None);
-        assert_eq!(frame.number("class"), None);
     }
 
     #[test]

@@ -3,8 +3,8 @@
 use super::client::{Client, Order};
 use super::dram::ddr4;
 use crate::{
-    Crossbar, Dram, DramConfig, Ideal, IdealConfig, Interleave, Kind, L2Config, L2Slice, MemoryConfig, MemoryPlan, PortShape,
-    ReturnPath, TlbConfig, memory_tree,
+    Crossbar, Dram, DramConfig, Ideal, IdealConfig, Interleave, Kind, L2Config, L2Slice, MemoryConfig, MemoryCounts,
+    MemoryPlan, PortShape, ReturnPath, TlbConfig,
 };
 use num::{Cycle, Random};
 use sim::{Circuit, Clock, Wiring, run};
@@ -289,7 +289,7 @@ fn statistics_name_clients_and_channels() {
         vec![vec![Order::read(0, 0, 64)], vec![Order::write(0, 256, 64)], vec![Order::write(0, 512, 32)]],
     );
     let names = [("texture", 0), ("color", 0), ("color", 1)];
-    let tree = memory_tree(&names, machine.crossbar.as_ref().unwrap().counts(), &machine.dram, None);
+    let tree = MemoryCounts::read(&names, machine.crossbar.as_ref().unwrap().counts(), &machine.dram, None).tree();
     assert_eq!(tree.number("memory.clients.texture.read_bytes"), Some(64.0));
     assert_eq!(tree.number("memory.clients.color.write_bytes"), Some(96.0));
     for name in ["read_bytes", "write_bytes", "row_hits", "row_misses", "busy_cycles"] {
