@@ -6,16 +6,16 @@ use sim::{Circuit, Reading, Sheet};
 use stats::{Group, Heading, Tree};
 use work::{FUNNEL, Funnel};
 
-/// What a machine has counted.
+/// All counters of a machine, up to now or between two readings.
 #[derive(Clone, Debug)]
 pub(super) struct Readings {
-    /// What was thrown away where.
+    /// The funnel of all draws.
     pub funnel: Funnel,
     /// The accounts of units, the channels, and the cycles.
     pub wires: Reading,
-    /// What units count besides.
+    /// The groups of counters that units have besides.
     pub sheet: Sheet,
-    /// Memory's clients and channels.
+    /// The counts of memory's clients and channels.
     pub memory: MemoryCounts,
 }
 

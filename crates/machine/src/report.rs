@@ -56,10 +56,10 @@ pub const SORTING_LOSS: Heading = Heading::new(
 /// Where they say what the network that sorts has carried.
 pub const SORTING_NETWORK: Heading = Heading::new("sort.network", "The network that sorts.");
 
-/// The machine's class.
+/// The sort class of the machine.
 pub const CLASS: Declaration = Declaration::new("class", "", "The sort class of the machine.");
 
-/// The mean number of copies.
+/// The mean number of copies per item that was sent.
 pub const OVERLAP: Declaration = Declaration::new(
     "overlap",
     "ratio",
@@ -189,7 +189,7 @@ struct Reading {
     disordered: usize,
 }
 
-/// Takes readings at the ends of frames, and at the beginning of phases.
+/// Reads a machine at the ends of frames, phases and draws, and makes reports of them.
 pub(super) struct Recorder {
     start: Rc<Reading>,
     last: Rc<Reading>,
@@ -260,7 +260,7 @@ fn waits(machine: &Machine) -> Waits {
     }
 }
 
-/// What became of the pipelines' cycles in a span in which they have waited for that.
+/// The split of the pipelines' cycles in a span. `waits` is what they waited for in it.
 fn loss(machine: &Machine, span: &Span, waits: &Waits) -> (Option<&'static str>, LossCounts) {
     let names = machine.circuit.wires().units().map(|(name, _)| name);
     let units: Vec<_> = names.zip(span.counts.wires.units.iter().copied()).collect();

@@ -138,7 +138,7 @@ impl Tally {
         group((&["memory", "dram"], None), 0, Moved::DECLARATIONS, &mut self.dram.values());
     }
 
-    /// As statistics.
+    /// The counters as statistics, by the headings of frames.
     pub fn tree(&self) -> Tree {
         let mut tree = Tree::new();
         FUNNEL.at(&mut tree, 0).extend(self.funnel.tree());

@@ -43,7 +43,7 @@ impl Heading {
         if many { above.element(last, number) } else { above.child(last) }
     }
 
-    /// The subtree of a name that statistics have; what is missing on the way there is made.
+    /// The subtree under it for a name that statistics have in place of `NAME`. Missing subtrees are made.
     pub fn at_of<'t>(&self, tree: &'t mut Tree, name: &str) -> &'t mut Tree {
         let steps = self.steps().0.map(|step| if step == Heading::ANY { name } else { step });
         steps.fold(tree, |tree, step| tree.child(step.to_owned()))
@@ -63,7 +63,7 @@ impl Heading {
         Heading::follow(self.steps().0, tree)
     }
 
-    /// The same of one name, such as a unit that statistics name.
+    /// The subtrees under it for a name that statistics have in place of `NAME`, such as that of a unit.
     pub fn find_of<'t>(&self, tree: &'t Tree, name: &str) -> Vec<&'t Tree> {
         Heading::follow(self.steps().0.map(|step| if step == Heading::ANY { name } else { step }), tree)
     }
@@ -75,7 +75,7 @@ impl Heading {
         })
     }
 
-    /// The names that stand for `NAME`, the last step of its path, in order: each with a subtree for each unit.
+    /// The names that statistics have in place of `NAME`, the last step of its path, in order. Each comes with a subtree for each unit.
     pub fn banks<'t>(&self, tree: &'t Tree) -> impl Iterator<Item = (&'t str, &'t [Tree])> {
         let above = self.steps().0.take_while(|&step| step != Heading::ANY);
         Heading::follow(above, tree).into_iter().flat_map(Tree::entries).map(|(name, node)| (name, node.trees()))
@@ -86,23 +86,23 @@ impl Heading {
         self.find(tree).into_iter().map(Tree::read::<G>).sum()
     }
 
-    /// The same of one name, such as a unit that statistics name.
+    /// The counters under it for a name that statistics have in place of `NAME`, those of all units summed.
     pub fn sum_of<G: Group>(&self, tree: &Tree, name: &str) -> G {
         self.find_of(tree, name).into_iter().map(Tree::read::<G>).sum()
     }
 
-    /// A counter under it.
+    /// The key of a counter under it.
     pub const fn counter<G>(self, counter: Counter<G>) -> Key {
         Key { heading: self, name: None, leaf: counter.name() }
     }
 
-    /// What else is declared under it.
+    /// The key of another declared statistic under it.
     pub const fn statistic(self, declaration: &Declaration) -> Key {
         Key { heading: self, name: None, leaf: declaration.name }
     }
 }
 
-/// A statistic under a heading: what a cell of a table shows, of any group.
+/// A statistic under a heading: a counter of any group, or another declared statistic. Cells of tables show statistics by their keys.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Key {
     heading: Heading,
@@ -111,12 +111,12 @@ pub struct Key {
 }
 
 impl Key {
-    /// The same of a name that statistics have in place of `NAME`.
+    /// The key for a name that statistics have in place of `NAME`.
     pub fn of(&self, name: &str) -> Key {
         Key { name: Some(name.to_owned()), ..*self }
     }
 
-    /// Its value, the sum over all units. None: no unit has it as a number.
+    /// Its value in statistics, the sum over all units. None if no unit has it as a number.
     pub fn sum(&self, tree: &Tree) -> Option<f64> {
         let units = match &self.name {
             Some(name) => self.heading.find_of(tree, name),

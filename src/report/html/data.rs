@@ -29,7 +29,7 @@ pub struct Part {
     pub counts: Tree,
     /// The phases of a frame, or the draws of a phase.
     pub parts: Vec<Part>,
-    /// What stands for the numbers of units in paths of the file: all of them, or nothing where banks are summed.
+    /// The text in place of unit numbers in paths of the file: `[*]`, or nothing where banks are summed.
     pub units: &'static str,
 }
 

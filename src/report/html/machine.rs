@@ -56,7 +56,7 @@ pub fn banks(frame: &Part) -> Vec<Bank<'_>> {
     banks
 }
 
-/// What went through units.
+/// The number of items that went through units.
 const ITEMS: Key = UNITS.counter(counter!(UnitCounts, items));
 
 /// How busy the units were, and how full the channels.

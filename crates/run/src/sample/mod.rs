@@ -79,7 +79,7 @@ pub enum Quantity {
     HitRate(String),
 }
 
-/// The hits of a cache by its lookups.
+/// The hits of a cache, divided by its lookups.
 const HIT_RATE: Declaration = Declaration::new("hit_rate", "ratio", "Lookups that found their line, divided by all lookups.");
 
 impl std::fmt::Display for Quantity {

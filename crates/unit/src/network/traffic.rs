@@ -73,18 +73,18 @@ impl NetworkMap {
     }
 }
 
-/// The links of a network.
+/// The number of a network's links.
 pub const LINKS: Declaration = Declaration::new("links", "links", "Links: channels of the network.");
 
-/// Their mean use.
+/// The mean use of a network's links.
 pub const MEAN_SHARE: Declaration =
     Declaration::new("mean_share", "ratio", "What links carried of what they could have, on average.");
 
-/// The use of the busiest.
+/// The use of a network's busiest link.
 pub const HOTTEST_SHARE: Declaration =
     Declaration::new("hottest_share", "ratio", "What the busiest link carried of what it could have.");
 
-/// The busiest.
+/// The busiest link of a network.
 pub const HOT_SPOT: Declaration = Declaration::new("hot_spot", "", "The busiest link: its channel and its ends.");
 
 impl Traffic {
