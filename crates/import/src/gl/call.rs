@@ -3,8 +3,43 @@
 use std::borrow::Cow;
 use std::rc::Rc;
 
-use super::consts as e;
-use super::state::{IMAGES, UNITS};
+use gl_shader::{IMAGES, UNITS, consts as e};
+
+/// Components of a typed call from the argument `first` on. They are in an array if its name ends in `v`.
+pub fn components(call: &Call, shape: Shape, first: usize) -> Outcome<([f64; 4], usize)> {
+    let mut values = [0.0, 0.0, 0.0, 1.0];
+    let count = shape.count.clamp(1, 4);
+    if shape.vector {
+        match call.arg(first) {
+            Arg::Nums(numbers) => {
+                let numbers =
+                    numbers.get(..count).ok_or_else(|| Fault::Damaged(format!("an array of fewer than {count} numbers")))?;
+                values[..count].copy_from_slice(numbers);
+            }
+            _ => values[0] = call.f64(first)?,
+        }
+    } else {
+        for k in 0..count {
+            values[k] = call.f64(first + k)?;
+        }
+    }
+    Ok((values, count))
+}
+
+/// As [`parameters`], of a call whose parameter may be a colour or a place. One that has a single number gives zeros for the others, as
+/// Mesa takes it.
+pub fn padded(call: &Call, shape: Shape, first: usize) -> Outcome<Vec<f64>> {
+    let mut values = parameters(call, first)?;
+    if !shape.vector {
+        values.resize(4, 0.0);
+    }
+    Ok(values)
+}
+
+/// Parameters of a typed call without a number in its name, from the argument `first` on.
+pub fn parameters(call: &Call, first: usize) -> Outcome<Vec<f64>> {
+    call.numbers(first).map(|numbers| numbers.into_owned())
+}
 
 /// A function that a recording calls.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -69,8 +104,10 @@ pub type Outcome<T = ()> = Result<T, Fault>;
 
 /// The error of an invalid value.
 pub const INVALID_VALUE: Fault = Fault::Error("GL_INVALID_VALUE");
+
 /// The error of an invalid enumerant.
 pub const INVALID_ENUM: Fault = Fault::Error("GL_INVALID_ENUM");
+
 /// The error of a call that is not allowed in this state.
 pub const INVALID_OPERATION: Fault = Fault::Error("GL_INVALID_OPERATION");
 

@@ -1,204 +1,123 @@
-//! Draws from arrays: consecutive vertices, or those that indices select.
+//! Elements of vertex arrays: how their components are stored, and what they are as floats.
 
-use std::rc::Rc;
+use gl_shader::consts as e;
 
-use super::call::{Arg, Call, Fault, INVALID_ENUM, INVALID_OPERATION, INVALID_VALUE, Outcome, Scalar, Shape};
-use super::components::scalar;
-use super::contexts::missing;
-use super::machine::Gl;
-use super::restart::parts;
+use crate::gl::call::Scalar;
+use crate::gl::texels::image::from_half;
 
-/// Maximum number of vertices of one draw.
-const VERTICES_MAX: u32 = 1 << 22;
-
-/// The vertices that a draw selects.
-pub struct Selection {
-    /// Their numbers.
-    pub numbers: Vec<u32>,
-    /// How the program gives them.
-    pub by: Selector,
+/// The scalar of a type, and its bytes.
+pub fn scalar(kind: u32) -> Option<(Scalar, usize)> {
+    let scalar = match kind {
+        e::BYTE => Scalar::Byte,
+        e::UNSIGNED_BYTE => Scalar::Ubyte,
+        e::SHORT => Scalar::Short,
+        e::UNSIGNED_SHORT => Scalar::Ushort,
+        e::INT => Scalar::Int,
+        e::UNSIGNED_INT => Scalar::Uint,
+        e::FLOAT => Scalar::Float,
+        e::DOUBLE => Scalar::Double,
+        e::HALF_FLOAT | e::HALF_FLOAT_OES => Scalar::Half,
+        e::UNSIGNED_INT_2_10_10_10_REV => Scalar::Packed,
+        e::INT_2_10_10_10_REV => Scalar::PackedSigned,
+        _ => return None,
+    };
+    Some((scalar, bytes_of(scalar)))
 }
 
-/// How a program selects vertices.
+/// Converts bytes to a number; of packed ones it is the whole word.
+pub fn read(scalar: Scalar, b: &[u8]) -> f64 {
+    match scalar {
+        Scalar::Byte => f64::from(b[0] as i8),
+        Scalar::Ubyte => f64::from(b[0]),
+        Scalar::Short => f64::from(i16::from_le_bytes([b[0], b[1]])),
+        Scalar::Ushort => f64::from(u16::from_le_bytes([b[0], b[1]])),
+        Scalar::Int => f64::from(i32::from_le_bytes([b[0], b[1], b[2], b[3]])),
+        Scalar::Uint | Scalar::Packed | Scalar::PackedSigned => f64::from(u32::from_le_bytes([b[0], b[1], b[2], b[3]])),
+        Scalar::Half => f64::from(from_half(u16::from_le_bytes([b[0], b[1]]).into())),
+        Scalar::Float => f64::from(f32::from_le_bytes([b[0], b[1], b[2], b[3]])),
+        Scalar::Double => f64::from_le_bytes([b[0], b[1], b[2], b[3], b[4], b[5], b[6], b[7]]),
+    }
+}
+
+/// How the elements of an array are stored.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Selector {
-    /// Consecutive ones.
-    Sequence,
-    /// With indices in its own memory.
-    Memory,
-    /// With indices in a buffer object.
-    Buffer {
-        /// The buffer object.
-        name: u32,
-        /// Where the first index is, in bytes.
-        at: usize,
-        /// Type of the indices.
-        kind: Scalar,
-        /// Added to each index.
-        base: i32,
-    },
+pub struct Element {
+    /// The type of its components.
+    pub scalar: Scalar,
+    /// Their number.
+    pub size: usize,
+    /// Whether blue comes first.
+    pub blue_first: bool,
 }
 
-impl Selection {
-    /// Consecutive vertices.
-    pub(super) fn sequence(first: u32, count: u32) -> Selection {
-        Selection { numbers: (first..first.saturating_add(count)).collect(), by: Selector::Sequence }
-    }
-
-    /// Adds a number to each index.
-    pub(super) fn add(&mut self, added: i32) {
-        self.numbers.iter_mut().for_each(|index| *index = index.wrapping_add_signed(added));
-        if let Selector::Buffer { base, .. } = &mut self.by {
-            *base = added;
+impl Element {
+    /// Its bytes.
+    pub fn bytes(self) -> usize {
+        match self.scalar {
+            Scalar::Packed | Scalar::PackedSigned => 4,
+            scalar => self.size * bytes_of(scalar),
         }
     }
-}
 
-pub(super) fn bounded(count: u32) -> Outcome {
-    if count > VERTICES_MAX {
-        return Err(Fault::Limit(format!("{count} vertices in one draw, at most {VERTICES_MAX}")));
-    }
-    Ok(())
-}
-
-/// `glDrawArrays(mode, first, count)`
-pub(super) fn draw_arrays(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
-    let (mode, first, count) = (call.u32(0)?, call.size(1)?, call.size(2)?);
-    bounded(count)?;
-    gl.elements(mode, &Selection::sequence(first, count))
-}
-
-/// `glDrawArraysInstanced(mode, first, count, instances)`
-pub(super) fn draw_arrays_instanced(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
-    let (mode, first, count) = (call.u32(0)?, call.size(1)?, call.size(2)?);
-    bounded(count)?;
-    not_in_list(gl)?;
-    let vertices = Selection::sequence(first, count);
-    instances(gl, call.size(3)?, count, |gl| gl.elements(mode, &vertices))
-}
-
-/// Display lists cannot have draws of instances.
-fn not_in_list(gl: &Gl) -> Outcome {
-    if gl.compiling.is_some() { Err(INVALID_OPERATION) } else { Ok(()) }
-}
-
-/// Runs a draw once for each instance.
-pub(super) fn instances(gl: &mut Gl, count: u32, vertices: u32, mut draw: impl FnMut(&mut Gl) -> Outcome) -> Outcome {
-    if u64::from(count) * u64::from(vertices) > u64::from(VERTICES_MAX) {
-        return Err(Fault::Limit(format!(
-            "{count} instances of {vertices} vertices in one draw, at most {VERTICES_MAX} in all"
-        )));
-    }
-    // GLSL programs may read the instance number.
-    let alone = gl.glsl.used();
-    let mut outcome = gl.flush();
-    for instance in 0..count {
-        if outcome.is_err() {
-            break;
+    /// Its components, unchanged and normalised; missing ones are 0, 0, 0, 1.
+    #[inline(always)]
+    pub fn components(self, element: &[u8]) -> ([f32; 4], [f32; 4]) {
+        let mut plain = [0.0, 0.0, 0.0, 1.0];
+        // Most arrays are of floats, which normalisation does not change.
+        if self.scalar == Scalar::Float {
+            for (value, bytes) in plain.iter_mut().zip(element.as_chunks().0) {
+                *value = f32::from_le_bytes(*bytes);
+            }
+            return (plain, plain);
         }
-        gl.instance = instance;
-        outcome = draw(gl);
-        if alone && outcome.is_ok() {
-            outcome = gl.flush();
+        let mut normalized = plain;
+        if matches!(self.scalar, Scalar::Packed | Scalar::PackedSigned) {
+            (plain, normalized) = self.unpacked(element);
+        } else if self.scalar == Scalar::Ubyte {
+            // Colours.
+            for ((plain, normalized), &byte) in plain.iter_mut().zip(&mut normalized).zip(element) {
+                let value = f64::from(byte);
+                (*plain, *normalized) = (value as f32, self.scalar.normalized(value));
+            }
+        } else {
+            let bytes = bytes_of(self.scalar);
+            for ((plain, normalized), bytes) in plain.iter_mut().zip(&mut normalized).zip(element.chunks_exact(bytes)) {
+                let value = read(self.scalar, bytes);
+                (*plain, *normalized) = (value as f32, self.scalar.normalized(value));
+            }
         }
-    }
-    gl.instance = 0;
-    outcome
-}
-
-/// The call has start and end after the mode.
-pub(super) const RANGE: u8 = 1;
-/// The call has a number of instances after the indices.
-pub(super) const INSTANCED: u8 = 2;
-/// The call's last argument is added to each index.
-pub(super) const BASED: u8 = 4;
-
-/// `glDrawElements(mode, count, type, indices)`, with [`RANGE`], [`INSTANCED`] and [`BASED`] among `PARTS`.
-pub(super) fn draw_elements<const PARTS: u8>(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
-    let at = if PARTS & RANGE != 0 { 3 } else { 1 };
-    if PARTS & INSTANCED != 0 {
-        not_in_list(gl)?;
-    }
-    let behind = at + 3;
-    let (mode, kind) = (call.u32(0)?, call.u32(at + 1)?);
-    let vertices = indices(gl, call.size(at)?, kind, call.arg(at + 2))?;
-    let added = if PARTS & BASED != 0 { call.i32(behind + usize::from(PARTS & INSTANCED != 0))? } else { 0 };
-    let count = vertices.numbers.len() as u32;
-    let parts = parts(gl, vertices, kind, added)?;
-    if PARTS & INSTANCED == 0 {
-        return indexed(gl, mode, &parts);
-    }
-    instances(gl, call.size(behind)?, count, |gl| indexed(gl, mode, &parts))
-}
-
-/// Draws vertices that indices select, in parts.
-pub(super) fn indexed(gl: &mut Gl, mode: u32, parts: &[Selection]) -> Outcome {
-    gl.indexed = true;
-    let outcome = parts.iter().try_for_each(|vertices| gl.elements(mode, vertices));
-    gl.indexed = false;
-    outcome
-}
-
-pub(super) fn indices(gl: &Gl, count: u32, kind: u32, data: &Arg) -> Outcome<Selection> {
-    bounded(count)?;
-    let (scalar, bytes) =
-        scalar(kind).filter(|&(s, _)| matches!(s, Scalar::Ubyte | Scalar::Ushort | Scalar::Uint)).ok_or(INVALID_ENUM)?;
-    let bound = gl.arrays.bound[1];
-    let in_buffer = |at: u64| {
-        let bytes = gl.buffers.get(bound).ok_or_else(|| missing(bound, INVALID_OPERATION))?.bytes()?.clone();
-        Ok((bytes, at as usize, Selector::Buffer { name: bound, at: at as usize, kind: scalar, base: 0 }))
-    };
-    let (data, start, by): (Rc<[u8]>, usize, Selector) = match data {
-        Arg::Blob(bytes) => (bytes.clone(), 0, Selector::Memory),
-        Arg::Pointer(at) if bound != 0 => in_buffer(*at)?,
-        Arg::Num(at) if bound != 0 => in_buffer(*at as u64)?,
-        Arg::Null if bound != 0 => in_buffer(0)?,
-        Arg::Nums(numbers) => {
-            let numbers = numbers.iter().take(count as usize).map(|&n| n as u32).collect();
-            return Ok(Selection { numbers, by: Selector::Memory });
+        if self.blue_first {
+            plain.swap(0, 2);
+            normalized.swap(0, 2);
         }
-        _ if count == 0 => return Ok(Selection { numbers: Vec::new(), by: Selector::Memory }),
-        _ => return Err(Fault::Damaged("the indices were not recorded".into())),
-    };
-    let end = start.saturating_add((count as usize).saturating_mul(bytes));
-    let Some(part) = data.get(start..end) else {
-        return Err(Fault::Damaged(format!("{count} indices reach past {} bytes", data.len())));
-    };
-    let numbers = match scalar {
-        Scalar::Ushort => part.as_chunks().0.iter().map(|&bytes| u32::from(u16::from_le_bytes(bytes))).collect(),
-        Scalar::Uint => part.as_chunks().0.iter().map(|&bytes| u32::from_le_bytes(bytes)).collect(),
-        _ => part.iter().map(|&byte| u32::from(byte)).collect(),
-    };
-    Ok(Selection { numbers, by })
+        (plain, normalized)
+    }
+
+    /// The components of a packed element. Those with signs are normalised by the rule of OpenGL 4.2, by which Mesa reads arrays.
+    fn unpacked(self, element: &[u8]) -> ([f32; 4], [f32; 4]) {
+        let word = element.first_chunk().map_or(0, |bytes| u32::from_le_bytes(*bytes));
+        let (mut plain, mut normalized) = ([0.0, 0.0, 0.0, 1.0], [0.0, 0.0, 0.0, 1.0]);
+        for (k, (plain, normalized)) in plain.iter_mut().zip(&mut normalized).enumerate().take(self.size) {
+            let bits = if k == 3 { 2 } else { 10 };
+            let top = word << (32 - bits - 10 * k as u32);
+            if self.scalar == Scalar::Packed {
+                *plain = (top >> (32 - bits)) as f32;
+                *normalized = *plain / ((1 << bits) - 1) as f32;
+            } else {
+                *plain = (top as i32 >> (32 - bits)) as f32;
+                *normalized = (*plain / ((1 << (bits - 1)) - 1) as f32).max(-1.0);
+            }
+        }
+        (plain, normalized)
+    }
 }
 
-pub(super) fn multi_draw_arrays(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
-    let (mode, firsts, counts) = (call.u32(0)?, call.numbers(1)?, call.numbers(2)?);
-    for (&first, &count) in firsts.iter().zip(counts.iter()) {
-        let (first, count) = (first as u32, count as u32);
-        bounded(count)?;
-        gl.elements(mode, &Selection::sequence(first, count))?;
+/// The bytes of a number.
+fn bytes_of(kind: Scalar) -> usize {
+    match kind {
+        Scalar::Byte | Scalar::Ubyte => 1,
+        Scalar::Short | Scalar::Ushort | Scalar::Half => 2,
+        Scalar::Int | Scalar::Uint | Scalar::Float | Scalar::Packed | Scalar::PackedSigned => 4,
+        Scalar::Double => 8,
     }
-    Ok(())
-}
-
-/// `glMultiDrawElements(mode, counts, type, indices, number)`, also with a number for each draw that is added to its indices.
-pub(super) fn multi_draw_elements(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
-    let (mode, counts, kind) = (call.u32(0)?, call.numbers(1)?, call.u32(2)?);
-    let of = |k: usize| match call.arg(3) {
-        Arg::List(list) => list.get(k).cloned(),
-        Arg::Nums(offsets) => offsets.get(k).map(|&at| Arg::Num(at)),
-        _ => None,
-    };
-    let bases = if call.args.len() > 5 { Some(call.numbers(5)?) } else { None };
-    for (k, &count) in counts.iter().enumerate() {
-        let data = of(k).ok_or_else(|| Fault::Damaged(format!("the indices of draw {k} were not recorded")))?;
-        let count = u32::try_from(count as i64).map_err(|_| INVALID_VALUE)?;
-        let vertices = indices(gl, count, kind, &data)?;
-        let base = |bases: &[f64]| bases.get(k).map(|&base| base as i32);
-        let unknown = || Fault::Damaged(format!("the base vertex of draw {k} was not recorded"));
-        let added = bases.as_deref().map_or(Some(0), base).ok_or_else(unknown)?;
-        indexed(gl, mode, &parts(gl, vertices, kind, added)?)?;
-    }
-    Ok(())
 }

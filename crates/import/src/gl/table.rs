@@ -1,77 +1,18 @@
 //! The table of the machine's functions by call name.
 
-use super::call::{Arg, Call, Fault, Outcome, Scalar, Shape, core_name, shape};
-use super::elements::{BASED, INSTANCED, RANGE};
-use super::idle::{self, Idle};
-use super::indirect::{INDEXED, SEVERAL};
-use super::machine::Gl;
-use super::transform::Factor;
-use super::{
-    accumulate, arb, arrays, buffers, elements, environment, evaluator, fragments, framebuffer, glsl, immediate, indirect,
-    lists, packed, pixels, quads, raster, rectangles, restart, samplers, saved, texturing, transform, window_system,
+use crate::gl::call::{Arg, Call, Fault, Outcome, Scalar, Shape, core_name, shape};
+use crate::gl::calls::elements::{BASED, INSTANCED, RANGE};
+use crate::gl::calls::ignored::nothing;
+use crate::gl::calls::indirect::{INDEXED, SEVERAL};
+use crate::gl::calls::{
+    accumulate, arb, arrays, buffers, elements, environment, evaluator, fragments, framebuffer, glsl, idle, immediate,
+    indirect, lists, packed, pixels, raster, rectangles, restart, samplers, saved, texturing, transform, uniforms,
+    window_system,
 };
+use crate::gl::draw::quads;
+use crate::gl::machine::{Entry, Gl, Moment, Part, Run};
 
-/// When a function may be called, and its effect on the batch.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Moment {
-    /// Also allowed between Begin and End; the batch continues.
-    Vertex,
-    /// As [`Moment::Vertex`], but a display list stores its result at compilation.
-    Element,
-    /// Changes or reads the server's state.
-    Server,
-    /// As [`Moment::Server`], but changes matrices alone, or their mode.
-    Matrix,
-    /// Changes only client state; display lists do not store it.
-    Client,
-    /// As [`Moment::Client`], but changes the arrays of vertices alone, or draws from them.
-    Arrays,
-    /// Has no effect on pictures.
-    Ignored,
-    /// Belongs to the window system: a context need not be current.
-    System,
-}
-
-/// A function of the machine.
-pub type Run = fn(&mut Gl, &Call, Shape) -> Outcome;
-
-/// The properties of a function.
-#[derive(Clone, Copy)]
-pub struct Entry {
-    /// The function that runs it.
-    pub run: Run,
-    /// When it may be called.
-    pub moment: Moment,
-    /// The shape of its arguments, by the suffix of its name.
-    pub shape: Shape,
-    /// What it does between Begin and End.
-    pub part: Part,
-    /// Whether a call of it changes nothing.
-    pub idle: Option<Idle>,
-    /// The matrix by which it multiplies the current one, if it does no more.
-    pub factor: Option<Factor>,
-}
-
-/// What a function does between Begin and End.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Part {
-    /// It begins a primitive.
-    Begin,
-    /// It ends one.
-    End,
-    /// It sends a vertex with the current attributes.
-    Vertex,
-    /// It sets the current attribute of this bit of [`super::state::Vertex::over`].
-    Attribute(u32),
-    /// It sets texture coordinates of a unit that is an argument.
-    Unit,
-    /// It may set any attribute.
-    Attributes,
-    /// It leaves attributes as they are.
-    Other,
-}
-
-fn part(core: &str, stem: Option<&str>) -> Part {
+pub fn part(core: &str, stem: Option<&str>) -> Part {
     match (core, stem) {
         ("Begin", _) => Part::Begin,
         ("End", _) => Part::End,
@@ -90,21 +31,18 @@ fn part(core: &str, stem: Option<&str>) -> Part {
     }
 }
 
-pub(super) fn nothing(_: &mut Gl, _: &Call, _: Shape) -> Outcome {
-    Ok(())
-}
-
 /// `glGetString(GL_VERSION)`: the recorded driver has answered with the version of its context.
 fn version(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
     if let (Ok(VERSION), Arg::Str(text)) = (call.u32(0), &call.result)
-        && gl.versions.len() < VERSIONS_MAX
+        && gl.log.versions.len() < VERSIONS_MAX
     {
-        gl.versions.get_or_insert_with(text, || ());
+        gl.log.versions.get_or_insert_with(text, || ());
     }
     Ok(())
 }
 
 const VERSION: u32 = 0x1f02;
+
 /// Maximum number of versions that are remembered.
 const VERSIONS_MAX: usize = 16;
 
@@ -415,13 +353,13 @@ fn typed(stem: &str) -> Option<(Moment, Run)> {
         "ProgramLocalParameter" => (Server, arb::local),
         "ProgramEnvParameters" => (Server, arb::environments),
         "ProgramLocalParameters" => (Server, arb::locals),
-        "Uniform" => (Server, glsl::uniforms::uniform::<false>),
-        "UniformMatrix" => (Server, glsl::uniforms::uniform_matrix::<false>),
-        "UniformMatrix2x" | "UniformMatrix3x" | "UniformMatrix4x" => (Server, glsl::uniforms::uniform_matrix_of::<false>),
-        "ProgramUniform" => (Server, glsl::uniforms::uniform::<true>),
-        "ProgramUniformMatrix" => (Server, glsl::uniforms::uniform_matrix::<true>),
+        "Uniform" => (Server, uniforms::uniform::<false>),
+        "UniformMatrix" => (Server, uniforms::uniform_matrix::<false>),
+        "UniformMatrix2x" | "UniformMatrix3x" | "UniformMatrix4x" => (Server, uniforms::uniform_matrix_of::<false>),
+        "ProgramUniform" => (Server, uniforms::uniform::<true>),
+        "ProgramUniformMatrix" => (Server, uniforms::uniform_matrix::<true>),
         "ProgramUniformMatrix2x" | "ProgramUniformMatrix3x" | "ProgramUniformMatrix4x" => {
-            (Server, glsl::uniforms::uniform_matrix_of::<true>)
+            (Server, uniforms::uniform_matrix_of::<true>)
         }
         "Rect" => (Server, immediate::rectangle),
         "EvalCoord" => (Vertex, evaluator::coordinate),

@@ -1,7 +1,8 @@
 //! The expanded bytes of a file, a piece at a time: Snappy chunks as apitrace writes them, gzip, Brotli, or plain.
 
 use std::cell::Cell;
-use std::io::{self, BufReader, ErrorKind, Read};
+use std::io;
+use std::io::{BufReader, ErrorKind, Read};
 use std::rc::Rc;
 
 use brotli_decompressor::Decompressor;
@@ -451,4 +452,15 @@ mod tests {
         };
         assert!(!wrong.cut, "{}", wrong.reason);
     }
+}
+
+/// What is wrong with a recording, and where.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Broken {
+    /// The number of the call, from 0.
+    pub call: u64,
+    /// The byte of the expanded stream, or the line of the text.
+    pub place: u64,
+    /// What is wrong.
+    pub reason: String,
 }

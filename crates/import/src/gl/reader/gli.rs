@@ -7,10 +7,9 @@ use std::rc::Rc;
 
 use num::{Limits, NameMap, NumberMap};
 
-use super::Broken;
-use super::chunks::{Chunks, Input, Stop};
 use crate::gl::call::{Arg, Call, Function, Scalar, core_name, shape};
 use crate::gl::names;
+use crate::gl::reader::chunks::{Broken, Chunks, Input, Stop};
 
 /// Maximum number of bytes of one call.
 const CALL_MAX: usize = 64 << 20;

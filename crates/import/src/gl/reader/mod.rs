@@ -4,22 +4,10 @@ pub mod apitrace;
 pub mod chunks;
 pub mod gli;
 
-pub use apitrace::Apitrace;
-pub use chunks::Input;
-pub use gli::{GliText, Memory};
-
-use super::call::Call;
-
-/// What is wrong with a recording, and where.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Broken {
-    /// The number of the call, from 0.
-    pub call: u64,
-    /// The byte of the expanded stream, or the line of the text.
-    pub place: u64,
-    /// What is wrong.
-    pub reason: String,
-}
+use crate::gl::call::Call;
+use crate::gl::reader::apitrace::Apitrace;
+use crate::gl::reader::chunks::Broken;
+use crate::gl::reader::gli::GliText;
 
 /// A recording that is being read.
 pub enum Reader {

@@ -1,0 +1,103 @@
+//! Recordings that may be short. Whether one is can only be told by reading it, so it is read on a thread of its own: if it is short, its
+//! trace stays in memory. If not, the first reader of its commands gets those that are there, and the thread goes on; later readers begin anew.
+
+use std::ops::ControlFlow;
+use std::sync::mpsc::{Receiver, sync_channel};
+use std::sync::{Arc, Mutex, PoisonError};
+use std::thread::{Builder, JoinHandle};
+
+use trace::{Origin, Part, Stream, Trace, TraceError};
+
+use crate::gl::recording::{Keep, Recording, Survey, described};
+use crate::gl::report::Report;
+
+/// What [`Recording::import`] answers.
+type Imported = Result<(Option<Trace>, Option<Report>), TraceError>;
+
+/// What the thread has to say.
+enum Said {
+    /// The recording is longer than may stay in memory: the next commands.
+    Part(Part),
+    /// It has been read to its end.
+    Done(Box<Imported>),
+}
+
+/// A recording that has been read in part.
+struct Begun {
+    first: Part,
+    rest: Receiver<Said>,
+    thread: JoinHandle<()>,
+}
+
+/// A recording whose first reader goes on where it has been read to.
+struct Again {
+    recording: Arc<Recording>,
+    begun: Mutex<Option<Begun>>,
+}
+
+/// Opens a recording of which no more than `most` bytes may stay in memory.
+pub fn open(recording: Recording, most: u64) -> Result<(Trace, Option<Report>), TraceError> {
+    let recording = Arc::new(recording);
+    let (path, limits) = (recording.path.clone(), recording.reading.limits);
+    // The thread waits with each part until it is asked for: no more than the one that was to be kept is in memory before there is a reader.
+    let (send, rest) = sync_channel(0);
+    let reader = recording.clone();
+    let read = move || {
+        let send = &send;
+        let mut longer = |part| {
+            if send.send(Said::Part(part)).is_ok() { ControlFlow::Continue(()) } else { ControlFlow::Break(()) }
+        };
+        let imported = reader.import(Keep::All { most, survey: Survey::Start, longer: Some(&mut longer) });
+        // Without a receiver nobody wants to know.
+        let _ = send.send(Said::Done(Box::new(imported)));
+    };
+    let streamed = |begun| {
+        let again = Again { recording: recording.clone(), begun: Mutex::new(begun) };
+        Trace::from_stream(&path, Box::new(again), limits)
+    };
+    let Ok(thread) = Builder::new().name("recording".to_owned()).spawn(read) else {
+        let (trace, report) = recording.import(Keep::All { most, survey: Survey::Start, longer: None })?;
+        return Ok((described(trace.unwrap_or_else(|| streamed(None)), report.as_ref()), report));
+    };
+    match rest.recv() {
+        Ok(Said::Part(first)) => Ok((streamed(Some(Begun { first, rest, thread })), None)),
+        Ok(Said::Done(imported)) => {
+            let (trace, report) = (*imported)?;
+            Ok((described(trace.unwrap_or_else(|| streamed(None)), report.as_ref()), report))
+        }
+        Err(_) => std::panic::resume_unwind(thread.join().expect_err("it has not said that it is done")),
+    }
+}
+
+impl Stream for Again {
+    fn make(&self, take: &mut dyn FnMut(Part) -> ControlFlow<()>) -> Result<(), TraceError> {
+        let begun = self.begun.lock().unwrap_or_else(PoisonError::into_inner).take();
+        let Some(Begun { first, rest, thread }) = begun else { return self.recording.make(take) };
+        if take(first).is_break() {
+            return Ok(());
+        }
+        loop {
+            match rest.recv() {
+                Ok(Said::Part(part)) => {
+                    if take(part).is_break() {
+                        return Ok(());
+                    }
+                }
+                Ok(Said::Done(imported)) => {
+                    let (_, report) = (*imported)?;
+                    self.recording.note(report);
+                    return Ok(());
+                }
+                Err(_) => std::panic::resume_unwind(thread.join().expect_err("it has not said that it is done")),
+            }
+        }
+    }
+
+    fn origin(&self) -> Origin {
+        self.recording.origin()
+    }
+
+    fn length(&self) -> u64 {
+        self.recording.length()
+    }
+}

@@ -1,0 +1,30 @@
+//! The functions that recordings call. Each changes parts of the state, or draws.
+
+pub mod accumulate;
+pub mod arb;
+pub mod arrays;
+pub mod buffers;
+pub mod contexts;
+pub mod elements;
+pub mod environment;
+pub mod evaluator;
+pub mod execute;
+pub mod fragments;
+pub mod framebuffer;
+pub mod glsl;
+pub mod idle;
+pub mod ignored;
+pub mod immediate;
+pub mod indirect;
+pub mod lists;
+pub mod packed;
+pub mod pixels;
+pub mod raster;
+pub mod rectangles;
+pub mod restart;
+pub mod samplers;
+pub mod saved;
+pub mod texturing;
+pub mod transform;
+pub mod uniforms;
+pub mod window_system;

@@ -1,0 +1,39 @@
+//! Runs recorded calls.
+
+use crate::gl::call::{Call, Fault};
+use crate::gl::machine::{Called, Gl, Moment};
+use crate::gl::table;
+
+impl Gl {
+    /// Runs a call. An error ends the import.
+    pub fn call(&mut self, call: &Call) -> Result<(), String> {
+        self.log.number = call.number;
+        if call.thread != self.contexts.thread {
+            let entered = self.enter_thread(call.thread);
+            self.settle(call, entered)?;
+        }
+        let id = call.function.id as usize;
+        if self.functions.len() <= id {
+            self.functions.resize(id + 1, None);
+        }
+        let new = || Called { entry: table::find(&call.function.name), function: call.function.clone(), times: 0 };
+        let called = self.functions[id].get_or_insert_with(new);
+        called.times += 1;
+        let entry = called.entry;
+        if self.contexts.now.context.is_none() && entry.moment != Moment::System {
+            // As in Mesa, it does nothing.
+            let outcome = if entry.moment == Moment::Ignored { Ok(()) } else { Err(Fault::Error("no current context")) };
+            return self.settle(call, outcome);
+        }
+        if matches!(entry.moment, Moment::Server | Moment::Matrix | Moment::Vertex)
+            && let Some((name, execute, list)) = self.context.compiling.take()
+        {
+            self.context.compiling = Some((name, execute, self.compile(list, entry, call)?));
+            if !execute {
+                return Ok(());
+            }
+        }
+        let outcome = self.execute(entry, call);
+        self.settle(call, outcome)
+    }
+}

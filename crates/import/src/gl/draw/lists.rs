@@ -1,0 +1,69 @@
+//! Primitives of display lists. Those that are drawn repeatedly stay on the card, so the cost of a frame does not grow with the vertices in
+//! its lists.
+
+use std::rc::Rc;
+
+use gl_shader::consts as e;
+
+use crate::gl::call::Outcome;
+use crate::gl::card::device::KEPT_MAX;
+use crate::gl::draw::streams::Kept;
+use crate::gl::geometry::listed::Geometry;
+use crate::gl::geometry::primitive::{Batch, Class};
+use crate::gl::machine::Gl;
+
+/// Minimum number of vertices that stay on the card. Fewer are joined with their neighbours to one draw, if there are any that can be joined.
+const LEAST: usize = 192;
+
+impl Gl {
+    /// Draws primitives of a list.
+    pub fn geometry(&mut self, geometry: &Rc<Geometry>) -> Outcome {
+        if !self.context.render_mode.draws() {
+            return Ok(());
+        }
+        let seen = geometry.drawn.replace(true);
+        let small = geometry.vertices.len() < LEAST;
+        // Small ones stay if they were not joined with others the last time, and would not be joined with the one before now.
+        let worth = !small || geometry.alone.get() && !self.drawing.follows;
+        if seen && worth && self.stays(geometry) {
+            self.flush()?;
+            self.drawing.follows = small;
+            let mut batch = Batch { class: geometry.class(), ..Batch::default() };
+            let outcome = self.draw(&mut batch, Some(Kept::List(geometry)));
+            return self.settled(outcome);
+        }
+        geometry.alone.set(false);
+        let first = self.drawing.batch.indices.is_empty() && !self.drawing.follows;
+        let mut filled = std::mem::take(&mut self.drawing.spare);
+        let mut outcome = Ok(());
+        for (mode, range) in geometry.primitives() {
+            let few = range.start..range.start + self.vertices_read(range.len());
+            let current = &self.state.current;
+            filled.clear();
+            filled.extend(geometry.vertices[few].iter().map(|vertex| vertex.over(current, geometry.own)));
+            self.drawing.listed = true;
+            outcome = self.primitive(mode, &filled);
+            self.drawing.listed = false;
+            if outcome.is_err() {
+                break;
+            }
+        }
+        filled.clear();
+        self.drawing.spare = filled;
+        self.drawing.lone = (first && small).then(|| geometry.clone());
+        outcome
+    }
+
+    /// Whether a primitive can be drawn from the card's memory: none of its vertices depends on the state.
+    fn stays(&mut self, geometry: &Geometry) -> bool {
+        !self.options.survey
+            && !self.options.keep_draws
+            && self.card.kept_bytes < KEPT_MAX
+            && !self.state.is(e::COLOR_LOGIC_OP)
+            && match geometry.class() {
+                Class::Points => true,
+                Class::Lines => !self.widens_lines() && !self.line_stippled(),
+                Class::Triangles => self.fills() && !self.sides_differ(&Batch { class: Class::Triangles, ..Batch::default() }),
+            }
+    }
+}

@@ -1,0 +1,30 @@
+//! Draws: what the state says becomes commands of the card.
+
+pub mod append;
+pub mod arrays;
+pub mod buffers;
+pub mod clear;
+pub mod conditions;
+pub mod frames;
+pub mod key;
+pub mod lines;
+pub mod lists;
+pub mod lit;
+pub mod materials;
+pub mod outline;
+pub mod pipeline;
+pub mod pixels;
+pub mod prepare;
+pub mod primitives;
+pub mod program_key;
+pub mod program_values;
+pub mod programs;
+pub mod quads;
+pub mod resident;
+pub mod stipple;
+pub mod streams;
+pub mod submit;
+pub mod target;
+pub mod texturing;
+pub mod uniforms;
+pub mod viewport;

@@ -1,0 +1,190 @@
+//! Converts the batch to a draw of the card: key, uniforms, vertices, pipeline.
+
+use gfx::state::IndexFormat;
+use gl_shader::consts as e;
+use glam::Mat4;
+
+use crate::gl::call::{Fault, Outcome};
+use crate::gl::card::pass::{Draw, Order, VertexRange};
+use crate::gl::draw::prepare::Preparation;
+use crate::gl::draw::streams::Kept;
+use crate::gl::draw::uniforms;
+use crate::gl::geometry::clip::to_clip;
+use crate::gl::geometry::pack::{Drawn, STREAM_ALIGN, streams};
+use crate::gl::geometry::primitive::Batch;
+use crate::gl::geometry::summary::Summary;
+use crate::gl::geometry::vertex::Vertex;
+use crate::gl::machine::Gl;
+use crate::gl::state::prepared::Prepared;
+use crate::gl::state::server::capability;
+
+impl Gl {
+    /// Draws the batch.
+    pub fn flush(&mut self) -> Outcome {
+        self.drawing.follows = false;
+        if self.drawing.batch.indices.is_empty() {
+            return Ok(());
+        }
+        let mut batch = std::mem::take(&mut self.drawing.batch);
+        if let Some(geometry) = self.drawing.lone.take() {
+            geometry.alone.set(batch.vertices.len() == geometry.vertices.len());
+        }
+        let outcome = self.draw(&mut batch, None);
+        if self.drawing.batch.indices.is_empty() {
+            // The memory is reused.
+            batch.vertices.clear();
+            batch.indices.clear();
+            self.drawing.batch = Batch { vertices: batch.vertices, indices: batch.indices, ..Batch::default() };
+        }
+        // The call that ends the batch is not the one with the unsupported draw.
+        self.settled(outcome)
+    }
+
+    /// Counts the unsupported feature or the error of a draw. The call that follows it runs.
+    pub fn settled(&mut self, outcome: Outcome) -> Outcome {
+        match outcome {
+            Err(Fault::Unsupported(what)) => {
+                self.log.refuse(what);
+                Ok(())
+            }
+            Err(Fault::Error(error)) => {
+                self.log.note_error(&format!("a draw: {error}"));
+                Ok(())
+            }
+            other => other,
+        }
+    }
+
+    /// Draws a batch, or vertices that stay on the card: then the batch gives only their type.
+    pub fn draw(&mut self, batch: &mut Batch, kept: Option<Kept<'_>>) -> Outcome {
+        let (mut constant, mut summary) = match kept {
+            Some(Kept::List(geometry)) => geometry.over(&self.state.current),
+            Some(Kept::Buffers(resident)) => (resident.constant.clone(), resident.summary),
+            None => (batch.vertices[batch.indices[0] as usize].clone(), Summary::of(&batch.vertices)),
+        };
+        let resident = matches!(kept, Some(Kept::Buffers(_)));
+        let known = self.drawing.prepared.take().filter(|known| !resident && known.serves(self, batch, &summary));
+        let mut prepared = match known {
+            Some(known) => {
+                debug_assert!(known.is_up_to_date(self, batch, &mut constant, &mut summary));
+                known
+            }
+            None => match self.prepare(batch, kept, &mut constant, &mut summary)? {
+                Preparation::Nothing => return Ok(()),
+                Preparation::BySides => return self.draw_sides(batch),
+                Preparation::Ready(prepared) => prepared,
+            },
+        };
+        self.submit(&mut prepared, batch, kept, &constant);
+        self.drawing.prepared = Some(prepared).filter(|prepared| prepared.lasts);
+        Ok(())
+    }
+
+    /// Records a prepared draw.
+    fn submit(&mut self, prepared: &mut Prepared, batch: &Batch, kept: Option<Kept<'_>>, constant: &Vertex) {
+        let packing = &prepared.packing;
+        let own = |offset: u64| VertexRange { buffer: None, offset };
+        let (vertices, order, count) = match kept {
+            Some(Kept::List(geometry)) => {
+                let ([vertices, indices], count) = self.card.kept(geometry, packing);
+                let order = Order::Indices { buffer: Some(indices), format: IndexFormat::Uint32, first: 0, base: 0 };
+                (vec![VertexRange { buffer: Some(vertices), offset: 0 }], order, count)
+            }
+            Some(Kept::Buffers(resident)) => {
+                let vertices = prepared.placed.as_ref().map_or_else(Vec::new, |placed| self.vertex_ranges(resident, placed));
+                (vertices, self.order(resident), resident.count)
+            }
+            None => {
+                let clip = if packing.cuts() {
+                    to_clip(&self.context.matrices.projection.top, &self.context.matrices.modelview.top)
+                } else {
+                    Mat4::IDENTITY
+                };
+                let pass = &mut self.card.pass;
+                let mut streams_of = Vec::new();
+                if packing.streams {
+                    let (end, start) = (pass.vertices.len(), pass.vertices.len().next_multiple_of(STREAM_ALIGN));
+                    pass.vertices.resize(start, 0);
+                    streams_of = streams(&packing.attributes, batch.vertices.len());
+                    pass.gaps.push([end, start]);
+                    for (pair, (_, format)) in streams_of.windows(2).zip(&packing.attributes) {
+                        let [this, next] = [pair[0], pair[1]].map(|stream| start + stream as usize);
+                        pass.gaps.push([this + batch.vertices.len() * format.bytes() as usize, next]);
+                    }
+                }
+                let (start, first) = (pass.vertices.len() as u64, pass.indices.len());
+                let drawn = Drawn { vertices: &batch.vertices, indices: &batch.indices };
+                packing.write(drawn, &clip, self.state.lighting.flat, &mut pass.vertices, &mut pass.indices);
+                let count = pass.indices.len() - first;
+                if batch.sequence {
+                    pass.indices.truncate(first);
+                }
+                let vertices = match packing.streams {
+                    true => streams_of.iter().map(|stream| own(start + stream)).collect(),
+                    false => vec![own(start)],
+                };
+                (vertices, if batch.sequence { Order::Sequence(0) } else { Order::pass(first as u32) }, count as u32)
+            }
+        };
+        if count == 0 {
+            return;
+        }
+        let pipeline = *prepared.pipeline.get_or_insert_with(|| self.card.pipeline(&prepared.fixed));
+        let bound = &prepared.bound;
+        let textures = (!bound.is_empty()).then(|| *prepared.group.get_or_insert_with(|| self.card.textures(bound)));
+        let mut block = std::mem::take(&mut prepared.block);
+        block.clear();
+        let lit = prepared.lit.take();
+        let lit = uniforms::bytes(&prepared.key, &prepared.source(self, constant), lit, &mut block);
+        let uniforms = self.card.uniforms(&block);
+        (prepared.block, prepared.lit) = (block, lit);
+        for &(texture, ..) in &prepared.bound {
+            self.card.pass.textures.insert(texture, ());
+        }
+        self.card.draw(Draw {
+            pipeline,
+            uniforms,
+            vertices,
+            order,
+            count,
+            textures,
+            viewport: prepared.viewport,
+            scissor: prepared.scissor,
+            blend: prepared.blend,
+            stencil: self.state.stencil.sides[0].reference as u32,
+            writes: prepared.writes,
+            query: self.context.query,
+        });
+    }
+
+    /// The card has one reference and one mask for both sides: each triangle is drawn twice, and one of the two is culled.
+    pub fn draw_sides(&mut self, batch: &Batch) -> Outcome {
+        if batch.topology.is_some() {
+            return Err(Fault::Unsupported(
+                "draws that are kept with stencil references or masks that differ between faces".into(),
+            ));
+        }
+        let (enabled, cull, stencil) = (self.state.enabled, self.state.polygon.cull, self.state.stencil.sides);
+        let culled = if self.state.is(e::CULL_FACE) { cull } else { e::NONE };
+        self.state.enabled |= capability(e::CULL_FACE).unwrap_or(0);
+        self.state.enabled &= !capability(e::STENCIL_TEST_TWO_SIDE_EXT).unwrap_or(0);
+        let mut outcome = Ok(());
+        'triangles: for triangle in batch.indices.chunks_exact(3) {
+            for (side, other) in [(e::FRONT, e::BACK), (e::BACK, e::FRONT)] {
+                if culled == side {
+                    continue;
+                }
+                (self.state.polygon.cull, self.state.stencil.sides) = (other, [stencil[usize::from(side == e::BACK)]; 2]);
+                let vertices = triangle.iter().map(|&index| batch.vertices[index as usize].clone()).collect();
+                let mut one = Batch { class: batch.class, vertices, indices: vec![0, 1, 2], ..Batch::default() };
+                outcome = self.draw(&mut one, None);
+                self.drawing.prepared = None;
+                if outcome.is_err() {
+                    break 'triangles;
+                }
+            }
+        }
+        (self.state.enabled, self.state.polygon.cull, self.state.stencil.sides) = (enabled, cull, stencil);
+        outcome
+    }
+}

@@ -1,0 +1,89 @@
+//! A draw that is prepared, so that others can use it.
+
+use std::rc::Rc;
+
+use gfx::state::*;
+use gl_shader::key::*;
+use num::*;
+
+use crate::gl::card::pass::{Fixed, Layouts, Target};
+use crate::gl::geometry::pack::Packing;
+use crate::gl::geometry::primitive::{Class, Sent};
+use crate::gl::geometry::summary::Summary;
+use crate::gl::state::arb::Active;
+use crate::gl::state::placement::Placed;
+
+/// What uniforms hold of how a texture is sampled.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Sampling {
+    /// Bias of the level of detail.
+    pub bias: f32,
+    /// Border colour, in the format of the texels.
+    pub border: [f32; 4],
+}
+
+/// A prepared draw.
+pub struct Prepared {
+    pub likeness: Likeness,
+    /// Whether other draws may use it.
+    pub lasts: bool,
+    pub target: Target,
+    /// The key of its shader.
+    pub key: ShaderKey,
+    pub programs: [Option<Active>; 2],
+    pub sampling: Vec<Sampling>,
+    /// The layout of its vertices.
+    pub packing: Rc<Packing>,
+    /// The vertex buffers of a draw from buffer objects.
+    pub placed: Option<Placed>,
+    /// The state of its pipeline.
+    pub fixed: Fixed,
+    /// The buffers that it may write, as [`crate::gl::card::pass::writes`] has them.
+    pub writes: u8,
+    /// Its pipeline, once it is made.
+    pub pipeline: Option<RenderPipelineId>,
+    /// Its textures, each with its view and sampler.
+    pub bound: Vec<(TextureId, ViewId, SamplerId)>,
+    /// The group of its textures, once it is made.
+    pub group: Option<BindGroupId>,
+    /// Viewport.
+    pub viewport: Viewport,
+    /// Scissor.
+    pub scissor: Rect,
+    /// Blend constant.
+    pub blend: [f32; 4],
+    /// The uniforms of lighting, until a material changes.
+    pub lit: Option<Vec<[f32; 4]>>,
+    /// The memory of the last draw's uniforms, for reuse.
+    pub block: Vec<u8>,
+}
+
+/// The key of a prepared draw: all that it depends on, except state whose change discards it.
+#[derive(Debug, PartialEq)]
+pub struct Likeness {
+    pub class: Class,
+    pub polygon: Option<bool>,
+    pub topology: Option<Topology>,
+    pub turned: bool,
+    pub sent: Option<Sent>,
+    pub summary: Summary,
+    /// Whether the modelview matrix computes a w.
+    pub projective: bool,
+    /// Whether the texture matrix of a unit of the key is not the identity, and whether it computes a q: a bit each.
+    pub matrices: [u8; 2],
+    /// Whether colour material leaves materials as `glMaterial` set them, as long as the colour is the same: then no other draw is served.
+    pub kept: bool,
+}
+
+/// Layouts of vertices: for which summary, class and attributes that are sent; in a buffer; and of the buffers.
+pub type Packings = Vec<((Summary, Class, Option<Sent>), Rc<Packing>, Layouts)>;
+
+/// The colours that the fragments of a rectangle have.
+#[derive(Clone, Copy, Debug)]
+pub struct Source {
+    /// Texture, view, sampler.
+    pub bound: (TextureId, ViewId, SamplerId),
+    /// The lower left corner in the window, and the zoom (window pixels for one source pixel); the first pixel of the source, and the
+    /// direction of its rows; scale and bias of colours.
+    pub uniforms: [[f32; 4]; 4],
+}

@@ -1,0 +1,6 @@
+//! Formats of pixels and their conversions.
+
+pub mod image;
+pub mod s3tc;
+pub mod transfer;
+pub mod unpack;
