@@ -8,14 +8,14 @@ use std::thread::{Builder, JoinHandle};
 
 use trace::{Origin, Part, Stream, Trace, TraceError};
 
-use crate::gl::recording::{Keep, Recording, Survey, described};
+use crate::gl::recording::{Delivery, Recording, Survey, described};
 use crate::gl::report::Report;
 
 /// What [`Recording::import`] answers.
 type Imported = Result<(Option<Trace>, Option<Report>), TraceError>;
 
 /// What the thread has to say.
-enum Said {
+enum Message {
     /// The recording is longer than may stay in memory: the next commands.
     Part(Part),
     /// It has been read to its end.
@@ -23,16 +23,16 @@ enum Said {
 }
 
 /// A recording that has been read in part.
-struct Begun {
+struct Started {
     first: Part,
-    rest: Receiver<Said>,
+    messages: Receiver<Message>,
     thread: JoinHandle<()>,
 }
 
 /// A recording whose first reader goes on where it has been read to.
-struct Again {
+struct Resumed {
     recording: Arc<Recording>,
-    begun: Mutex<Option<Begun>>,
+    started: Mutex<Option<Started>>,
 }
 
 /// Opens a recording of which no more than `most` bytes may stay in memory.
@@ -40,28 +40,28 @@ pub fn open(recording: Recording, most: u64) -> Result<(Trace, Option<Report>), 
     let recording = Arc::new(recording);
     let (path, limits) = (recording.path.clone(), recording.reading.limits);
     // The thread waits with each part until it is asked for: no more than the one that was to be kept is in memory before there is a reader.
-    let (send, rest) = sync_channel(0);
+    let (send, messages) = sync_channel(0);
     let reader = recording.clone();
     let read = move || {
         let send = &send;
         let mut longer = |part| {
-            if send.send(Said::Part(part)).is_ok() { ControlFlow::Continue(()) } else { ControlFlow::Break(()) }
+            if send.send(Message::Part(part)).is_ok() { ControlFlow::Continue(()) } else { ControlFlow::Break(()) }
         };
-        let imported = reader.import(Keep::All { most, survey: Survey::Start, longer: Some(&mut longer) });
+        let imported = reader.import(Delivery::All { most, survey: Survey::Start, longer: Some(&mut longer) });
         // Without a receiver nobody wants to know.
-        let _ = send.send(Said::Done(Box::new(imported)));
+        let _ = send.send(Message::Done(Box::new(imported)));
     };
-    let streamed = |begun| {
-        let again = Again { recording: recording.clone(), begun: Mutex::new(begun) };
-        Trace::from_stream(&path, Box::new(again), limits)
+    let streamed = |started| {
+        let resumed = Resumed { recording: recording.clone(), started: Mutex::new(started) };
+        Trace::from_stream(&path, Box::new(resumed), limits)
     };
     let Ok(thread) = Builder::new().name("recording".to_owned()).spawn(read) else {
-        let (trace, report) = recording.import(Keep::All { most, survey: Survey::Start, longer: None })?;
+        let (trace, report) = recording.import(Delivery::All { most, survey: Survey::Start, longer: None })?;
         return Ok((described(trace.unwrap_or_else(|| streamed(None)), report.as_ref()), report));
     };
-    match rest.recv() {
-        Ok(Said::Part(first)) => Ok((streamed(Some(Begun { first, rest, thread })), None)),
-        Ok(Said::Done(imported)) => {
+    match messages.recv() {
+        Ok(Message::Part(first)) => Ok((streamed(Some(Started { first, messages, thread })), None)),
+        Ok(Message::Done(imported)) => {
             let (trace, report) = (*imported)?;
             Ok((described(trace.unwrap_or_else(|| streamed(None)), report.as_ref()), report))
         }
@@ -69,21 +69,21 @@ pub fn open(recording: Recording, most: u64) -> Result<(Trace, Option<Report>), 
     }
 }
 
-impl Stream for Again {
+impl Stream for Resumed {
     fn make(&self, take: &mut dyn FnMut(Part) -> ControlFlow<()>) -> Result<(), TraceError> {
-        let begun = self.begun.lock().unwrap_or_else(PoisonError::into_inner).take();
-        let Some(Begun { first, rest, thread }) = begun else { return self.recording.make(take) };
+        let started = self.started.lock().unwrap_or_else(PoisonError::into_inner).take();
+        let Some(Started { first, messages, thread }) = started else { return self.recording.make(take) };
         if take(first).is_break() {
             return Ok(());
         }
         loop {
-            match rest.recv() {
-                Ok(Said::Part(part)) => {
+            match messages.recv() {
+                Ok(Message::Part(part)) => {
                     if take(part).is_break() {
                         return Ok(());
                     }
                 }
-                Ok(Said::Done(imported)) => {
+                Ok(Message::Done(imported)) => {
                     let (_, report) = (*imported)?;
                     self.recording.note(report);
                     return Ok(());

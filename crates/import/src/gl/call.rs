@@ -6,7 +6,7 @@ use std::rc::Rc;
 use gl_shader::{IMAGES, UNITS, consts as e};
 
 /// Components of a typed call from the argument `first` on. They are in an array if its name ends in `v`.
-pub fn components(call: &Call, shape: Shape, first: usize) -> Outcome<([f64; 4], usize)> {
+pub fn components(call: &Call, shape: Shape, first: usize) -> GlResult<([f64; 4], usize)> {
     let mut values = [0.0, 0.0, 0.0, 1.0];
     let count = shape.count.clamp(1, 4);
     if shape.vector {
@@ -28,7 +28,7 @@ pub fn components(call: &Call, shape: Shape, first: usize) -> Outcome<([f64; 4],
 
 /// As [`parameters`], of a call whose parameter may be a colour or a place. One that has a single number gives zeros for the others, as
 /// Mesa takes it.
-pub fn padded(call: &Call, shape: Shape, first: usize) -> Outcome<Vec<f64>> {
+pub fn padded(call: &Call, shape: Shape, first: usize) -> GlResult<Vec<f64>> {
     let mut values = parameters(call, first)?;
     if !shape.vector {
         values.resize(4, 0.0);
@@ -37,7 +37,7 @@ pub fn padded(call: &Call, shape: Shape, first: usize) -> Outcome<Vec<f64>> {
 }
 
 /// Parameters of a typed call without a number in its name, from the argument `first` on.
-pub fn parameters(call: &Call, first: usize) -> Outcome<Vec<f64>> {
+pub fn parameters(call: &Call, first: usize) -> GlResult<Vec<f64>> {
     call.numbers(first).map(|numbers| numbers.into_owned())
 }
 
@@ -100,7 +100,7 @@ pub enum Fault {
 }
 
 /// The result of a call.
-pub type Outcome<T = ()> = Result<T, Fault>;
+pub type GlResult<T = ()> = Result<T, Fault>;
 
 /// The error of an invalid value.
 pub const INVALID_VALUE: Fault = Fault::Error("GL_INVALID_VALUE");
@@ -122,7 +122,7 @@ impl Call {
     }
 
     /// A number.
-    pub fn f64(&self, index: usize) -> Outcome<f64> {
+    pub fn f64(&self, index: usize) -> GlResult<f64> {
         match self.arg(index) {
             Arg::Num(number) => Ok(*number),
             Arg::Pointer(address) => Ok(*address as f64),
@@ -134,43 +134,43 @@ impl Call {
     }
 
     /// A number in single precision.
-    pub fn f32(&self, index: usize) -> Outcome<f32> {
+    pub fn f32(&self, index: usize) -> GlResult<f32> {
         self.f64(index).map(|number| number as f32)
     }
 
     /// A whole number, or an enumerant; negative ones wrap as in C.
-    pub fn u32(&self, index: usize) -> Outcome<u32> {
+    pub fn u32(&self, index: usize) -> GlResult<u32> {
         self.f64(index).map(|number| number as i64 as u32)
     }
 
     /// A whole number.
-    pub fn i32(&self, index: usize) -> Outcome<i32> {
+    pub fn i32(&self, index: usize) -> GlResult<i32> {
         self.f64(index).map(|number| number as i64 as i32)
     }
 
     /// A unit of texture coordinates, from `GL_TEXTURE0` on.
-    pub fn unit(&self, index: usize) -> Outcome<usize> {
+    pub fn unit(&self, index: usize) -> GlResult<usize> {
         self.image_unit(index).and_then(|unit| if unit < UNITS { Ok(unit) } else { Err(INVALID_ENUM) })
     }
 
     /// A texture unit that programs may read, from `GL_TEXTURE0` on.
-    pub fn image_unit(&self, index: usize) -> Outcome<usize> {
+    pub fn image_unit(&self, index: usize) -> GlResult<usize> {
         let unit = self.u32(index)?.wrapping_sub(e::TEXTURE0) as usize;
         if unit < IMAGES { Ok(unit) } else { Err(INVALID_ENUM) }
     }
 
     /// A size: whole and not negative.
-    pub fn size(&self, index: usize) -> Outcome<u32> {
+    pub fn size(&self, index: usize) -> GlResult<u32> {
         u32::try_from(self.i32(index)?).map_err(|_| INVALID_VALUE)
     }
 
     /// A truth value.
-    pub fn bool(&self, index: usize) -> Outcome<bool> {
+    pub fn bool(&self, index: usize) -> GlResult<bool> {
         self.f64(index).map(|number| number != 0.0)
     }
 
     /// An array of numbers; a single number is an array of one.
-    pub fn numbers(&self, index: usize) -> Outcome<Cow<'_, [f64]>> {
+    pub fn numbers(&self, index: usize) -> GlResult<Cow<'_, [f64]>> {
         match self.arg(index) {
             Arg::Nums(numbers) => Ok(Cow::Borrowed(numbers)),
             Arg::Num(number) => Ok(Cow::Owned(vec![*number])),
@@ -179,7 +179,7 @@ impl Call {
     }
 
     /// The first numbers of an array.
-    pub fn array<const N: usize>(&self, index: usize) -> Outcome<[f64; N]> {
+    pub fn array<const N: usize>(&self, index: usize) -> GlResult<[f64; N]> {
         let numbers = self.numbers(index)?;
         let start = numbers.get(..N).ok_or_else(|| Fault::Damaged(format!("argument {index} has fewer than {N} numbers")))?;
         Ok(std::array::from_fn(|k| start[k]))

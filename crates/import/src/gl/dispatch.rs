@@ -1,7 +1,7 @@
 //! Runs recorded calls.
 
 use crate::gl::call::{Call, Fault};
-use crate::gl::machine::{Called, Gl, Moment};
+use crate::gl::machine::{CallClass, CalledFunction, Gl};
 use crate::gl::table;
 
 impl Gl {
@@ -16,24 +16,24 @@ impl Gl {
         if self.functions.len() <= id {
             self.functions.resize(id + 1, None);
         }
-        let new = || Called { entry: table::find(&call.function.name), function: call.function.clone(), times: 0 };
-        let called = self.functions[id].get_or_insert_with(new);
-        called.times += 1;
-        let entry = called.entry;
-        if self.contexts.now.context.is_none() && entry.moment != Moment::System {
+        let new = || CalledFunction { handler: table::find(&call.function.name), function: call.function.clone(), times: 0 };
+        let called_function = self.functions[id].get_or_insert_with(new);
+        called_function.times += 1;
+        let handler = called_function.handler;
+        if self.contexts.now.context.is_none() && handler.class != CallClass::System {
             // As in Mesa, it does nothing.
-            let outcome = if entry.moment == Moment::Ignored { Ok(()) } else { Err(Fault::Error("no current context")) };
+            let outcome = if handler.class == CallClass::Ignored { Ok(()) } else { Err(Fault::Error("no current context")) };
             return self.settle(call, outcome);
         }
-        if matches!(entry.moment, Moment::Server | Moment::Matrix | Moment::Vertex)
+        if matches!(handler.class, CallClass::Server | CallClass::Matrix | CallClass::Vertex)
             && let Some((name, execute, list)) = self.context.compiling.take()
         {
-            self.context.compiling = Some((name, execute, self.compile(list, entry, call)?));
+            self.context.compiling = Some((name, execute, self.compile(list, handler, call)?));
             if !execute {
                 return Ok(());
             }
         }
-        let outcome = self.execute(entry, call);
+        let outcome = self.execute(handler, call);
         self.settle(call, outcome)
     }
 }

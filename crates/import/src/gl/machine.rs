@@ -7,7 +7,7 @@ use gl_shader::consts as e;
 use glam::Mat4;
 use num::{Limits, NameMap};
 
-use crate::gl::call::{Call, Function, INVALID_OPERATION, Outcome, Shape};
+use crate::gl::call::{Call, Function, GlResult, INVALID_OPERATION, Shape};
 use crate::gl::card::device::Card;
 use crate::gl::report::Log;
 use crate::gl::state::arb::{MATRIX0, ProgramTexts};
@@ -19,10 +19,10 @@ use crate::gl::state::server::State;
 use crate::gl::state::transform::Stack;
 
 /// Tells whether a call leaves all that a draw depends on as it is. An error says that it may not.
-pub type Idle = fn(&Gl, &Call) -> Outcome<bool>;
+pub type IsRedundant = fn(&Gl, &Call) -> GlResult<bool>;
 
 /// The matrix by which a call multiplies the current one.
-pub type Factor = fn(&Call) -> Outcome<Mat4>;
+pub type Factor = fn(&Call) -> GlResult<Mat4>;
 
 /// How a recording is converted.
 #[derive(Clone, Copy, Debug, Default)]
@@ -50,9 +50,9 @@ pub struct Progress {
 
 /// A function that the recording has called, and how often.
 #[derive(Clone)]
-pub struct Called {
+pub struct CalledFunction {
     /// How it is run.
-    pub entry: Entry,
+    pub handler: Handler,
     /// Its number and name.
     pub function: Rc<Function>,
     /// How often the recording calls it.
@@ -82,7 +82,7 @@ pub struct Gl {
     /// New names of buffer objects that were deleted.
     pub renames: Renames,
     /// The functions that the recording calls, by their numbers.
-    pub functions: Vec<Option<Called>>,
+    pub functions: Vec<Option<CalledFunction>>,
     /// Facts about the recording.
     pub log: Log,
     /// How many calls have run.
@@ -121,13 +121,16 @@ impl Gl {
     }
 
     /// A function that has been called.
-    pub fn function(&self, id: u32) -> Option<(Entry, Rc<Function>)> {
-        self.functions.get(id as usize)?.as_ref().map(|called| (called.entry, called.function.clone()))
+    pub fn function(&self, id: u32) -> Option<(Handler, Rc<Function>)> {
+        self.functions
+            .get(id as usize)?
+            .as_ref()
+            .map(|called_function| (called_function.handler, called_function.function.clone()))
     }
 
     /// How a function that has been called is run.
-    pub fn entry(&self, id: u32) -> Option<Entry> {
-        self.functions.get(id as usize)?.as_ref().map(|called| called.entry)
+    pub fn handler(&self, id: u32) -> Option<Handler> {
+        self.functions.get(id as usize)?.as_ref().map(|called_function| called_function.handler)
     }
 
     /// The number of objects of the most numerous kind.
@@ -139,14 +142,14 @@ impl Gl {
     /// How often the recording calls functions, by name.
     pub fn calls(&self) -> NameMap<u64> {
         let mut calls = NameMap::new();
-        for called in self.functions.iter().flatten() {
-            *calls.get_or_insert_with(&called.function.name, || 0) += called.times;
+        for called_function in self.functions.iter().flatten() {
+            *calls.get_or_insert_with(&called_function.function.name, || 0) += called_function.times;
         }
         calls
     }
 
     /// The current matrix stack. Only the texture units of fixed functions have matrices.
-    pub fn stack(&mut self) -> Outcome<&mut Stack> {
+    pub fn stack(&mut self) -> GlResult<&mut Stack> {
         Ok(match self.state.transform.matrix_mode {
             e::PROJECTION => &mut self.context.matrices.projection,
             e::TEXTURE => self.context.matrices.texture.get_mut(self.state.texturing.active).ok_or(INVALID_OPERATION)?,
@@ -159,18 +162,18 @@ impl Gl {
 
 /// When a function may be called, and its effect on the batch.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Moment {
+pub enum CallClass {
     /// Also allowed between Begin and End; the batch continues.
     Vertex,
-    /// As [`Moment::Vertex`], but a display list stores its result at compilation.
+    /// As [`CallClass::Vertex`], but a display list stores its result at compilation.
     Element,
     /// Changes or reads the server's state.
     Server,
-    /// As [`Moment::Server`], but changes matrices alone, or their mode.
+    /// As [`CallClass::Server`], but changes matrices alone, or their mode.
     Matrix,
     /// Changes only client state; display lists do not store it.
     Client,
-    /// As [`Moment::Client`], but changes the arrays of vertices alone, or draws from them.
+    /// As [`CallClass::Client`], but changes the arrays of vertices alone, or draws from them.
     Arrays,
     /// Has no effect on pictures.
     Ignored,
@@ -179,28 +182,28 @@ pub enum Moment {
 }
 
 /// A function of the machine.
-pub type Run = fn(&mut Gl, &Call, Shape) -> Outcome;
+pub type Run = fn(&mut Gl, &Call, Shape) -> GlResult;
 
 /// The properties of a function.
 #[derive(Clone, Copy)]
-pub struct Entry {
+pub struct Handler {
     /// The function that runs it.
     pub run: Run,
     /// When it may be called.
-    pub moment: Moment,
+    pub class: CallClass,
     /// The shape of its arguments, by the suffix of its name.
     pub shape: Shape,
     /// What it does between Begin and End.
-    pub part: Part,
+    pub immediate: Immediate,
     /// Whether a call of it changes nothing.
-    pub idle: Option<Idle>,
+    pub redundant: Option<IsRedundant>,
     /// The matrix by which it multiplies the current one, if it does no more.
     pub factor: Option<Factor>,
 }
 
 /// What a function does between Begin and End.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Part {
+pub enum Immediate {
     /// It begins a primitive.
     Begin,
     /// It ends one.

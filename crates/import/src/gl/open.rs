@@ -7,7 +7,7 @@ use host::Links;
 use trace::{Reading, Trace, TraceError};
 
 use crate::gl::background;
-use crate::gl::recording::{Keep, Recording, Survey, described};
+use crate::gl::recording::{Delivery, Recording, Survey, described};
 use crate::gl::report::Report;
 
 /// Opens a recording of apitrace or GLInterceptor, with the wanted frames. The recording is read up to the last of them. Of earlier frames,
@@ -35,7 +35,7 @@ pub fn open(
     if survey == Survey::Start {
         return background::open(recording, most);
     }
-    let (trace, report) = recording.import(Keep::All { most, survey, longer: None })?;
+    let (trace, report) = recording.import(Delivery::All { most, survey, longer: None })?;
     let trace = trace.unwrap_or_else(|| Trace::from_stream(path, Box::new(recording), reading.limits));
     Ok((described(trace, report.as_ref()), report))
 }

@@ -16,7 +16,7 @@ use crate::gl::call::Fault;
 use crate::gl::machine::Gl;
 use crate::gl::reader::Reader;
 use crate::gl::reader::apitrace::Apitrace;
-use crate::gl::reader::chunks::{Broken, Input};
+use crate::gl::reader::chunks::{Input, ReadError};
 use crate::gl::reader::gli::{GliText, Memory};
 use crate::gl::report::Report;
 
@@ -83,26 +83,26 @@ impl Recording {
         }
     }
 
-    pub fn import(&self, keep: Keep<'_>) -> Result<(Option<Trace>, Option<Report>), TraceError> {
+    pub fn import(&self, delivery: Delivery<'_>) -> Result<(Option<Trace>, Option<Report>), TraceError> {
         let Recording { path, apitrace, links, reading, frames, .. } = self;
         let fail = |reason: String| TraceError::new(path, reason);
         let mut file = host::open(path, *links).map_err(|error| TraceError::new(path, error))?;
         let mut start = [0; 2];
         file.read_exact(&mut start).map_err(|_| fail("is shorter than the start of a recording".into()))?;
         let read = Rc::new(Cell::new(start.len() as u64));
-        let input: Input = Box::new(Counted { file, read: read.clone() });
+        let input: Input = Box::new(CountingReader { file, read: read.clone() });
         let memory = if *apitrace { Memory::default() } else { memory_of(path, reading)? };
-        import(Opened { path, input, read, start, apitrace: *apitrace, memory }, reading, frames.clone(), keep)
+        import(Opened { path, input, read, start, apitrace: *apitrace, memory }, reading, frames.clone(), delivery)
     }
 }
 
 /// A file, and how much of it has been read.
-struct Counted {
+struct CountingReader {
     file: File,
     read: Rc<Cell<u64>>,
 }
 
-impl Read for Counted {
+impl Read for CountingReader {
     fn read(&mut self, bytes: &mut [u8]) -> io::Result<usize> {
         let read = self.file.read(bytes)?;
         self.read.set(self.read.get() + read as u64);
@@ -112,7 +112,7 @@ impl Read for Counted {
 
 impl Stream for Recording {
     fn make(&self, take: &mut dyn FnMut(Part) -> ControlFlow<()>) -> Result<(), TraceError> {
-        let (_, report) = self.import(Keep::Parts { part: part_of(self.in_memory()), take })?;
+        let (_, report) = self.import(Delivery::Parts { part: part_of(self.in_memory()), take })?;
         self.note(report);
         Ok(())
     }
@@ -127,7 +127,7 @@ impl Stream for Recording {
 }
 
 /// How commands are delivered.
-pub enum Keep<'a> {
+pub enum Delivery<'a> {
     /// They are kept, unless they take more bytes than `most`: then none are kept, and only the report may be made.
     All {
         /// Bytes.
@@ -179,7 +179,7 @@ pub fn import_frames(
         Opened { path, input, read: Rc::default(), start, apitrace, memory },
         reading,
         frames,
-        Keep::All { most: u64::MAX, survey: Survey::Whole, longer: None },
+        Delivery::All { most: u64::MAX, survey: Survey::Whole, longer: None },
     )?;
     let (Some(trace), Some(report)) = (trace, report) else { return Err(fail("takes more memory than there is".into())) };
     Ok((trace, report))
@@ -201,12 +201,12 @@ fn import(
     opened: Opened<'_>,
     reading: &Reading,
     frames: Range<u64>,
-    mut keep: Keep<'_>,
+    mut delivery: Delivery<'_>,
 ) -> Result<(Option<Trace>, Option<Report>), TraceError> {
     let Opened { path, input, read, start, apitrace, memory } = opened;
     let unit = if apitrace { "byte" } else { "line" };
     let broken =
-        |broken: Broken| TraceError::new(path, format!("call {}, {unit} {}: {}", broken.call, broken.place, broken.reason));
+        |broken: ReadError| TraceError::new(path, format!("call {}, {unit} {}: {}", broken.call, broken.place, broken.reason));
     let mut reader = if apitrace {
         Reader::Apitrace(Box::new(Apitrace::open(input, start, &reading.limits).map_err(broken)?))
     } else {
@@ -220,12 +220,12 @@ fn import(
     (gl.card.upward, gl.card.window_alpha) = (reading.upward, reading.window_alpha);
     gl.card.windows.selected = reading.window;
     let (mut kept, mut cut) = (true, None);
-    if let Keep::Parts { .. } = keep {
+    if let Delivery::Parts { .. } = delivery {
         gl.card.recorder.keep_each();
     }
     while gl.card.frames < frames.end {
         let Some(call) = reader.next().map_err(broken)? else {
-            if let Some(Broken { call, place, reason }) = reader.cut() {
+            if let Some(ReadError { call, place, reason }) = reader.cut() {
                 cut = Some(format!("call {call}, {unit} {place}: {reason}"));
             }
             break;
@@ -240,8 +240,8 @@ fn import(
         gl.call(&call).map_err(wrong)?;
         reader.done(call);
         let bytes = gl.card.recorder.bytes();
-        match &mut keep {
-            Keep::All { most, survey, longer } => {
+        match &mut delivery {
+            Delivery::All { most, survey, longer } => {
                 if bytes > *most {
                     let made = Part { read: read.get(), ..gl.card.drain() };
                     let refused = !reading.lenient && !gl.log.unsupported.is_empty();
@@ -251,13 +251,13 @@ fn import(
                             return Ok((None, None));
                         }
                         gl.card.recorder.keep_each();
-                        keep = Keep::Parts { part: part_of(*most), take };
+                        delivery = Delivery::Parts { part: part_of(*most), take };
                         continue;
                     }
                     (kept, *most, gl.options.survey) = (false, *most / PARTS, true);
                 }
             }
-            Keep::Parts { part, take } => {
+            Delivery::Parts { part, take } => {
                 // Commands after an unsupported feature would give wrong pictures. Further unsupported features are still counted.
                 gl.options.survey |= !reading.lenient && !gl.log.unsupported.is_empty();
                 if bytes > *part {
@@ -284,7 +284,7 @@ fn import(
     report.versions = gl.log.versions.iter().map(|(version, ())| version.to_owned()).collect();
     report.unsupported = std::mem::take(&mut gl.log.unsupported);
     report.errors = std::mem::take(&mut gl.log.errors);
-    if let Keep::Parts { take, .. } = keep {
+    if let Delivery::Parts { take, .. } = delivery {
         if let Some(refusal) = report.refusal().filter(|_| !reading.lenient) {
             return Err(unsupported(path, &refusal));
         }

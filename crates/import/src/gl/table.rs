@@ -1,38 +1,40 @@
 //! The table of the machine's functions by call name.
 
-use crate::gl::call::{Arg, Call, Fault, Outcome, Scalar, Shape, core_name, shape};
+use crate::gl::call::{Arg, Call, Fault, GlResult, Scalar, Shape, core_name, shape};
 use crate::gl::calls::elements::{BASED, INSTANCED, RANGE};
 use crate::gl::calls::ignored::nothing;
 use crate::gl::calls::indirect::{INDEXED, SEVERAL};
 use crate::gl::calls::{
-    accumulate, arb, arrays, buffers, elements, environment, evaluator, fragments, framebuffer, glsl, idle, immediate,
-    indirect, lists, packed, pixels, raster, rectangles, restart, samplers, saved, texturing, transform, uniforms,
+    accumulate, arb, arrays, buffers, elements, environment, evaluator, fragments, framebuffer, glsl, immediate, indirect,
+    lists, packed, pixels, raster, rectangles, redundant, restart, samplers, saved, texturing, transform, uniforms,
     window_system,
 };
 use crate::gl::draw::quads;
-use crate::gl::machine::{Entry, Gl, Moment, Part, Run};
+use crate::gl::machine::{CallClass, Gl, Handler, Immediate, Run};
 
-pub fn part(core: &str, stem: Option<&str>) -> Part {
+pub fn immediate(core: &str, stem: Option<&str>) -> Immediate {
     match (core, stem) {
-        ("Begin", _) => Part::Begin,
-        ("End", _) => Part::End,
-        ("EdgeFlag" | "EdgeFlagv", _) => Part::Attribute(5),
-        ("CallList" | "CallLists" | "PopAttrib", _) => Part::Attributes,
-        (_, Some("Vertex")) => Part::Vertex,
-        (_, Some("Normal")) => Part::Attribute(1),
-        (_, Some("Color")) => Part::Attribute(2),
-        (_, Some("SecondaryColor")) => Part::Attribute(3),
-        (_, Some("FogCoord")) => Part::Attribute(4),
-        (_, Some("TexCoord")) => Part::Attribute(8),
-        (_, Some("MultiTexCoord")) => Part::Unit,
-        (_, Some("VertexAttrib" | "VertexAttrib4N" | "VertexAttribP")) => Part::Attributes,
-        (_, Some("VertexP" | "NormalP" | "ColorP" | "SecondaryColorP" | "TexCoordP" | "MultiTexCoordP")) => Part::Attributes,
-        _ => Part::Other,
+        ("Begin", _) => Immediate::Begin,
+        ("End", _) => Immediate::End,
+        ("EdgeFlag" | "EdgeFlagv", _) => Immediate::Attribute(5),
+        ("CallList" | "CallLists" | "PopAttrib", _) => Immediate::Attributes,
+        (_, Some("Vertex")) => Immediate::Vertex,
+        (_, Some("Normal")) => Immediate::Attribute(1),
+        (_, Some("Color")) => Immediate::Attribute(2),
+        (_, Some("SecondaryColor")) => Immediate::Attribute(3),
+        (_, Some("FogCoord")) => Immediate::Attribute(4),
+        (_, Some("TexCoord")) => Immediate::Attribute(8),
+        (_, Some("MultiTexCoord")) => Immediate::Unit,
+        (_, Some("VertexAttrib" | "VertexAttrib4N" | "VertexAttribP")) => Immediate::Attributes,
+        (_, Some("VertexP" | "NormalP" | "ColorP" | "SecondaryColorP" | "TexCoordP" | "MultiTexCoordP")) => {
+            Immediate::Attributes
+        }
+        _ => Immediate::Other,
     }
 }
 
 /// `glGetString(GL_VERSION)`: the recorded driver has answered with the version of its context.
-fn version(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
+fn version(gl: &mut Gl, call: &Call, _: Shape) -> GlResult {
     if let (Ok(VERSION), Arg::Str(text)) = (call.u32(0), &call.result)
         && gl.log.versions.len() < VERSIONS_MAX
     {
@@ -46,38 +48,49 @@ const VERSION: u32 = 0x1f02;
 /// Maximum number of versions that are remembered.
 const VERSIONS_MAX: usize = 16;
 
-fn unknown(_: &mut Gl, call: &Call, _: Shape) -> Outcome {
+fn unknown(_: &mut Gl, call: &Call, _: Shape) -> GlResult {
     Err(Fault::Unsupported(call.function.name.to_string()))
 }
 
 /// The entry of a function by name; an unknown function is refused by name when it is called.
-pub fn find(name: &str) -> Entry {
+pub fn find(name: &str) -> Handler {
     let plain = Shape { count: 0, scalar: Scalar::Float, vector: false };
-    let entry = |(moment, run): (Moment, Run), shape, part| Entry { run, moment, shape, part, idle: None, factor: None };
-    let Some(core) = core_name(name) else { return entry(window_system::find(name), plain, Part::Other) };
+    let handler = |(class, run): (CallClass, Run), shape, immediate| Handler {
+        run,
+        class,
+        shape,
+        immediate,
+        redundant: None,
+        factor: None,
+    };
+    let Some(core) = core_name(name) else { return handler(window_system::find(name), plain, Immediate::Other) };
     if let Some(window) = core.starts_with('X').then(|| window_system::find(name)) {
-        return entry(window, plain, Part::Other);
+        return handler(window, plain, Immediate::Other);
     }
     // Its arguments differ from those of the core function with this name.
     if name == "glStencilFuncSeparateATI" {
-        return entry((Moment::Server, fragments::stencil_func_both), plain, Part::Other);
+        return handler((CallClass::Server, fragments::stencil_func_both), plain, Immediate::Other);
     }
     if let Some(found) = exact(core) {
-        return Entry { idle: idle::test(core), factor: transform::factor(core), ..entry(found, plain, part(core, None)) };
+        return Handler {
+            redundant: redundant::test(core),
+            factor: transform::factor(core),
+            ..handler(found, plain, immediate(core, None))
+        };
     }
     if let Some((stem, shape)) = shape(core)
         && let Some(found) = typed(stem)
     {
-        return Entry { factor: transform::factor(stem), ..entry(found, shape, part(core, Some(stem))) };
+        return Handler { factor: transform::factor(stem), ..handler(found, shape, immediate(core, Some(stem))) };
     }
     // It is refused between Begin and End, too.
-    entry((Moment::Element, unknown), plain, Part::Other)
+    handler((CallClass::Element, unknown), plain, Immediate::Other)
 }
 
 /// Functions whose names have no types.
-fn exact(name: &str) -> Option<(Moment, Run)> {
-    use Moment::{Arrays, Client, Element, Ignored, Matrix, Server, Vertex};
-    let found: (Moment, Run) = match name {
+fn exact(name: &str) -> Option<(CallClass, Run)> {
+    use CallClass::{Arrays, Client, Element, Ignored, Matrix, Server, Vertex};
+    let found: (CallClass, Run) = match name {
         "Begin" => (Vertex, immediate::begin),
         "End" => (Vertex, immediate::end),
         "EdgeFlag" | "EdgeFlagv" => (Vertex, immediate::edge_flag),
@@ -330,9 +343,9 @@ fn exact(name: &str) -> Option<(Moment, Run)> {
 }
 
 /// Functions whose names end in a type.
-fn typed(stem: &str) -> Option<(Moment, Run)> {
-    use Moment::{Client, Ignored, Matrix, Server, Vertex};
-    let found: (Moment, Run) = match stem {
+fn typed(stem: &str) -> Option<(CallClass, Run)> {
+    use CallClass::{Client, Ignored, Matrix, Server, Vertex};
+    let found: (CallClass, Run) = match stem {
         "Vertex" => (Vertex, immediate::vertex),
         "Normal" => (Vertex, immediate::normal),
         "Color" => (Vertex, immediate::color),

@@ -3,19 +3,19 @@
 use gfx::format::Format;
 use gl_shader::consts as e;
 
-use crate::gl::call::{Call, INVALID_ENUM, INVALID_OPERATION, Outcome, Shape};
-use crate::gl::card::copy_key::{CopyKey, From, Meet, SAME};
+use crate::gl::call::{Call, GlResult, INVALID_ENUM, INVALID_OPERATION, Shape};
+use crate::gl::card::copy_key::{Combine, CopyKey, CopySource, SAME};
 use crate::gl::machine::Gl;
 
 const HALF_MAX: f32 = 65_504.0;
 
-pub fn clear_value(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
+pub fn clear_value(gl: &mut Gl, call: &Call, _: Shape) -> GlResult {
     gl.context.framebuffers.clear_accum =
         [call.f32(0)?, call.f32(1)?, call.f32(2)?, call.f32(3)?].map(|value| value.clamp(-1.0, 1.0));
     Ok(())
 }
 
-pub fn accumulate(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
+pub fn accumulate(gl: &mut Gl, call: &Call, _: Shape) -> GlResult {
     // Half precision has no larger numbers; NaN becomes 0.
     let (op, value) = (call.u32(0)?, call.f32(1)?);
     let value = if value.is_nan() { 0.0 } else { value.clamp(-HALF_MAX, HALF_MAX) };
@@ -27,31 +27,31 @@ pub fn accumulate(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
     }
     let target = gl.aim()?;
     let (Some(area), Some(color), Some(sum)) = (gl.scissor(), target.color, gl.card.accumulation()) else { return Ok(()) };
-    let into = |result, meet| CopyKey { from: From::Color, result, format: "rgba16float", meet, mask: 15 };
+    let into = |result, combine| CopyKey { from: CopySource::Color, result, format: "rgba16float", combine, mask: 15 };
     match op {
         e::RETURN => {
             let key = CopyKey {
-                from: From::Color,
+                from: CopySource::Color,
                 result: "vec4f(saturate(c.rgb * u.source.z), 1)",
                 format: color.format.name(),
-                meet: Meet::Replace,
+                combine: Combine::Replace,
                 mask: gl.mask(),
             };
             gl.card.copy_pixels(key, color.format, sum, color, SAME, value, area);
         }
         e::LOAD | e::ACCUM => {
-            let meet = if op == e::LOAD { Meet::Replace } else { Meet::Add };
+            let combine = if op == e::LOAD { Combine::Replace } else { Combine::Add };
             gl.flush()?;
             let (source, ..) = gl.read_source(false)?;
-            gl.card.copy_pixels(into("c * u.source.z", meet), Format::Rgba16Float, source, sum, SAME, value, area);
+            gl.card.copy_pixels(into("c * u.source.z", combine), Format::Rgba16Float, source, sum, SAME, value, area);
         }
-        e::MULT => gl.card.copy_pixels(into("c", Meet::Scale), Format::Rgba16Float, color, sum, SAME, value, area),
-        _ => gl.card.copy_pixels(into("vec4f(u.source.z)", Meet::Add), Format::Rgba16Float, color, sum, SAME, value, area),
+        e::MULT => gl.card.copy_pixels(into("c", Combine::Scale), Format::Rgba16Float, color, sum, SAME, value, area),
+        _ => gl.card.copy_pixels(into("vec4f(u.source.z)", Combine::Add), Format::Rgba16Float, color, sum, SAME, value, area),
     }
     Ok(())
 }
 
-pub fn begin_query(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
+pub fn begin_query(gl: &mut Gl, call: &Call, _: Shape) -> GlResult {
     match call.u32(0)? {
         // The card counts samples for all of these.
         e::SAMPLES_PASSED | ANY_SAMPLES_PASSED | ANY_SAMPLES_PASSED_CONSERVATIVE => {}
@@ -74,7 +74,7 @@ const ANY_SAMPLES_PASSED_CONSERVATIVE: u32 = 0x8d6a;
 const TIME_ELAPSED: u32 = 0x88bf;
 const PRIMITIVES_GENERATED: u32 = 0x8c87;
 
-pub fn end_query(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
+pub fn end_query(gl: &mut Gl, call: &Call, _: Shape) -> GlResult {
     if matches!(call.u32(0)?, TIME_ELAPSED | PRIMITIVES_GENERATED) {
         return Ok(());
     }

@@ -4,13 +4,13 @@ use std::rc::Rc;
 
 use gl_shader::arb::program::{GENERICS, PARAMETERS, Stage};
 
-use crate::gl::call::{Arg, Call, Fault, INVALID_ENUM, INVALID_VALUE, Outcome, Shape, components};
+use crate::gl::call::{Arg, Call, Fault, GlResult, INVALID_ENUM, INVALID_VALUE, Shape, components};
 use crate::gl::machine::Gl;
 use crate::gl::state::arb::{FRAGMENT_PROGRAM, VERTEX_PROGRAM};
 
 const PROGRAM_FORMAT_ASCII: u32 = 0x8875;
 
-pub fn stage(target: u32) -> Outcome<Stage> {
+pub fn stage(target: u32) -> GlResult<Stage> {
     match target {
         VERTEX_PROGRAM => Ok(Stage::Vertex),
         FRAGMENT_PROGRAM => Ok(Stage::Fragment),
@@ -18,14 +18,14 @@ pub fn stage(target: u32) -> Outcome<Stage> {
     }
 }
 
-pub fn bind(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
+pub fn bind(gl: &mut Gl, call: &Call, _: Shape) -> GlResult {
     let (stage, name) = (stage(call.u32(0)?)?, call.u32(1)?);
     gl.context.programs.bind(stage, name);
     gl.objects.programs.bound(&gl.context.programs, stage);
     Ok(())
 }
 
-pub fn delete(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
+pub fn delete(gl: &mut Gl, call: &Call, _: Shape) -> GlResult {
     gl.flush()?;
     for &name in call.numbers(1)?.iter() {
         let name = name as u32;
@@ -36,7 +36,7 @@ pub fn delete(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
 }
 
 /// `glProgramStringARB(target, format, length, text)`
-pub fn string(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
+pub fn string(gl: &mut Gl, call: &Call, _: Shape) -> GlResult {
     gl.flush()?;
     let (stage, format, length) = (stage(call.u32(0)?)?, call.u32(1)?, call.size(2)? as usize);
     if format != PROGRAM_FORMAT_ASCII {
@@ -62,7 +62,7 @@ pub fn string(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
 }
 
 /// Sets parameters from this one on.
-fn set(gl: &mut Gl, stage: Stage, local: bool, first: u32, values: &[f64]) -> Outcome {
+fn set(gl: &mut Gl, stage: Stage, local: bool, first: u32, values: &[f64]) -> GlResult {
     let list = match local {
         true => &mut gl.objects.programs.bound(&gl.context.programs, stage).local,
         false => gl.context.programs.environment_mut(stage),
@@ -77,32 +77,32 @@ fn set(gl: &mut Gl, stage: Stage, local: bool, first: u32, values: &[f64]) -> Ou
     Ok(())
 }
 
-pub fn environment(gl: &mut Gl, call: &Call, shape: Shape) -> Outcome {
+pub fn environment(gl: &mut Gl, call: &Call, shape: Shape) -> GlResult {
     let (stage, index) = (stage(call.u32(0)?)?, call.u32(1)?);
     set(gl, stage, false, index, &components(call, shape, 2)?.0)
 }
 
-pub fn local(gl: &mut Gl, call: &Call, shape: Shape) -> Outcome {
+pub fn local(gl: &mut Gl, call: &Call, shape: Shape) -> GlResult {
     let (stage, index) = (stage(call.u32(0)?)?, call.u32(1)?);
     set(gl, stage, true, index, &components(call, shape, 2)?.0)
 }
 
 /// `glProgramEnvParameters4fvEXT(target, index, count, values)`
-pub fn environments(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
+pub fn environments(gl: &mut Gl, call: &Call, _: Shape) -> GlResult {
     let (stage, index, values) = (stage(call.u32(0)?)?, call.u32(1)?, call.numbers(3)?);
     set(gl, stage, false, index, &values)
 }
 
 /// `glProgramLocalParameters4fvEXT(target, index, count, values)`
-pub fn locals(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
+pub fn locals(gl: &mut Gl, call: &Call, _: Shape) -> GlResult {
     let (stage, index, values) = (stage(call.u32(0)?)?, call.u32(1)?, call.numbers(3)?);
     set(gl, stage, true, index, &values)
 }
 
 /// Sets the current value of a generic attribute; 0 sends a vertex.
-pub fn attribute_at(gl: &mut Gl, index: u32, value: [f32; 4]) -> Outcome {
+pub fn attribute_at(gl: &mut Gl, index: u32, value: [f32; 4]) -> GlResult {
     match index as usize {
-        0 if gl.context.begun.is_some() => gl.vertex_at(value),
+        0 if gl.context.open_primitive.is_some() => gl.vertex_at(value),
         // It stays for draws without an array of positions.
         0 => {
             gl.state.current.position = value;
@@ -117,13 +117,13 @@ pub fn attribute_at(gl: &mut Gl, index: u32, value: [f32; 4]) -> Outcome {
 }
 
 /// `glVertexAttrib3f(index, ...)`
-pub fn attribute(gl: &mut Gl, call: &Call, shape: Shape) -> Outcome {
+pub fn attribute(gl: &mut Gl, call: &Call, shape: Shape) -> GlResult {
     let value = components(call, shape, 1)?.0.map(|value| value as f32);
     attribute_at(gl, call.u32(0)?, value)
 }
 
 /// `glVertexAttrib4Nub(index, ...)`
-pub fn attribute_normalized(gl: &mut Gl, call: &Call, shape: Shape) -> Outcome {
+pub fn attribute_normalized(gl: &mut Gl, call: &Call, shape: Shape) -> GlResult {
     let value = components(call, Shape { count: 4, ..shape }, 1)?.0.map(|value| shape.scalar.normalized(value));
     attribute_at(gl, call.u32(0)?, value)
 }

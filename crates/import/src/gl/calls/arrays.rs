@@ -5,62 +5,44 @@ use std::rc::Rc;
 use gl_shader::arb::program::{GENERICS, Stage};
 use gl_shader::consts as e;
 
-use crate::gl::call::{Arg, Call, Fault, INVALID_ENUM, INVALID_OPERATION, INVALID_VALUE, Outcome, Scalar, Shape};
+use crate::gl::call::{Arg, Call, Fault, GlResult, INVALID_ENUM, INVALID_OPERATION, INVALID_VALUE, Scalar, Shape};
 use crate::gl::calls::immediate::restart;
 use crate::gl::elements::scalar;
 use crate::gl::geometry::listed::Geometry;
-use crate::gl::geometry::primitive::{Elements, Sent};
+use crate::gl::geometry::primitive::{Elements, SentAttributes};
 use crate::gl::geometry::vertex::Vertex;
 use crate::gl::machine::Gl;
-use crate::gl::state::arrays::{Array, GENERIC, Source};
+use crate::gl::state::arrays::{Array, ArrayData, Arrays, BLUE_FIRST, GENERIC};
 use crate::gl::state::lists::Step;
 use crate::gl::state::restart::RESTART_CLIENT;
 use crate::gl::state::selection::{Selection, Selector};
 
-/// The slot of a client state.
-pub fn slot(gl: &Gl, array: u32) -> Outcome<usize> {
-    Ok(match array {
-        e::VERTEX_ARRAY => 0,
-        e::NORMAL_ARRAY => 1,
-        e::COLOR_ARRAY => 2,
-        e::SECONDARY_COLOR_ARRAY => 3,
-        e::FOG_COORD_ARRAY => 4,
-        e::EDGE_FLAG_ARRAY => 5,
-        e::INDEX_ARRAY => 6,
-        e::TEXTURE_COORD_ARRAY => 8 + gl.context.arrays.active,
-        _ => return Err(INVALID_ENUM),
-    })
-}
-
-fn set_enabled(gl: &mut Gl, array: u32, enabled: bool) -> Outcome {
+fn set_enabled(gl: &mut Gl, array: u32, enabled: bool) -> GlResult {
     if array == RESTART_CLIENT && gl.context.arrays.restart.switch(array, enabled) {
         return Ok(());
     }
-    let slot = slot(gl, array)?;
+    let slot = gl.context.arrays.slot(array)?;
     gl.context.arrays.switch(slot, enabled);
     Ok(())
 }
 
-pub fn enable(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
+pub fn enable(gl: &mut Gl, call: &Call, _: Shape) -> GlResult {
     set_enabled(gl, call.u32(0)?, true)
 }
 
-pub fn disable(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
+pub fn disable(gl: &mut Gl, call: &Call, _: Shape) -> GlResult {
     set_enabled(gl, call.u32(0)?, false)
 }
 
-pub fn client_active(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
+pub fn client_active(gl: &mut Gl, call: &Call, _: Shape) -> GlResult {
     let unit = call.unit(0)?;
     gl.context.arrays.active = unit;
     Ok(())
 }
 
-/// The size of an array whose elements are colours with blue first.
-const BLUE_FIRST: usize = e::BGRA as usize;
-
 /// The argument that is the size of an array's elements: at least this, or `GL_BGRA` where colours can have it. Packed elements have four
 /// components.
-fn size_of(call: &Call, argument: usize, kind: u32, least: usize, colors: bool) -> Outcome<usize> {
+fn size_of(call: &Call, argument: usize, kind: u32, least: usize, colors: bool) -> GlResult<usize> {
     let size = call.size(argument)? as usize;
     let scalar = scalar(kind).map(|(scalar, _)| scalar);
     let packed = matches!(scalar, Some(Scalar::Packed | Scalar::PackedSigned));
@@ -74,30 +56,13 @@ fn size_of(call: &Call, argument: usize, kind: u32, least: usize, colors: bool) 
     }
 }
 
-fn point(gl: &mut Gl, slot: usize, size: usize, kind: u32, stride: i32, data: &Arg) -> Outcome {
-    let stride = usize::try_from(stride).map_err(|_| INVALID_VALUE)?;
-    let source = match data {
-        Arg::Blob(bytes) => Source::Memory(bytes.clone()),
-        Arg::Pointer(at) if gl.context.arrays.bound[0] != 0 => Source::Buffer(gl.context.arrays.bound[0], *at),
-        Arg::Num(at) if gl.context.arrays.bound[0] != 0 => Source::Buffer(gl.context.arrays.bound[0], *at as u64),
-        Arg::Null if gl.context.arrays.bound[0] != 0 => Source::Buffer(gl.context.arrays.bound[0], 0),
-        // The recorder gives the contents right before the draw.
-        _ => Source::None,
-    };
-    let Array { enabled, divisor, .. } = gl.context.arrays.slots[slot];
-    let (size, blue_first) = if size == BLUE_FIRST { (4, true) } else { (size, false) };
-    gl.context.arrays.slots[slot] =
-        Array { enabled, size, kind, stride, source, normalized: false, blue_first, divisor, whole: false };
-    Ok(())
-}
-
 macro_rules! sized {
     ($($name:ident $slot:expr, $least:literal, $colors:literal;)+) => { $(
-        pub fn $name(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
+        pub fn $name(gl: &mut Gl, call: &Call, _: Shape) -> GlResult {
             let kind = call.u32(1)?;
             let size = size_of(call, 0, kind, $least, $colors)?;
-            let slot: fn(&Gl) -> usize = $slot;
-            point(gl, slot(gl), size, kind, call.i32(2)?, call.arg(3))
+            let slot: fn(&Arrays) -> usize = $slot;
+            gl.context.arrays.point(slot(&gl.context.arrays), size, kind, call.i32(2)?, call.arg(3))
         }
     )+ };
 }
@@ -106,26 +71,26 @@ sized! {
     vertex_pointer |_| 0, 2, false;
     color_pointer |_| 2, 3, true;
     secondary_pointer |_| 3, 3, true;
-    texture_pointer |gl| 8 + gl.context.arrays.active, 1, false;
+    texture_pointer |arrays| 8 + arrays.active, 1, false;
 }
 
-pub fn normal_pointer(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
-    point(gl, 1, 3, call.u32(0)?, call.i32(1)?, call.arg(2))
+pub fn normal_pointer(gl: &mut Gl, call: &Call, _: Shape) -> GlResult {
+    gl.context.arrays.point(1, 3, call.u32(0)?, call.i32(1)?, call.arg(2))
 }
 
-pub fn fog_pointer(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
-    point(gl, 4, 1, call.u32(0)?, call.i32(1)?, call.arg(2))
+pub fn fog_pointer(gl: &mut Gl, call: &Call, _: Shape) -> GlResult {
+    gl.context.arrays.point(4, 1, call.u32(0)?, call.i32(1)?, call.arg(2))
 }
 
-pub fn edge_pointer(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
-    point(gl, 5, 1, e::UNSIGNED_BYTE, call.i32(0)?, call.arg(1))
+pub fn edge_pointer(gl: &mut Gl, call: &Call, _: Shape) -> GlResult {
+    gl.context.arrays.point(5, 1, e::UNSIGNED_BYTE, call.i32(0)?, call.arg(1))
 }
 
 /// An array of an interleaved format: its number of components, and their offset.
-type Part = Option<(usize, usize)>;
+type InterleavedArray = Option<(usize, usize)>;
 
 /// An interleaved format: the arrays of texture coordinates, colours, normals and positions, and the bytes of a vertex.
-struct Interleaving(u32, [Part; 4], usize);
+struct Interleaving(u32, [InterleavedArray; 4], usize);
 
 /// OpenGL 1.5, table 2.5.
 const INTERLEAVINGS: [Interleaving; 14] = [
@@ -146,7 +111,7 @@ const INTERLEAVINGS: [Interleaving; 14] = [
 ];
 
 /// `glInterleavedArrays(format, stride, pointer)`: enables the arrays of the format and disables the others.
-pub fn interleaved(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
+pub fn interleaved(gl: &mut Gl, call: &Call, _: Shape) -> GlResult {
     let format = call.u32(0)?;
     let Interleaving(_, parts, vertex) = INTERLEAVINGS.iter().find(|known| known.0 == format).ok_or(INVALID_ENUM)?;
     let stride = match call.i32(1)? {
@@ -165,57 +130,57 @@ pub fn interleaved(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
                 Arg::Null if gl.context.arrays.bound[0] != 0 => Arg::Pointer(at as u64),
                 other => other.clone(),
             };
-            point(gl, slot, size, kind, stride, &data)?;
+            gl.context.arrays.point(slot, size, kind, stride, &data)?;
         }
-        gl.context.arrays.slots[slot].enabled = part.is_some();
+        gl.context.arrays.switch(slot, part.is_some());
     }
     // The arrays of secondary colours, fog coordinates and generic attributes are unchanged.
     for slot in [5, 6] {
-        gl.context.arrays.slots[slot].enabled = false;
+        gl.context.arrays.switch(slot, false);
     }
     Ok(())
 }
 
-fn generic_slot(call: &Call) -> Outcome<usize> {
+fn generic_slot(call: &Call) -> GlResult<usize> {
     let index = call.u32(0)? as usize;
     if index < GENERICS { Ok(GENERIC + index) } else { Err(INVALID_VALUE) }
 }
 
-pub fn enable_generic(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
-    gl.context.arrays.slots[generic_slot(call)?].enabled = true;
+pub fn enable_generic(gl: &mut Gl, call: &Call, _: Shape) -> GlResult {
+    gl.context.arrays.switch(generic_slot(call)?, true);
     Ok(())
 }
 
-pub fn disable_generic(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
-    gl.context.arrays.slots[generic_slot(call)?].enabled = false;
+pub fn disable_generic(gl: &mut Gl, call: &Call, _: Shape) -> GlResult {
+    gl.context.arrays.switch(generic_slot(call)?, false);
     Ok(())
 }
 
 /// `glVertexAttribPointer(index, size, type, normalized, stride, pointer)`
-pub fn generic_pointer(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
+pub fn generic_pointer(gl: &mut Gl, call: &Call, _: Shape) -> GlResult {
     let (slot, kind, normalized) = (generic_slot(call)?, call.u32(2)?, call.bool(3)?);
     let size = size_of(call, 1, kind, 1, true)?;
     if size == BLUE_FIRST && !normalized {
         return Err(INVALID_OPERATION);
     }
-    point(gl, slot, size, kind, call.i32(4)?, call.arg(5))?;
-    gl.context.arrays.slots[slot].normalized = normalized;
+    gl.context.arrays.point(slot, size, kind, call.i32(4)?, call.arg(5))?;
+    gl.context.arrays.normalize(slot, normalized);
     Ok(())
 }
 
 /// `glVertexAttribIPointer(index, size, type, stride, pointer)`
-pub fn whole_pointer(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
+pub fn whole_pointer(gl: &mut Gl, call: &Call, _: Shape) -> GlResult {
     let (slot, kind) = (generic_slot(call)?, call.u32(2)?);
     let size = size_of(call, 1, kind, 1, false)?;
-    point(gl, slot, size, kind, call.i32(3)?, call.arg(4))?;
-    gl.context.arrays.slots[slot].whole = true;
+    gl.context.arrays.point(slot, size, kind, call.i32(3)?, call.arg(4))?;
+    gl.context.arrays.keep_integers(slot);
     Ok(())
 }
 
 /// `glVertexAttribDivisor(index, divisor)`
-pub fn divisor(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
+pub fn divisor(gl: &mut Gl, call: &Call, _: Shape) -> GlResult {
     let slot = generic_slot(call)?;
-    gl.context.arrays.slots[slot].divisor = call.u32(1)?;
+    gl.context.arrays.set_divisor(slot, call.u32(1)?);
     Ok(())
 }
 
@@ -223,7 +188,7 @@ impl Gl {
     /// Sets the attributes of an element's arrays, and sends a vertex if positions are among them.
     pub fn send_element(&mut self, vertex: &Vertex, bits: u32) {
         let current = vertex.over(&self.state.current, bits);
-        if let (Some((_, vertices)), true) = (&mut self.context.begun, bits & (1 | 1 << GENERIC) != 0) {
+        if let (Some((_, vertices)), true) = (&mut self.context.open_primitive, bits & (1 | 1 << GENERIC) != 0) {
             vertices.push(current.clone());
         }
         let position = std::mem::replace(&mut self.state.current, current).position;
@@ -231,12 +196,12 @@ impl Gl {
     }
 
     /// Draws elements of the arrays.
-    pub fn elements(&mut self, mode: u32, selection: &Selection) -> Outcome {
+    pub fn elements(&mut self, mode: u32, selection: &Selection) -> GlResult {
         if mode > e::POLYGON {
             return Err(INVALID_ENUM);
         }
-        self.materials_meet()?;
-        let (ready, bits) = self.ready()?;
+        self.apply_materials()?;
+        let (ready, bits) = self.array_views()?;
         // A vertex program may take its position from any attribute, or from none.
         let program =
             self.objects.glsl.has(self.context.glsl_program, Stage::Vertex) || self.state.programs & Stage::Vertex as u8 != 0;
@@ -249,7 +214,7 @@ impl Gl {
         if !numbered && self.draw_resident(mode, &ready, selection)? {
             return Ok(());
         }
-        let fetch = |gl: &Gl, index: u32| -> Outcome<Vertex> {
+        let fetch = |gl: &Gl, index: u32| -> GlResult<Vertex> {
             let mut vertex = gl.fetch(&ready, index)?;
             if numbered {
                 vertex.fog = f32::from_bits(index);
@@ -280,9 +245,9 @@ impl Gl {
             let number = |index: &u32| named.binary_search(index).expect("each index is named") as u32;
             let position = ready.iter().find(|array| matches!(array.slot, 0 | GENERIC)).map_or(4, |array| array.element.size);
             self.drawing.elements = Some(Elements {
-                vertices: named.iter().map(|&index| fetch(self, index)).collect::<Outcome<_>>()?,
+                vertices: named.iter().map(|&index| fetch(self, index)).collect::<GlResult<_>>()?,
                 numbers: indices.iter().map(number).collect(),
-                sent: Sent::Arrays { position, slots: bits },
+                sent: SentAttributes::Arrays { position, slots: bits },
                 indexed: selection.by != Selector::Sequence,
             });
         }
@@ -293,7 +258,7 @@ impl Gl {
     }
 
     /// Draws vertices of client arrays, or stores them in the list that is compiled. `arrays` has a bit for each attribute of the arrays.
-    pub fn vertices(&mut self, mode: u32, vertices: Vec<Vertex>, arrays: u32) -> Outcome {
+    pub fn vertices(&mut self, mode: u32, vertices: Vec<Vertex>, arrays: u32) -> GlResult {
         if let Some((_, execute, list)) = &mut self.context.compiling {
             let execute = *execute;
             if !vertices.is_empty() {
@@ -308,7 +273,7 @@ impl Gl {
     }
 
     /// Sends an element of client arrays, or stores it in the list that is compiled.
-    pub fn element(&mut self, vertex: Vertex, arrays: u32) -> Outcome {
+    pub fn element(&mut self, vertex: Vertex, arrays: u32) -> GlResult {
         if let Some((_, execute, list)) = &mut self.context.compiling {
             let execute = *execute;
             list.known = 0;
@@ -322,11 +287,10 @@ impl Gl {
     }
 }
 
-pub fn array_element(gl: &mut Gl, call: &Call, shape: Shape) -> Outcome {
+pub fn array_element(gl: &mut Gl, call: &Call, shape: Shape) -> GlResult {
     // What an earlier draw left may be the contents of another array, or fewer of its elements.
-    let omitted = |array: &Array| array.enabled && matches!(array.source, Source::Memory(_) | Source::None);
-    let slots = gl.context.arrays.slots.iter().enumerate();
-    if gl.options.elements_omitted && slots.filter(|(slot, _)| *slot != 6).any(|(_, array)| omitted(array)) {
+    let omitted = |(_, array): (usize, &Array)| matches!(array.source, ArrayData::Memory(_) | ArrayData::None);
+    if gl.options.elements_omitted && gl.context.arrays.enabled().any(omitted) {
         return Err(Fault::Unsupported("glArrayElement with arrays in memory, which apitrace does not record".into()));
     }
     match gl.context.arrays.restart.of_element(call.u32(0)?)? {
@@ -336,40 +300,24 @@ pub fn array_element(gl: &mut Gl, call: &Call, shape: Shape) -> Outcome {
         true => return restart(gl, call, shape),
         false => {}
     }
-    let (ready, bits) = gl.ready()?;
+    let (ready, bits) = gl.array_views()?;
     let vertex = gl.fetch(&ready, call.u32(0)?)?;
     gl.element(vertex, bits)
 }
 
-/// Maximum number of vertex array objects.
-const OBJECTS_MAX: usize = 1 << 16;
-
-pub fn bind_vertex_array(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
-    let (name, arrays) = (call.u32(0)?, &mut gl.context.arrays);
-    if name != arrays.object {
-        if arrays.objects.len() >= OBJECTS_MAX {
-            return Err(Fault::Limit(format!("more than {OBJECTS_MAX} vertex array objects")));
-        }
-        let (slots, indices) = arrays.objects.remove(name).unwrap_or_default();
-        let old = (Box::new(std::mem::replace(&mut arrays.slots, *slots)), arrays.bound[1]);
-        arrays.objects.insert(arrays.object, old);
-        (arrays.bound[1], arrays.object) = (indices, name);
-    }
-    Ok(())
+pub fn bind_vertex_array(gl: &mut Gl, call: &Call, _: Shape) -> GlResult {
+    gl.context.arrays.bind(call.u32(0)?)
 }
 
-pub fn delete_vertex_arrays(gl: &mut Gl, call: &Call, shape: Shape) -> Outcome {
-    let names = call.numbers(1)?.into_owned();
-    for name in names.into_iter().map(|name| name as u32).filter(|&name| name != 0) {
-        if name == gl.context.arrays.object {
-            bind_vertex_array(gl, &Call { args: vec![Arg::Num(0.0)], ..call.clone() }, shape)?;
-        }
-        gl.context.arrays.objects.remove(name);
-    }
-    Ok(())
+pub fn delete_vertex_arrays(gl: &mut Gl, call: &Call, _: Shape) -> GlResult {
+    call.numbers(1)?
+        .iter()
+        .map(|&name| name as u32)
+        .filter(|&name| name != 0)
+        .try_for_each(|name| gl.context.arrays.delete(name))
 }
 
-pub fn push_client(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
+pub fn push_client(gl: &mut Gl, call: &Call, _: Shape) -> GlResult {
     if gl.context.saved_client.len() >= 16 {
         return Err(Fault::Error("GL_STACK_OVERFLOW"));
     }
@@ -377,7 +325,7 @@ pub fn push_client(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
     Ok(())
 }
 
-pub fn pop_client(gl: &mut Gl, _: &Call, _: Shape) -> Outcome {
+pub fn pop_client(gl: &mut Gl, _: &Call, _: Shape) -> GlResult {
     let (mask, saved) = gl.context.saved_client.pop().ok_or(Fault::Error("GL_STACK_UNDERFLOW"))?;
     let (arrays, unpack) = *saved;
     if mask & e::CLIENT_VERTEX_ARRAY_BIT != 0 {

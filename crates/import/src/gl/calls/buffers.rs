@@ -4,14 +4,14 @@ use std::rc::Rc;
 
 use gl_shader::consts as e;
 
-use crate::gl::call::{Arg, Call, Fault, INVALID_ENUM, INVALID_OPERATION, INVALID_VALUE, Outcome, Shape};
+use crate::gl::call::{Arg, Call, Fault, GlResult, INVALID_ENUM, INVALID_OPERATION, INVALID_VALUE, Shape};
 use crate::gl::machine::Gl;
 use crate::gl::names::name;
 use crate::gl::state::buffers::{
     BINDING_MAX, BufferObject, LOOKS_MAX, MAPPINGS_MAX, Mapping, OTHER_TARGETS, UNIFORM_BUFFER, UniformRange,
 };
 
-pub fn bind(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
+pub fn bind(gl: &mut Gl, call: &Call, _: Shape) -> GlResult {
     let (target, name) = (call.u32(0)?, call.u32(1)?);
     match target {
         e::ARRAY_BUFFER => gl.context.arrays.bound[0] = name,
@@ -30,7 +30,7 @@ pub fn bind(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
 }
 
 /// `glBindBufferBase(target, index, buffer)`, or `glBindBufferRange(target, index, buffer, offset, size)`
-pub fn bind_part<const RANGE: bool>(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
+pub fn bind_part<const RANGE: bool>(gl: &mut Gl, call: &Call, _: Shape) -> GlResult {
     let (target, index, buffer) = (call.u32(0)?, call.u32(1)?, call.u32(2)?);
     if target != UNIFORM_BUFFER {
         return Err(Fault::Unsupported(format!("{} of {}", call.function.name, name(target))));
@@ -50,12 +50,12 @@ pub fn bind_part<const RANGE: bool>(gl: &mut Gl, call: &Call, _: Shape) -> Outco
 }
 
 /// As many of the recorded bytes as a call gives.
-fn recorded(bytes: &[u8], size: usize) -> Outcome<&[u8]> {
+fn recorded(bytes: &[u8], size: usize) -> GlResult<&[u8]> {
     let few = || Fault::Damaged(format!("{} of {size} bytes were recorded", bytes.len()));
     bytes.get(..size).ok_or_else(few)
 }
 
-pub fn data(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
+pub fn data(gl: &mut Gl, call: &Call, _: Shape) -> GlResult {
     let (bound, size) = (gl.bound_buffer(call.u32(0)?)?, call.f64(1)? as u64);
     if bound == 0 {
         return Err(INVALID_OPERATION);
@@ -81,7 +81,7 @@ pub fn data(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
 }
 
 /// `glBufferStorage(target, size, bytes, flags)`
-pub fn storage(gl: &mut Gl, call: &Call, shape: Shape) -> Outcome {
+pub fn storage(gl: &mut Gl, call: &Call, shape: Shape) -> GlResult {
     if !(call.f64(1)? > 0.0) {
         return Err(INVALID_VALUE);
     }
@@ -93,7 +93,7 @@ pub fn storage(gl: &mut Gl, call: &Call, shape: Shape) -> Outcome {
 }
 
 /// `glCopyBufferSubData(from target, to target, from offset, to offset, size)`
-pub fn copy_part(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
+pub fn copy_part(gl: &mut Gl, call: &Call, _: Shape) -> GlResult {
     let [from, to] = [gl.bound_buffer(call.u32(0)?)?, gl.bound_buffer(call.u32(1)?)?];
     let mut places = [0; 3];
     for (k, place) in places.iter_mut().enumerate() {
@@ -114,14 +114,14 @@ pub fn copy_part(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
 }
 
 /// `glReadPixels` and its like. Pictures do not depend on what a program reads, unless it reads into a buffer object and draws from that.
-pub fn read_back(gl: &mut Gl, _: &Call, _: Shape) -> Outcome {
+pub fn read_back(gl: &mut Gl, _: &Call, _: Shape) -> GlResult {
     if let Some(object) = gl.objects.buffers.get_mut(gl.context.buffers.pack).filter(|_| gl.context.buffers.pack != 0) {
         object.note_read_back();
     }
     Ok(())
 }
 
-pub fn sub_data(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
+pub fn sub_data(gl: &mut Gl, call: &Call, _: Shape) -> GlResult {
     let (bound, at) = (gl.bound_buffer(call.u32(0)?)?, call.f64(1)? as u64 as usize);
     let object = gl.objects.buffers.get_mut(bound).ok_or(INVALID_OPERATION)?;
     if object.refuses_data() {
@@ -135,7 +135,7 @@ pub fn sub_data(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
     object.write(at, recorded(bytes, size)?, &mut gl.card)
 }
 
-pub fn delete(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
+pub fn delete(gl: &mut Gl, call: &Call, _: Shape) -> GlResult {
     for &name in call.numbers(1)?.iter() {
         let name = name as u32;
         if let Some(object) = gl.objects.buffers.remove(name) {
@@ -163,7 +163,7 @@ pub fn delete(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
     Ok(())
 }
 
-fn add(gl: &mut Gl, call: &Call, offset: u64, length: Option<u64>) -> Outcome {
+fn add(gl: &mut Gl, call: &Call, offset: u64, length: Option<u64>) -> GlResult {
     let target = call.u32(0)?;
     let buffer = gl.bound_buffer(target)?;
     let bytes = gl.objects.buffers.get(buffer).ok_or(INVALID_OPERATION)?.size();
@@ -181,11 +181,11 @@ fn add(gl: &mut Gl, call: &Call, offset: u64, length: Option<u64>) -> Outcome {
     Ok(())
 }
 
-pub fn map(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
+pub fn map(gl: &mut Gl, call: &Call, _: Shape) -> GlResult {
     add(gl, call, 0, None)
 }
 
-pub fn map_range(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
+pub fn map_range(gl: &mut Gl, call: &Call, _: Shape) -> GlResult {
     let (offset, length) = (call.f64(1)?, call.f64(2)?);
     if offset < 0.0 || length < 0.0 {
         return Err(INVALID_VALUE);
@@ -193,7 +193,7 @@ pub fn map_range(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
     add(gl, call, offset as u64, Some(length as u64))
 }
 
-pub fn unmap(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
+pub fn unmap(gl: &mut Gl, call: &Call, _: Shape) -> GlResult {
     let target = call.u32(0)?;
     let buffer = gl.bound_buffer(target)?;
     let at = gl.objects.mappings.iter().position(|known| known.buffer == buffer && known.target == target);
@@ -202,7 +202,7 @@ pub fn unmap(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
 }
 
 /// `memcpy(to, bytes, count)` of the recorder.
-pub fn copy(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
+pub fn copy(gl: &mut Gl, call: &Call, _: Shape) -> GlResult {
     let (Arg::Pointer(to), Arg::Blob(bytes)) = (call.arg(0), call.arg(1)) else {
         return Err(Fault::Damaged("the bytes of a mapped buffer were not recorded".into()));
     };

@@ -1,19 +1,19 @@
 //! Contexts that are made, current, shared and destroyed.
 
-use crate::gl::call::Outcome;
+use crate::gl::call::GlResult;
 use crate::gl::machine::Gl;
 use crate::gl::state::contexts::Current;
 
 impl Gl {
     /// Makes a context. It replaces one of the same handle, which the program must have destroyed in a way that was not recorded.
-    pub fn create_context(&mut self, handle: u64, share: Option<u64>) -> Outcome {
+    pub fn create_context(&mut self, handle: u64, share: Option<u64>) -> GlResult {
         self.destroy_context(handle)?;
         let share = share.map(|share| self.known_context(share)).transpose()?;
         self.contexts.add(self.log.number, handle, share).map(drop)
     }
 
     /// The context of a handle. The first one whose creation was not recorded is the one that has run all calls so far.
-    pub fn known_context(&mut self, handle: u64) -> Outcome<u32> {
+    pub fn known_context(&mut self, handle: u64) -> GlResult<u32> {
         if let Some(key) = self.contexts.known(handle).or_else(|| self.contexts.adopt(self.log.number, handle)) {
             return Ok(key);
         }
@@ -22,7 +22,7 @@ impl Gl {
     }
 
     /// Makes a context current in the thread that calls; `Current::NONE` makes none current.
-    pub fn make_current(&mut self, to: Current) -> Outcome {
+    pub fn make_current(&mut self, to: Current) -> GlResult {
         let before = self.contexts.now;
         if !std::mem::replace(&mut self.contexts.explicit, true)
             && to.context != Some(0)
@@ -41,13 +41,13 @@ impl Gl {
     }
 
     /// Continues with a call of another thread.
-    pub fn enter_thread(&mut self, thread: u32) -> Outcome {
+    pub fn enter_thread(&mut self, thread: u32) -> GlResult {
         self.contexts.thread = thread;
         self.switch(self.contexts.current_in(thread))
     }
 
     /// Exchanges what is current.
-    fn switch(&mut self, to: Current) -> Outcome {
+    fn switch(&mut self, to: Current) -> GlResult {
         let from = self.contexts.now;
         if from == to {
             return Ok(());
@@ -67,7 +67,7 @@ impl Gl {
     }
 
     /// Destroys a context as soon as it is current in no thread.
-    pub fn destroy_context(&mut self, handle: u64) -> Outcome {
+    pub fn destroy_context(&mut self, handle: u64) -> GlResult {
         if let Some(key) = self.contexts.doom(handle) {
             self.free_context(key);
         }
@@ -82,7 +82,7 @@ impl Gl {
     }
 
     /// Lets a context share the objects of another one from now on (`wglShareLists`).
-    pub fn share(&mut self, from: u64, with: u64) -> Outcome {
+    pub fn share(&mut self, from: u64, with: u64) -> GlResult {
         let (from, with) = (self.known_context(from)?, self.known_context(with)?);
         // The state of both is stored meanwhile.
         let now = self.contexts.now;

@@ -2,7 +2,7 @@
 
 use std::rc::Rc;
 
-use crate::gl::call::{Arg, Call, Fault, INVALID_ENUM, INVALID_OPERATION, INVALID_VALUE, Outcome, Scalar, Shape};
+use crate::gl::call::{Arg, Call, Fault, GlResult, INVALID_ENUM, INVALID_OPERATION, INVALID_VALUE, Scalar, Shape};
 use crate::gl::calls::restart::parts;
 use crate::gl::elements::scalar;
 use crate::gl::machine::Gl;
@@ -12,7 +12,7 @@ use crate::gl::state::selection::{Selection, Selector};
 /// Maximum number of vertices of one draw.
 const VERTICES_MAX: u32 = 1 << 22;
 
-pub fn bounded(count: u32) -> Outcome {
+pub fn bounded(count: u32) -> GlResult {
     if count > VERTICES_MAX {
         return Err(Fault::Limit(format!("{count} vertices in one draw, at most {VERTICES_MAX}")));
     }
@@ -20,14 +20,14 @@ pub fn bounded(count: u32) -> Outcome {
 }
 
 /// `glDrawArrays(mode, first, count)`
-pub fn draw_arrays(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
+pub fn draw_arrays(gl: &mut Gl, call: &Call, _: Shape) -> GlResult {
     let (mode, first, count) = (call.u32(0)?, call.size(1)?, call.size(2)?);
     bounded(count)?;
     gl.elements(mode, &Selection::sequence(first, count))
 }
 
 /// `glDrawArraysInstanced(mode, first, count, instances)`
-pub fn draw_arrays_instanced(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
+pub fn draw_arrays_instanced(gl: &mut Gl, call: &Call, _: Shape) -> GlResult {
     let (mode, first, count) = (call.u32(0)?, call.size(1)?, call.size(2)?);
     bounded(count)?;
     not_in_list(gl)?;
@@ -36,12 +36,12 @@ pub fn draw_arrays_instanced(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
 }
 
 /// Display lists cannot have draws of instances.
-fn not_in_list(gl: &Gl) -> Outcome {
+fn not_in_list(gl: &Gl) -> GlResult {
     if gl.context.compiling.is_some() { Err(INVALID_OPERATION) } else { Ok(()) }
 }
 
 /// Runs a draw once for each instance.
-pub fn instances(gl: &mut Gl, count: u32, vertices: u32, mut draw: impl FnMut(&mut Gl) -> Outcome) -> Outcome {
+pub fn instances(gl: &mut Gl, count: u32, vertices: u32, mut draw: impl FnMut(&mut Gl) -> GlResult) -> GlResult {
     if u64::from(count) * u64::from(vertices) > u64::from(VERTICES_MAX) {
         return Err(Fault::Limit(format!(
             "{count} instances of {vertices} vertices in one draw, at most {VERTICES_MAX} in all"
@@ -74,7 +74,7 @@ pub const INSTANCED: u8 = 2;
 pub const BASED: u8 = 4;
 
 /// `glDrawElements(mode, count, type, indices)`, with [`RANGE`], [`INSTANCED`] and [`BASED`] among `PARTS`.
-pub fn draw_elements<const PARTS: u8>(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
+pub fn draw_elements<const PARTS: u8>(gl: &mut Gl, call: &Call, _: Shape) -> GlResult {
     let at = if PARTS & RANGE != 0 { 3 } else { 1 };
     if PARTS & INSTANCED != 0 {
         not_in_list(gl)?;
@@ -92,14 +92,14 @@ pub fn draw_elements<const PARTS: u8>(gl: &mut Gl, call: &Call, _: Shape) -> Out
 }
 
 /// Draws vertices that indices select, in parts.
-pub fn indexed(gl: &mut Gl, mode: u32, parts: &[Selection]) -> Outcome {
+pub fn indexed(gl: &mut Gl, mode: u32, parts: &[Selection]) -> GlResult {
     gl.drawing.indexed = true;
     let outcome = parts.iter().try_for_each(|vertices| gl.elements(mode, vertices));
     gl.drawing.indexed = false;
     outcome
 }
 
-pub fn indices(gl: &Gl, count: u32, kind: u32, data: &Arg) -> Outcome<Selection> {
+pub fn indices(gl: &Gl, count: u32, kind: u32, data: &Arg) -> GlResult<Selection> {
     bounded(count)?;
     let (scalar, bytes) =
         scalar(kind).filter(|&(s, _)| matches!(s, Scalar::Ubyte | Scalar::Ushort | Scalar::Uint)).ok_or(INVALID_ENUM)?;
@@ -132,7 +132,7 @@ pub fn indices(gl: &Gl, count: u32, kind: u32, data: &Arg) -> Outcome<Selection>
     Ok(Selection { numbers, by })
 }
 
-pub fn multi_draw_arrays(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
+pub fn multi_draw_arrays(gl: &mut Gl, call: &Call, _: Shape) -> GlResult {
     let (mode, firsts, counts) = (call.u32(0)?, call.numbers(1)?, call.numbers(2)?);
     for (&first, &count) in firsts.iter().zip(counts.iter()) {
         let (first, count) = (first as u32, count as u32);
@@ -143,7 +143,7 @@ pub fn multi_draw_arrays(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
 }
 
 /// `glMultiDrawElements(mode, counts, type, indices, number)`, also with a number for each draw that is added to its indices.
-pub fn multi_draw_elements(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
+pub fn multi_draw_elements(gl: &mut Gl, call: &Call, _: Shape) -> GlResult {
     let (mode, counts, kind) = (call.u32(0)?, call.numbers(1)?, call.u32(2)?);
     let of = |k: usize| match call.arg(3) {
         Arg::List(list) => list.get(k).cloned(),

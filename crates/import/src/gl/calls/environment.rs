@@ -3,7 +3,7 @@
 use gl_shader::{UNITS, consts as e};
 use glam::Mat4;
 
-use crate::gl::call::{Call, Fault, INVALID_ENUM, INVALID_VALUE, Outcome, Scalar, Shape, padded};
+use crate::gl::call::{Call, Fault, GlResult, INVALID_ENUM, INVALID_VALUE, Scalar, Shape, padded};
 use crate::gl::machine::Gl;
 use crate::gl::matrix;
 use crate::gl::state::texturing::{COMBINE4, DOT3_RGB, DOT3_RGBA};
@@ -17,7 +17,7 @@ const OPERAND3_ALPHA: u32 = 0x859b;
 const MODULATE_ADD: u32 = 0x8744;
 const MODULATE_SUBTRACT: u32 = 0x8746;
 
-pub fn environment(gl: &mut Gl, call: &Call, shape: Shape) -> Outcome {
+pub fn environment(gl: &mut Gl, call: &Call, shape: Shape) -> GlResult {
     let (target, name, values) = (call.u32(0)?, call.u32(1)?, padded(call, shape, 2)?);
     let value = *values.first().ok_or(INVALID_VALUE)?;
     let word = value as i64 as u32;
@@ -69,23 +69,23 @@ pub fn environment(gl: &mut Gl, call: &Call, shape: Shape) -> Outcome {
     Ok(())
 }
 
-fn source(word: u32) -> Outcome<u32> {
+fn source(word: u32) -> GlResult<u32> {
     let unit = word.wrapping_sub(e::TEXTURE0) < UNITS as u32;
     let known = matches!(word, e::TEXTURE | e::CONSTANT | e::PRIMARY_COLOR | e::PREVIOUS | e::ZERO | e::ONE);
     if unit || known { Ok(word) } else { Err(INVALID_ENUM) }
 }
 
-fn operand(word: u32) -> Outcome<u32> {
+fn operand(word: u32) -> GlResult<u32> {
     let known = matches!(word, e::SRC_COLOR | e::ONE_MINUS_SRC_COLOR | e::SRC_ALPHA | e::ONE_MINUS_SRC_ALPHA);
     if known { Ok(word) } else { Err(INVALID_ENUM) }
 }
 
-pub fn generation(gl: &mut Gl, call: &Call, shape: Shape) -> Outcome {
+pub fn generation(gl: &mut Gl, call: &Call, shape: Shape) -> GlResult {
     let (coordinate, name, values) = (call.u32(0)?.wrapping_sub(e::S) as usize, call.u32(1)?, padded(call, shape, 2)?);
     let inverse = matrix::inverse(&gl.context.matrices.modelview.top).unwrap_or(Mat4::IDENTITY);
     let unit = &mut gl.state.texturing.units[gl.state.texturing.active];
     let generation = unit.generation.get_mut(coordinate).ok_or(INVALID_ENUM)?;
-    let plane = || -> Outcome<[f32; 4]> {
+    let plane = || -> GlResult<[f32; 4]> {
         let values = values.get(..4).ok_or_else(|| Fault::Damaged("a plane of fewer than 4 numbers".into()))?;
         Ok(std::array::from_fn(|k| values[k] as f32))
     };

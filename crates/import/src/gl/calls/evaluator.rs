@@ -3,7 +3,7 @@
 use gl_shader::consts as e;
 use glam::{Vec3, Vec4};
 
-use crate::gl::call::{Arg, Call, Fault, INVALID_ENUM, INVALID_OPERATION, INVALID_VALUE, Outcome, Scalar, Shape, components};
+use crate::gl::call::{Arg, Call, Fault, GlResult, INVALID_ENUM, INVALID_OPERATION, INVALID_VALUE, Scalar, Shape, components};
 use crate::gl::machine::Gl;
 use crate::gl::state::evaluator::{COLOR, COMPONENTS, NORMAL, ORDER_MAX, TEXTURE, VERTEX_3, VERTEX_4};
 use crate::gl::state::server::capability;
@@ -11,13 +11,13 @@ use crate::gl::state::server::capability;
 /// Points of a mesh at most.
 const MESH_MAX: i64 = 1 << 20;
 
-pub fn map(gl: &mut Gl, call: &Call, shape: Shape) -> Outcome {
+pub fn map(gl: &mut Gl, call: &Call, shape: Shape) -> GlResult {
     let target = call.u32(0)?;
     let surface = shape.count == 2;
     let first = if surface { e::MAP2_COLOR_4 } else { e::MAP1_COLOR_4 };
     let index = target.wrapping_sub(first) as usize;
     let size = *COMPONENTS.get(index).ok_or(INVALID_ENUM)?;
-    let range = |at: usize| -> Outcome<(f32, f32, usize, usize)> {
+    let range = |at: usize| -> GlResult<(f32, f32, usize, usize)> {
         let (from, to, stride, order) =
             (call.f32(at)?, call.f32(at + 1)?, call.size(at + 2)? as usize, call.size(at + 3)? as usize);
         if from == to || !(1..=ORDER_MAX).contains(&order) || stride < size {
@@ -52,7 +52,7 @@ pub fn map(gl: &mut Gl, call: &Call, shape: Shape) -> Outcome {
     Ok(())
 }
 
-pub fn grid(gl: &mut Gl, call: &Call, shape: Shape) -> Outcome {
+pub fn grid(gl: &mut Gl, call: &Call, shape: Shape) -> GlResult {
     let axes = if shape.count == 2 { 2 } else { 1 };
     for axis in 0..axes {
         let count = call.i32(3 * axis)?;
@@ -66,7 +66,7 @@ pub fn grid(gl: &mut Gl, call: &Call, shape: Shape) -> Outcome {
 
 impl Gl {
     /// Sends the vertex at a parameter, with the attributes of the enabled maps. The current attributes do not change.
-    fn evaluate(&mut self, surface: bool, u: f32, v: f32) -> Outcome {
+    fn evaluate(&mut self, surface: bool, u: f32, v: f32) -> GlResult {
         let first = if surface { e::MAP2_COLOR_4 } else { e::MAP1_COLOR_4 };
         let on = |index: usize| capability(first + index as u32).is_some_and(|bit| self.state.enabled & bit != 0);
         let map = |index: usize| self.context.maps.get(surface, index).filter(|_| on(index));
@@ -106,42 +106,42 @@ impl Gl {
     }
 }
 
-pub fn coordinate(gl: &mut Gl, call: &Call, shape: Shape) -> Outcome {
+pub fn coordinate(gl: &mut Gl, call: &Call, shape: Shape) -> GlResult {
     let ([u, v, ..], count) = components(call, shape, 0)?;
     gl.evaluate(count == 2, u as f32, v as f32)
 }
 
-pub fn point_1(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
+pub fn point_1(gl: &mut Gl, call: &Call, _: Shape) -> GlResult {
     let u = gl.grid_at(0, call.i32(0)?);
     gl.evaluate(false, u, 0.0)
 }
 
-pub fn point_2(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
+pub fn point_2(gl: &mut Gl, call: &Call, _: Shape) -> GlResult {
     let (u, v) = (gl.grid_at(0, call.i32(0)?), gl.grid_at(1, call.i32(1)?));
     gl.evaluate(true, u, v)
 }
 
-fn emit(gl: &mut Gl, mode: u32, points: impl Iterator<Item = (i32, Option<i32>)>) -> Outcome {
-    if gl.context.begun.is_some() {
+fn emit(gl: &mut Gl, mode: u32, points: impl Iterator<Item = (i32, Option<i32>)>) -> GlResult {
+    if gl.context.open_primitive.is_some() {
         return Err(INVALID_OPERATION);
     }
-    gl.context.begun = Some((mode, Vec::new()));
+    gl.context.open_primitive = Some((mode, Vec::new()));
     for (i, j) in points {
         let u = gl.grid_at(0, i);
         let v = j.map_or(0.0, |j| gl.grid_at(1, j));
         gl.evaluate(j.is_some(), u, v)?;
     }
-    let Some((mode, vertices)) = gl.context.begun.take() else { return Ok(()) };
+    let Some((mode, vertices)) = gl.context.open_primitive.take() else { return Ok(()) };
     gl.primitive(mode, &vertices)
 }
 
-fn bounded(ranges: &[(i32, i32)]) -> Outcome {
+fn bounded(ranges: &[(i32, i32)]) -> GlResult {
     let points: i64 = ranges.iter().map(|&(from, to)| (i64::from(to) - i64::from(from) + 1).clamp(0, MESH_MAX + 1)).product();
     if points > MESH_MAX { Err(Fault::Limit(format!("{points} points of a mesh, at most {MESH_MAX}"))) } else { Ok(()) }
 }
 
-pub fn mesh_1(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
-    gl.materials_meet()?;
+pub fn mesh_1(gl: &mut Gl, call: &Call, _: Shape) -> GlResult {
+    gl.apply_materials()?;
     let mode = match call.u32(0)? {
         e::POINT => e::POINTS,
         e::LINE => e::LINE_STRIP,
@@ -152,8 +152,8 @@ pub fn mesh_1(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
     emit(gl, mode, (from..=to).map(|i| (i, None)))
 }
 
-pub fn mesh_2(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
-    gl.materials_meet()?;
+pub fn mesh_2(gl: &mut Gl, call: &Call, _: Shape) -> GlResult {
+    gl.apply_materials()?;
     let mode = call.u32(0)?;
     let (i1, i2, j1, j2) = (call.i32(1)?, call.i32(2)?, call.i32(3)?, call.i32(4)?);
     bounded(&[(i1, i2), (j1, j2)])?;

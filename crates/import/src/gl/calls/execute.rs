@@ -1,7 +1,7 @@
 //! Runs a function of the machine, whether its call was recorded or comes from a display list.
 
-use crate::gl::call::{Call, Fault, INVALID_OPERATION, Outcome};
-use crate::gl::machine::{Entry, Gl, Moment};
+use crate::gl::call::{Call, Fault, GlResult, INVALID_OPERATION};
+use crate::gl::machine::{CallClass, Gl, Handler};
 
 /// Maximum number of objects of each kind, so that a recording cannot use much memory with few calls.
 const NAMES_MAX: usize = 1 << 20;
@@ -20,27 +20,27 @@ const STEPS_A_LOOK: u64 = 64;
 
 impl Gl {
     /// Runs a call, whether it was recorded or comes from a list.
-    pub fn execute(&mut self, entry: Entry, call: &Call) -> Outcome {
-        match entry.moment {
-            Moment::Vertex | Moment::Element | Moment::Ignored => return (entry.run)(self, call, entry.shape),
-            Moment::System => {}
-            _ if self.context.begun.is_some() => return Err(INVALID_OPERATION),
-            Moment::Server | Moment::Matrix => self.flush()?,
-            Moment::Client | Moment::Arrays => {}
+    pub fn execute(&mut self, handler: Handler, call: &Call) -> GlResult {
+        match handler.class {
+            CallClass::Vertex | CallClass::Element | CallClass::Ignored => return (handler.run)(self, call, handler.shape),
+            CallClass::System => {}
+            _ if self.context.open_primitive.is_some() => return Err(INVALID_OPERATION),
+            CallClass::Server | CallClass::Matrix => self.flush()?,
+            CallClass::Client | CallClass::Arrays => {}
         }
-        let idle = || entry.idle.is_some_and(|idle| idle(self, call) == Ok(true));
-        if matches!(entry.moment, Moment::Matrix | Moment::Arrays) || idle() {
-            return (entry.run)(self, call, entry.shape);
+        let redundant = || handler.redundant.is_some_and(|redundant| redundant(self, call) == Ok(true));
+        if matches!(handler.class, CallClass::Matrix | CallClass::Arrays) || redundant() {
+            return (handler.run)(self, call, handler.shape);
         }
         // Some functions change the state for draws of their own.
         self.drawing.prepared = None;
-        let outcome = (entry.run)(self, call, entry.shape);
+        let outcome = (handler.run)(self, call, handler.shape);
         self.drawing.prepared = None;
         outcome
     }
 
     /// Counts the error or the unsupported feature of a call.
-    pub fn settle(&mut self, call: &Call, outcome: Outcome) -> Result<(), String> {
+    pub fn settle(&mut self, call: &Call, outcome: GlResult) -> Result<(), String> {
         match outcome {
             Ok(()) => {}
             Err(Fault::Unsupported(what)) => self.log.refuse(what),
@@ -58,7 +58,7 @@ impl Gl {
         if self.progress.steps > STEPS_MAX.saturating_add(self.log.number.saturating_mul(STEPS_A_CALL)) {
             return Err(format!("{}: display lists of more than {STEPS_MAX} calls run", call.function.name));
         }
-        if let Err(error) = self.limits.memory_bytes.check(self.card.bytes + self.card.kept_bytes) {
+        if let Err(error) = self.limits.memory_bytes.check(self.card.bytes + self.card.on_card_bytes) {
             return Err(format!("{}: {error}", call.function.name));
         }
         if self.progress.steps.is_multiple_of(STEPS_A_LOOK) && self.most_objects() > NAMES_MAX {

@@ -5,22 +5,22 @@ use gl_shader::key::{Base, Kind};
 use gl_shader::narrow::restored;
 use gl_shader::{COLORS_MAX, TARGETS, consts as e};
 
-use crate::gl::call::{Arg, Call, Fault, INVALID_ENUM, INVALID_OPERATION, INVALID_VALUE, Outcome, Shape};
-use crate::gl::card::copy_key::{CopyKey, From, Map, Meet, row_edge};
+use crate::gl::call::{Arg, Call, Fault, GlResult, INVALID_ENUM, INVALID_OPERATION, INVALID_VALUE, Shape};
+use crate::gl::card::copy_key::{Combine, CopyKey, CopySource, Map, row_edge};
 use crate::gl::card::pass::Surface;
 use crate::gl::draw::frames::WINDOW_MAX;
 use crate::gl::machine::Gl;
 use crate::gl::names;
-use crate::gl::state::framebuffers::{Attached, COLORS, EDGE_MAX, Renderbuffer, alone};
+use crate::gl::state::framebuffers::{Attachment, COLORS, EDGE_MAX, Renderbuffer};
 use crate::gl::state::texture::Level;
 use crate::gl::state::texturing::kind_of;
-use crate::gl::texels::image::{DEPTH, Kept};
+use crate::gl::texels::image::{DEPTH, StoredFormat};
 
 /// Colour buffers that windows do not have: those of the right eye, and auxiliary ones.
 const NO_BUFFERS: [u32; 7] = [0x401, 0x403, 0x407, 0x409, 0x40a, 0x40b, 0x40c];
 
 /// Which bindings a target selects: draw, read.
-fn bindings(target: u32) -> Outcome<[bool; 2]> {
+fn bindings(target: u32) -> GlResult<[bool; 2]> {
     match target {
         e::FRAMEBUFFER => Ok([true, true]),
         e::DRAW_FRAMEBUFFER => Ok([true, false]),
@@ -31,7 +31,7 @@ fn bindings(target: u32) -> Outcome<[bool; 2]> {
 
 /// The program chooses the format of the window. The window has alpha if the attribute list asks for at least one bit of alpha. A program
 /// may make several such calls until one succeeds; one that asks for alpha is enough.
-pub fn choose(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
+pub fn choose(gl: &mut Gl, call: &Call, _: Shape) -> GlResult {
     // A window has an accumulation buffer only if the program asks for one. EGL windows have none.
     let accumulates = [14.0, 15.0, 16.0, 17.0];
     let asks = &*call.function.name != "eglChooseConfig";
@@ -55,7 +55,7 @@ pub fn choose(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
     Ok(())
 }
 
-pub fn bind(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
+pub fn bind(gl: &mut Gl, call: &Call, _: Shape) -> GlResult {
     let ([draw, read], name) = (bindings(call.u32(0)?)?, call.u32(1)?);
     if name != 0 {
         gl.context.framebuffers.objects.get_or_insert_with(name, Default::default);
@@ -70,7 +70,7 @@ pub fn bind(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
 }
 
 /// `glCheckFramebufferStatus(target)`: if the recorded driver could draw to the object and the machine cannot, draws are lost.
-pub fn status(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
+pub fn status(gl: &mut Gl, call: &Call, _: Shape) -> GlResult {
     let [draw, _] = bindings(call.u32(0)?)?;
     let name = if draw { gl.context.framebuffers.draw } else { gl.context.framebuffers.read };
     if name == 0 || !draw || call.result != Arg::Num(f64::from(e::FRAMEBUFFER_COMPLETE)) {
@@ -85,7 +85,7 @@ pub fn status(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
     }
 }
 
-pub fn delete(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
+pub fn delete(gl: &mut Gl, call: &Call, _: Shape) -> GlResult {
     gl.flush()?;
     for &name in call.numbers(1)?.iter() {
         let name = name as u32;
@@ -99,26 +99,17 @@ pub fn delete(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
     Ok(())
 }
 
-fn attach(gl: &mut Gl, target: u32, point: u32, what: Attached) -> Outcome {
+fn attach(gl: &mut Gl, target: u32, point: u32, what: Attachment) -> GlResult {
     let [draw, _] = bindings(target)?;
     let name = if draw { gl.context.framebuffers.draw } else { gl.context.framebuffers.read };
     let object = gl.context.framebuffers.objects.get_mut(name).filter(|_| name != 0).ok_or(INVALID_OPERATION)?;
-    match point {
-        e::DEPTH_ATTACHMENT => object.depth = what,
-        e::STENCIL_ATTACHMENT => object.stencil = what,
-        e::DEPTH_STENCIL_ATTACHMENT => (object.depth, object.stencil) = (what, what),
-        _ => {
-            let index = point.wrapping_sub(e::COLOR_ATTACHMENT0) as usize;
-            *object.colors.get_mut(index).ok_or(INVALID_ENUM)? = what;
-        }
-    }
-    Ok(())
+    object.attach(point, what)
 }
 
 /// The texture image that a call attaches; its target selects the layer.
-fn textured(gl: &Gl, target: u32, name: u32, level: u32) -> Outcome<Attached> {
+fn textured(gl: &Gl, target: u32, name: u32, level: u32) -> GlResult<Attachment> {
     if name == 0 {
-        return Ok(Attached::Nothing);
+        return Ok(Attachment::Nothing);
     }
     let face = target.wrapping_sub(e::TEXTURE_CUBE_MAP_POSITIVE_X);
     let (kind, layer) = match TARGETS.iter().position(|&known| known == target) {
@@ -129,38 +120,38 @@ fn textured(gl: &Gl, target: u32, name: u32, level: u32) -> Outcome<Attached> {
     if gl.objects.textures.get(name).is_none_or(|texture| texture.kind != kind) {
         return Err(INVALID_OPERATION);
     }
-    Ok(Attached::Texture(name, layer, level))
+    Ok(Attachment::Texture(name, layer, level))
 }
 
-pub fn texture_1d_or_2d(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
+pub fn texture_1d_or_2d(gl: &mut Gl, call: &Call, _: Shape) -> GlResult {
     let what = textured(gl, call.u32(2)?, call.u32(3)?, call.size(4)?)?;
     attach(gl, call.u32(0)?, call.u32(1)?, what)
 }
 
-pub fn texture_any(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
+pub fn texture_any(gl: &mut Gl, call: &Call, _: Shape) -> GlResult {
     let (name, level) = (call.u32(2)?, call.size(3)?);
     let kind = gl.objects.textures.get(name).map(|texture| texture.kind);
     if matches!(kind, Some(Kind::Cube | Kind::D3)) {
         return Err(Fault::Unsupported("frame buffer objects with all layers of a texture".into()));
     }
     let what = match kind {
-        Some(_) => Attached::Texture(name, 0, level),
-        None if name == 0 => Attached::Nothing,
+        Some(_) => Attachment::Texture(name, 0, level),
+        None if name == 0 => Attachment::Nothing,
         None => return Err(INVALID_VALUE),
     };
     attach(gl, call.u32(0)?, call.u32(1)?, what)
 }
 
-pub fn renderbuffer(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
+pub fn renderbuffer(gl: &mut Gl, call: &Call, _: Shape) -> GlResult {
     let name = call.u32(3)?;
     if call.u32(2)? != e::RENDERBUFFER {
         return Err(INVALID_ENUM);
     }
-    let what = if name == 0 { Attached::Nothing } else { Attached::Renderbuffer(name) };
+    let what = if name == 0 { Attachment::Nothing } else { Attachment::Renderbuffer(name) };
     attach(gl, call.u32(0)?, call.u32(1)?, what)
 }
 
-pub fn bind_renderbuffer(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
+pub fn bind_renderbuffer(gl: &mut Gl, call: &Call, _: Shape) -> GlResult {
     if call.u32(0)? != e::RENDERBUFFER {
         return Err(INVALID_ENUM);
     }
@@ -171,7 +162,7 @@ pub fn bind_renderbuffer(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
     Ok(())
 }
 
-pub fn delete_renderbuffers(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
+pub fn delete_renderbuffers(gl: &mut Gl, call: &Call, _: Shape) -> GlResult {
     gl.flush()?;
     for &name in call.numbers(1)?.iter() {
         if let Some(mut buffer) = gl.objects.renderbuffers.remove(name as u32) {
@@ -183,7 +174,7 @@ pub fn delete_renderbuffers(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
     Ok(())
 }
 
-fn storage(gl: &mut Gl, internal: u32, size: [u32; 2]) -> Outcome {
+fn storage(gl: &mut Gl, internal: u32, size: [u32; 2]) -> GlResult {
     if size.into_iter().any(|edge| edge > EDGE_MAX) {
         return Err(INVALID_VALUE);
     }
@@ -210,14 +201,14 @@ fn storage(gl: &mut Gl, internal: u32, size: [u32; 2]) -> Outcome {
     Ok(())
 }
 
-pub fn renderbuffer_storage(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
+pub fn renderbuffer_storage(gl: &mut Gl, call: &Call, _: Shape) -> GlResult {
     if call.u32(0)? != e::RENDERBUFFER {
         return Err(INVALID_ENUM);
     }
     storage(gl, call.u32(1)?, [call.size(2)?, call.size(3)?])
 }
 
-pub fn renderbuffer_storage_multisample(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
+pub fn renderbuffer_storage_multisample(gl: &mut Gl, call: &Call, _: Shape) -> GlResult {
     if call.size(1)? > 1 {
         return Err(Fault::Unsupported("render buffers of several samples".into()));
     }
@@ -225,14 +216,14 @@ pub fn renderbuffer_storage_multisample(gl: &mut Gl, call: &Call, _: Shape) -> O
 }
 
 /// Sets the single colour buffer that is drawn to.
-fn set_draw(gl: &mut Gl, buffer: u32) -> Outcome {
+fn set_draw(gl: &mut Gl, buffer: u32) -> GlResult {
     let color = buffer.wrapping_sub(e::COLOR_ATTACHMENT0) < COLORS as u32;
     if gl.context.framebuffers.draw != 0 {
         if buffer != e::NONE && !color {
             return Err(INVALID_OPERATION);
         }
         let object = gl.context.framebuffers.objects.get_mut(gl.context.framebuffers.draw).ok_or(INVALID_OPERATION)?;
-        object.draw = alone(buffer);
+        object.draw_to_one(buffer);
         return Ok(());
     }
     match buffer {
@@ -245,11 +236,11 @@ fn set_draw(gl: &mut Gl, buffer: u32) -> Outcome {
     }
 }
 
-pub fn draw_buffer(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
+pub fn draw_buffer(gl: &mut Gl, call: &Call, _: Shape) -> GlResult {
     set_draw(gl, call.u32(0)?)
 }
 
-pub fn draw_buffers(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
+pub fn draw_buffers(gl: &mut Gl, call: &Call, _: Shape) -> GlResult {
     // Of an empty list there may be no pointer: then nothing is drawn to.
     let count = call.size(0)? as usize;
     let buffers = if count == 0 { Default::default() } else { call.numbers(1)? };
@@ -265,7 +256,7 @@ pub fn draw_buffers(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
                 return Err(INVALID_ENUM);
             }
         }
-        gl.context.framebuffers.objects.get_mut(gl.context.framebuffers.draw).ok_or(INVALID_OPERATION)?.draw = draw;
+        gl.context.framebuffers.objects.get_mut(gl.context.framebuffers.draw).ok_or(INVALID_OPERATION)?.draw_to(draw);
         return Ok(());
     }
     match buffers.iter().filter(|&&buffer| buffer != 0.0).count() {
@@ -275,7 +266,7 @@ pub fn draw_buffers(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
     }
 }
 
-pub fn read_buffer(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
+pub fn read_buffer(gl: &mut Gl, call: &Call, _: Shape) -> GlResult {
     let buffer = call.u32(0)?;
     let color = buffer.wrapping_sub(e::COLOR_ATTACHMENT0) < COLORS as u32;
     let window = [e::BACK, e::BACK_LEFT, e::FRONT, e::FRONT_LEFT, e::LEFT, e::FRONT_AND_BACK].contains(&buffer);
@@ -288,21 +279,21 @@ pub fn read_buffer(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
     if let Some(object) =
         gl.context.framebuffers.objects.get_mut(gl.context.framebuffers.read).filter(|_| gl.context.framebuffers.read != 0)
     {
-        object.read = buffer;
+        object.read_from(buffer);
     } else {
         gl.context.framebuffers.window_read = buffer;
     }
     Ok(())
 }
 
-pub fn generate_mipmap(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
+pub fn generate_mipmap(gl: &mut Gl, call: &Call, _: Shape) -> GlResult {
     let k = TARGETS.iter().position(|&target| Ok(target) == call.u32(0)).ok_or(INVALID_ENUM)?;
     gl.generate_levels(k, 0..if kind_of(k) == Kind::Cube { 6 } else { 1 })
 }
 
 impl Gl {
     /// Generates the mipmap levels of these faces from the base level. The texture is the one bound to this target of the active unit.
-    pub fn generate_levels(&mut self, target: usize, faces: std::ops::Range<u32>) -> Outcome {
+    pub fn generate_levels(&mut self, target: usize, faces: std::ops::Range<u32>) -> GlResult {
         let unit = self.state.texturing.active;
         self.texture(unit, target);
         let name = self.state.texturing.units[unit].bound[target];
@@ -333,7 +324,7 @@ impl Gl {
                 let source = texture.surface(&mut self.card, face, level - 1)?.ok_or(INVALID_OPERATION)?;
                 // The centre of a texel lies between the texels whose mean it is.
                 let (format, result) = (image.format.name(), restored(image.base.narrow()));
-                let key = CopyKey { from: From::Filtered, result, format, meet: Meet::Replace, mask: 15 };
+                let key = CopyKey { from: CopySource::Filtered, result, format, combine: Combine::Replace, mask: 15 };
                 let scale = [from[0] as f32 / width as f32, from[1] as f32 / height as f32];
                 let map = Map { to: [0.0; 2], from: [0.0; 2], scale };
                 let area = Rect { x: 0, y: 0, width, height };
@@ -344,7 +335,7 @@ impl Gl {
     }
 }
 
-pub fn blit(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
+pub fn blit(gl: &mut Gl, call: &Call, _: Shape) -> GlResult {
     let mut edges = [0; 8];
     for (k, edge) in edges.iter_mut().enumerate() {
         *edge = call.i32(k)?;
@@ -389,9 +380,9 @@ pub fn blit(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
         let (x, width) = span(x0, x1, scissor.x, scissor.width);
         let (y, height) = span(row(y0), row(y1), scissor.y, scissor.height);
         let from = match (depth, filter) {
-            (true, _) => From::Depth,
-            (_, e::LINEAR) if scale.map(f32::abs) != [1.0; 2] => From::Filtered,
-            _ => From::Color,
+            (true, _) => CopySource::Depth,
+            (_, e::LINEAR) if scale.map(f32::abs) != [1.0; 2] => CopySource::Filtered,
+            _ => CopySource::Color,
         };
         let result = if depth {
             "c.r"
@@ -402,7 +393,7 @@ pub fn blit(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
         } else {
             "vec4f(c.rgb, 1)"
         };
-        let key = CopyKey { from, result, format: to.format.name(), meet: Meet::Replace, mask: 15 };
+        let key = CopyKey { from, result, format: to.format.name(), combine: Combine::Replace, mask: 15 };
         gl.card.copy_pixels(key, to.format, source, to, map, 0.0, Rect { x, y, width, height });
     }
     Ok(())

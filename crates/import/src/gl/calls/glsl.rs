@@ -3,7 +3,7 @@
 use gl_shader::arb::program::Stage;
 use gl_shader::glsl::{Sources, link};
 
-use crate::gl::call::{Arg, Call, Fault, INVALID_OPERATION, INVALID_VALUE, Outcome, Shape};
+use crate::gl::call::{Arg, Call, Fault, GlResult, INVALID_OPERATION, INVALID_VALUE, Shape};
 use crate::gl::machine::Gl;
 use crate::gl::names;
 use crate::gl::state::glsl::{Executable, Object, Shader};
@@ -15,7 +15,7 @@ const VERTEX_SHADER: u32 = 0x8b31;
 const LINK_STATUS: u32 = 0x8b82;
 
 /// The name that a call gives to a new object.
-fn created(call: &Call) -> Outcome<u32> {
+fn created(call: &Call) -> GlResult<u32> {
     match call.result {
         Arg::Num(name) if name > 0.0 => Ok(name as u32),
         Arg::Num(_) => Err(INVALID_OPERATION),
@@ -23,7 +23,7 @@ fn created(call: &Call) -> Outcome<u32> {
     }
 }
 
-pub fn create_shader(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
+pub fn create_shader(gl: &mut Gl, call: &Call, _: Shape) -> GlResult {
     let stage = match call.u32(0)? {
         VERTEX_SHADER => Ok(Stage::Vertex),
         FRAGMENT_SHADER => Ok(Stage::Fragment),
@@ -34,7 +34,7 @@ pub fn create_shader(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
 }
 
 /// `glShaderSource(shader, count, strings, lengths)`
-pub fn shader_source(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
+pub fn shader_source(gl: &mut Gl, call: &Call, _: Shape) -> GlResult {
     let mut text = String::new();
     // A plain number is a null pointer.
     let lengths = if let Arg::Nums(lengths) = call.arg(3) { Some(lengths) } else { None };
@@ -58,18 +58,18 @@ pub fn shader_source(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
     Ok(())
 }
 
-pub fn compile_shader(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
+pub fn compile_shader(gl: &mut Gl, call: &Call, _: Shape) -> GlResult {
     let shader = gl.objects.glsl.shaders.get_mut(call.u32(0)?).ok_or(INVALID_VALUE)?;
     shader.compiled = Some(shader.source.clone());
     Ok(())
 }
 
-pub fn create_program(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
+pub fn create_program(gl: &mut Gl, call: &Call, _: Shape) -> GlResult {
     gl.objects.glsl.programs.insert(created(call)?, Object::default());
     Ok(())
 }
 
-pub fn attach(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
+pub fn attach(gl: &mut Gl, call: &Call, _: Shape) -> GlResult {
     let shader = call.u32(1)?;
     if !gl.objects.glsl.shaders.contains(shader) {
         return Err(INVALID_VALUE);
@@ -82,13 +82,13 @@ pub fn attach(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
     Ok(())
 }
 
-pub fn detach(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
+pub fn detach(gl: &mut Gl, call: &Call, _: Shape) -> GlResult {
     let shader = call.u32(1)?;
     gl.objects.glsl.program(call.u32(0)?)?.attached.retain(|&known| known != shader);
     Ok(())
 }
 
-pub fn link_program(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
+pub fn link_program(gl: &mut Gl, call: &Call, _: Shape) -> GlResult {
     gl.flush()?;
     let name = call.u32(0)?;
     let attached = gl.objects.glsl.program(name)?.attached.clone();
@@ -120,7 +120,7 @@ pub fn link_program(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
 
 /// `glGetProgramiv(program, GL_LINK_STATUS, status)`: a link that has failed leaves the current program's executable as it was
 /// (OpenGL 4.5, section 7.3).
-pub fn link_status(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
+pub fn link_status(gl: &mut Gl, call: &Call, _: Shape) -> GlResult {
     if call.u32(1)? != LINK_STATUS || call.numbers(2).ok().and_then(|status| status.first().copied()) != Some(0.0) {
         return Ok(());
     }
@@ -133,7 +133,7 @@ pub fn link_status(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
     Ok(())
 }
 
-pub fn use_program(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
+pub fn use_program(gl: &mut Gl, call: &Call, _: Shape) -> GlResult {
     let name = call.u32(0)?;
     // A program that cannot be translated may be bound; drawing with it is refused. A program that was never linked cannot be bound.
     if name != 0 {
@@ -146,7 +146,7 @@ pub fn use_program(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
     Ok(())
 }
 
-pub fn delete_shader(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
+pub fn delete_shader(gl: &mut Gl, call: &Call, _: Shape) -> GlResult {
     let name = call.u32(0)?;
     // An attached shader is not deleted.
     if !gl.objects.glsl.programs.values().any(|object| object.attached.contains(&name)) {
@@ -155,7 +155,7 @@ pub fn delete_shader(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
     Ok(())
 }
 
-pub fn delete_program(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
+pub fn delete_program(gl: &mut Gl, call: &Call, _: Shape) -> GlResult {
     let name = call.u32(0)?;
     // A program that is current in a context is not deleted.
     if gl.context.glsl_program != name && !gl.contexts.sharing().any(|context| context.uses(name)) {
@@ -166,7 +166,7 @@ pub fn delete_program(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
 }
 
 /// `glDeleteObjectARB`: a shader or a program.
-pub fn delete_object(gl: &mut Gl, call: &Call, shape: Shape) -> Outcome {
+pub fn delete_object(gl: &mut Gl, call: &Call, shape: Shape) -> GlResult {
     if gl.objects.glsl.shaders.contains(call.u32(0)?) {
         delete_shader(gl, call, shape)
     } else {
@@ -174,7 +174,7 @@ pub fn delete_object(gl: &mut Gl, call: &Call, shape: Shape) -> Outcome {
     }
 }
 
-fn text(call: &Call, index: usize) -> Outcome<String> {
+fn text(call: &Call, index: usize) -> GlResult<String> {
     match call.arg(index) {
         Arg::Str(text) => Ok(text.to_string()),
         Arg::Blob(bytes) => Ok(String::from_utf8_lossy(bytes).trim_end_matches('\0').into()),
@@ -182,20 +182,20 @@ fn text(call: &Call, index: usize) -> Outcome<String> {
     }
 }
 
-pub fn bind_attribute(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
+pub fn bind_attribute(gl: &mut Gl, call: &Call, _: Shape) -> GlResult {
     let (index, name) = (call.u32(1)?, text(call, 2)?);
     gl.objects.glsl.program(call.u32(0)?)?.attributes.insert(&name, index);
     Ok(())
 }
 
-pub fn bind_output(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
+pub fn bind_output(gl: &mut Gl, call: &Call, _: Shape) -> GlResult {
     let (location, name) = (call.u32(1)?, text(call, 2)?);
     gl.objects.glsl.program(call.u32(0)?)?.outputs.insert(&name, [location, 0]);
     Ok(())
 }
 
 /// `glBindFragDataLocationIndexed(program, location, index, name)`
-pub fn bind_indexed_output(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
+pub fn bind_indexed_output(gl: &mut Gl, call: &Call, _: Shape) -> GlResult {
     let (location, index, name) = (call.u32(1)?, call.u32(2)?, text(call, 3)?);
     gl.objects.glsl.program(call.u32(0)?)?.outputs.insert(&name, [location, index]);
     Ok(())
@@ -209,7 +209,7 @@ fn answer(call: &Call) -> Option<i64> {
     }
 }
 
-pub fn attribute_location(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
+pub fn attribute_location(gl: &mut Gl, call: &Call, _: Shape) -> GlResult {
     let name = text(call, 1)?;
     if let Some(location) = answer(call) {
         gl.objects.glsl.program(call.u32(0)?)?.attributes.insert(&name, location as u32);
@@ -217,7 +217,7 @@ pub fn attribute_location(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
     Ok(())
 }
 
-pub fn output_location(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
+pub fn output_location(gl: &mut Gl, call: &Call, _: Shape) -> GlResult {
     let name = text(call, 1)?;
     if let Some(location) = answer(call) {
         let outputs = &mut gl.objects.glsl.program(call.u32(0)?)?.outputs;
@@ -228,7 +228,7 @@ pub fn output_location(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
 }
 
 /// `glGetUniformBlockIndex(program, name)`
-pub fn block_index(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
+pub fn block_index(gl: &mut Gl, call: &Call, _: Shape) -> GlResult {
     let name = text(call, 1)?;
     // There is no such block if the index is GL_INVALID_INDEX.
     if let Some(index) = answer(call).and_then(|index| u32::try_from(index).ok()).filter(|&index| index != u32::MAX) {
@@ -238,7 +238,7 @@ pub fn block_index(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
 }
 
 /// `glGetActiveUniformBlockName(program, index, size, length, name)`
-pub fn block_name(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
+pub fn block_name(gl: &mut Gl, call: &Call, _: Shape) -> GlResult {
     if let Ok(name) = text(call, 4) {
         let index = u64::from(call.u32(1)?);
         gl.objects.glsl.program(call.u32(0)?)?.executable.block_names.insert(index, name);
@@ -247,7 +247,7 @@ pub fn block_name(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
 }
 
 /// `glUniformBlockBinding(program, index, binding)`
-pub fn block_binding(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
+pub fn block_binding(gl: &mut Gl, call: &Call, _: Shape) -> GlResult {
     let (index, binding) = (u64::from(call.u32(1)?), call.u32(2)?);
     let object = gl.objects.glsl.program(call.u32(0)?)?;
     if let Some(Err(_)) = object.executable.linked {
@@ -260,7 +260,7 @@ pub fn block_binding(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
     Ok(())
 }
 
-pub fn uniform_location(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
+pub fn uniform_location(gl: &mut Gl, call: &Call, _: Shape) -> GlResult {
     let name = text(call, 1)?;
     // Negative: there is no such uniform.
     if let Some(location) = answer(call).and_then(|location| u64::try_from(location).ok()) {

@@ -1,8 +1,8 @@
 //! Calls without an effect on pictures.
 
-use crate::gl::call::{Call, Outcome, Shape};
+use crate::gl::call::{Call, GlResult, Shape};
 use crate::gl::machine::Gl;
 
-pub fn nothing(_: &mut Gl, _: &Call, _: Shape) -> Outcome {
+pub fn nothing(_: &mut Gl, _: &Call, _: Shape) -> GlResult {
     Ok(())
 }

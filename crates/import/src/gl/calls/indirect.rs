@@ -1,6 +1,6 @@
 //! Draws whose counts a buffer object has. Its contents are those that the program gave: what a shader would write there is not known.
 
-use crate::gl::call::{Arg, Call, Fault, INVALID_ENUM, INVALID_OPERATION, Outcome, Scalar, Shape};
+use crate::gl::call::{Arg, Call, Fault, GlResult, INVALID_ENUM, INVALID_OPERATION, Scalar, Shape};
 use crate::gl::calls::elements::{bounded, indexed, indices, instances};
 use crate::gl::calls::restart::parts;
 use crate::gl::elements::scalar;
@@ -19,10 +19,10 @@ pub const SEVERAL: u8 = 2;
 
 /// `glDrawArraysIndirect(mode, place)`, `glDrawElementsIndirect(mode, type, place)`, and both for several draws, with [`INDEXED`] and
 /// [`SEVERAL`] among `PARTS`.
-pub fn draw<const PARTS: u8>(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
+pub fn draw<const PARTS: u8>(gl: &mut Gl, call: &Call, _: Shape) -> GlResult {
     let (mode, at) = (call.u32(0)?, if PARTS & INDEXED != 0 { 2 } else { 1 });
     let bound = gl.context.buffers.other.get(BUFFER).copied().unwrap_or(0);
-    let in_buffer = || Outcome::Ok(gl.objects.buffers.get(bound).ok_or(INVALID_OPERATION)?.bytes()?.clone());
+    let in_buffer = || GlResult::Ok(gl.objects.buffers.get(bound).ok_or(INVALID_OPERATION)?.bytes()?.clone());
     let (bytes, start) = match call.arg(at) {
         Arg::Blob(bytes) => (bytes.clone(), 0),
         Arg::Pointer(place) => (in_buffer()?, *place as usize),

@@ -4,20 +4,20 @@ use std::rc::Rc;
 
 use gl_shader::consts as e;
 
-use crate::gl::call::{Arg, Call, Fault, INVALID_ENUM, INVALID_OPERATION, INVALID_VALUE, Outcome, Shape, components};
+use crate::gl::call::{Arg, Call, Fault, GlResult, INVALID_ENUM, INVALID_OPERATION, INVALID_VALUE, Shape, components};
 use crate::gl::calls::immediate;
 use crate::gl::geometry::listed::Geometry;
-use crate::gl::machine::{Entry, Gl, Part};
-use crate::gl::state::compact::Compact;
+use crate::gl::machine::{Gl, Handler, Immediate};
+use crate::gl::state::compact::CompactCall;
 use crate::gl::state::lists::{List, Step};
 
 const NESTING_MAX: u32 = 64;
 
 /// The bit of the attribute that a call sets, and no other one.
-fn attribute_of(entry: &Entry, call: &Call) -> Option<u32> {
-    match entry.part {
-        Part::Attribute(bit) => Some(1 << bit),
-        Part::Unit => call.unit(0).ok().map(|unit| 1 << (8 + unit)),
+fn attribute_of(handler: &Handler, call: &Call) -> Option<u32> {
+    match handler.immediate {
+        Immediate::Attribute(bit) => Some(1 << bit),
+        Immediate::Unit => call.unit(0).ok().map(|unit| 1 << (8 + unit)),
         _ => None,
     }
 }
@@ -25,29 +25,29 @@ fn attribute_of(entry: &Entry, call: &Call) -> Option<u32> {
 impl Gl {
     /// Appends a call to the list that is compiled. Calls from Begin to End become one primitive if the list fixes which attributes its
     /// vertices set and which they take from the current state when the list runs.
-    pub fn compile(&mut self, mut list: List, entry: Entry, call: &Call) -> Result<List, String> {
+    pub fn compile(&mut self, mut list: List, handler: Handler, call: &Call) -> Result<List, String> {
         let pixels = self.context.unpack.buffer != 0 || call.args.iter().any(|arg| matches!(arg, Arg::Blob(_)));
-        let step = match Compact::of(call, &mut list.numbers) {
+        let step = match CompactCall::of(call, &mut list.numbers) {
             _ if pixels => Step::Pixels(Box::new((call.clone(), self.context.unpack))),
-            Some(compact) => match entry.factor.and_then(|factor| factor(call).ok()) {
+            Some(compact) => match handler.factor.and_then(|factor| factor(call).ok()) {
                 Some(by) => Step::Multiply(compact, Box::new(by)),
                 None => Step::Numbers(compact),
             },
             None => Step::Call(Box::new(call.clone())),
         };
         list.add(step)?;
-        match entry.part {
-            Part::Begin => list.begun = Some(list.steps.len() - 1),
-            Part::End => {
+        match handler.immediate {
+            Immediate::Begin => list.begun = Some(list.steps.len() - 1),
+            Immediate::End => {
                 if let Some(first) = list.begun.take() {
                     self.gather(&mut list, first);
                 }
             }
-            Part::Attribute(_) | Part::Unit if list.begun.is_none() => match attribute_of(&entry, call) {
-                Some(bit) if self.aside(&mut list, |gl| (entry.run)(gl, call, entry.shape)).is_ok() => list.set(bit),
+            Immediate::Attribute(_) | Immediate::Unit if list.begun.is_none() => match attribute_of(&handler, call) {
+                Some(bit) if self.aside(&mut list, |gl| (handler.run)(gl, call, handler.shape)).is_ok() => list.set(bit),
                 _ => list.known = 0,
             },
-            Part::Attributes if list.begun.is_none() => list.known = 0,
+            Immediate::Attributes if list.begun.is_none() => list.known = 0,
             _ => {}
         }
         Ok(list)
@@ -90,14 +90,14 @@ impl Gl {
     /// What a step between Begin and End does, of those that programs send for each vertex: running it then takes less time.
     fn plain(&self, step: &Step, numbers: &[f32]) -> Option<Step> {
         let Step::Numbers(compact) = step else { return None };
-        let (entry, mut call) = (self.entry(compact.function)?, self.room(compact)?);
+        let (handler, mut call) = (self.handler(compact.function)?, self.room(compact)?);
         compact.fill(numbers, &mut call);
-        let (call, shape) = (&call, entry.shape);
-        Some(match entry.part {
-            Part::Vertex => Step::Vertex(immediate::position(call, shape).ok()?),
-            Part::Attribute(1) => Step::Normal(immediate::normal_of(call, shape).ok()?),
-            Part::Attribute(2) => Step::Color(immediate::color_of(call, shape).ok()?),
-            Part::Attribute(8) => Step::Texture(immediate::position(call, shape).ok()?),
+        let (call, shape) = (&call, handler.shape);
+        Some(match handler.immediate {
+            Immediate::Vertex => Step::Vertex(immediate::position(call, shape).ok()?),
+            Immediate::Attribute(1) => Step::Normal(immediate::normal_of(call, shape).ok()?),
+            Immediate::Attribute(2) => Step::Color(immediate::color_of(call, shape).ok()?),
+            Immediate::Attribute(8) => Step::Texture(immediate::position(call, shape).ok()?),
             _ => return None,
         })
     }
@@ -110,20 +110,20 @@ impl Gl {
         let mode = call.u32(0).ok().filter(|&mode| mode <= e::POLYGON)?;
         let (mut set, mut own, mut vertices) = (0, None, Vec::new());
         for step in within {
-            let entry = match step {
+            let handler = match step {
                 Step::Numbers(compact) => {
                     compact.fill(numbers, &mut call);
-                    self.entry(compact.function)?
+                    self.handler(compact.function)?
                 }
                 // A call with arguments in double precision.
                 Step::Call(of) => {
                     call.args.clone_from(&of.args);
-                    self.entry(of.function.id)?
+                    self.handler(of.function.id)?
                 }
                 _ => return None,
             };
-            if entry.part == Part::Vertex {
-                let (position, _) = components(&call, entry.shape, 0).ok()?;
+            if handler.immediate == Immediate::Vertex {
+                let (position, _) = components(&call, handler.shape, 0).ok()?;
                 if *own.get_or_insert(known) != known {
                     return None;
                 }
@@ -131,8 +131,8 @@ impl Gl {
                 vertex.position = position.map(|value| value as f32);
                 vertices.push(vertex);
             } else {
-                let bit = attribute_of(&entry, &call)?;
-                (entry.run)(self, &call, entry.shape).ok()?;
+                let bit = attribute_of(&handler, &call)?;
+                (handler.run)(self, &call, handler.shape).ok()?;
                 (known, set) = (known | bit, set | bit);
             }
         }
@@ -141,12 +141,12 @@ impl Gl {
     }
 
     /// An empty call of the same function, into which the compact one is expanded.
-    fn room(&self, compact: &Compact) -> Option<Call> {
+    fn room(&self, compact: &CompactCall) -> Option<Call> {
         let (_, function) = self.function(compact.function)?;
         Some(Call { number: self.log.number, place: 0, thread: 0, function, args: Vec::new(), result: Arg::Null })
     }
 
-    fn run_list(&mut self, name: u32) -> Outcome {
+    fn run_list(&mut self, name: u32) -> GlResult {
         // Calling a list that does not exist, or that is nested too deep, has no effect.
         let Some(list) = self.objects.lists.get(name).cloned() else { return Ok(()) };
         if self.progress.depth >= NESTING_MAX {
@@ -161,16 +161,16 @@ impl Gl {
         outcome
     }
 
-    fn run_steps(&mut self, list: &List) -> Outcome {
+    fn run_steps(&mut self, list: &List) -> GlResult {
         let mut room = None;
         let (mut dropped, mut skipping) = (false, false);
         for step in &list.steps {
             if skipping {
-                skipping = self.part_of(step) != Some(Part::End);
+                skipping = self.immediate_of(step) != Some(Immediate::End);
                 self.progress.steps += 1;
                 continue;
             }
-            if self.context.begun.is_some() && self.part_of(step) == Some(Part::Begin) {
+            if self.context.open_primitive.is_some() && self.immediate_of(step) == Some(Immediate::Begin) {
                 self.primitive_within();
                 skipping = true;
                 continue;
@@ -181,36 +181,38 @@ impl Gl {
                 Step::Color(color) => self.state.current.color = *color,
                 Step::Texture(coordinates) => self.state.current.set_texture(0, *coordinates),
                 Step::Multiply(_, by)
-                    if self.context.begun.is_none() && self.drawing.batch.indices.is_empty() && self.stack().is_ok() =>
+                    if self.context.open_primitive.is_none()
+                        && self.drawing.batch.indices.is_empty()
+                        && self.stack().is_ok() =>
                 {
                     // No batch ends here, and that is all that could go wrong.
-                    self.drawing.follows = false;
+                    self.drawing.after_small_list = false;
                     self.stack()?.top *= **by;
                     self.progress.steps += 1;
                 }
                 Step::Numbers(compact) | Step::Multiply(compact, _) => {
-                    let Some((entry, function)) = self.function(compact.function) else { continue };
+                    let Some((handler, function)) = self.function(compact.function) else { continue };
                     let Some(call) = room.take().or_else(|| self.room(compact)) else { continue };
                     let mut call = Call { function, ..call };
                     compact.fill(&list.numbers, &mut call);
-                    let outcome = self.execute(entry, &call);
+                    let outcome = self.execute(handler, &call);
                     self.settle(&call, outcome).map_err(Fault::Damaged)?;
                     room = Some(call);
                 }
                 Step::Call(call) => {
-                    let Some(entry) = self.entry(call.function.id) else { continue };
-                    let outcome = self.execute(entry, call);
+                    let Some(handler) = self.handler(call.function.id) else { continue };
+                    let outcome = self.execute(handler, call);
                     self.settle(call, outcome).map_err(Fault::Damaged)?;
                 }
                 Step::Pixels(of) => {
                     let (call, unpack) = &**of;
-                    let Some(entry) = self.entry(call.function.id) else { continue };
+                    let Some(handler) = self.handler(call.function.id) else { continue };
                     let now = std::mem::replace(&mut self.context.unpack, *unpack);
-                    let outcome = self.execute(entry, call);
+                    let outcome = self.execute(handler, call);
                     self.context.unpack = now;
                     self.settle(call, outcome).map_err(Fault::Damaged)?;
                 }
-                Step::Primitive(_) if self.context.begun.is_some() => {
+                Step::Primitive(_) if self.context.open_primitive.is_some() => {
                     self.primitive_within();
                     dropped = true;
                     self.progress.steps += 1;
@@ -242,10 +244,10 @@ impl Gl {
     }
 
     /// What a step that is a call does between Begin and End.
-    fn part_of(&self, step: &Step) -> Option<Part> {
+    fn immediate_of(&self, step: &Step) -> Option<Immediate> {
         match step {
-            Step::Numbers(compact) => Some(self.entry(compact.function)?.part),
-            Step::Call(call) => Some(self.entry(call.function.id)?.part),
+            Step::Numbers(compact) => Some(self.handler(compact.function)?.immediate),
+            Step::Call(call) => Some(self.handler(call.function.id)?.immediate),
             _ => None,
         }
     }
@@ -258,7 +260,7 @@ impl Gl {
     }
 }
 
-pub fn new_list(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
+pub fn new_list(gl: &mut Gl, call: &Call, _: Shape) -> GlResult {
     let (name, mode) = (call.u32(0)?, call.u32(1)?);
     if name == 0 {
         return Err(INVALID_VALUE);
@@ -275,7 +277,7 @@ pub fn new_list(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
     Ok(())
 }
 
-pub fn end_list(gl: &mut Gl, _: &Call, _: Shape) -> Outcome {
+pub fn end_list(gl: &mut Gl, _: &Call, _: Shape) -> GlResult {
     let (name, _, mut list) = gl.context.compiling.take().ok_or(INVALID_OPERATION)?;
     list.join();
     let (mut steps, mut numbers) = (list.steps, list.numbers);
@@ -287,13 +289,13 @@ pub fn end_list(gl: &mut Gl, _: &Call, _: Shape) -> Outcome {
     Ok(())
 }
 
-pub fn call_list(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
-    gl.materials_meet()?;
+pub fn call_list(gl: &mut Gl, call: &Call, _: Shape) -> GlResult {
+    gl.apply_materials()?;
     gl.run_list(call.u32(0)?)
 }
 
-pub fn call_lists(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
-    gl.materials_meet()?;
+pub fn call_lists(gl: &mut Gl, call: &Call, _: Shape) -> GlResult {
+    gl.apply_materials()?;
     let (count, kind) = (call.size(0)? as usize, call.u32(1)?);
     let bytes: Rc<[u8]> = match call.arg(2) {
         Arg::Blob(bytes) => bytes.clone(),
@@ -330,12 +332,12 @@ pub fn call_lists(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
     Ok(())
 }
 
-pub fn list_base(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
+pub fn list_base(gl: &mut Gl, call: &Call, _: Shape) -> GlResult {
     gl.state.list_base = call.u32(0)?;
     Ok(())
 }
 
-pub fn delete_lists(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
+pub fn delete_lists(gl: &mut Gl, call: &Call, _: Shape) -> GlResult {
     let (first, count) = (call.u32(0)?, call.size(1)?);
     for name in gl.objects.lists.keys_in(first..first.saturating_add(count)) {
         gl.free_list(name);

@@ -2,13 +2,13 @@
 
 use gl_shader::{PLANES, UNITS, consts as e};
 
-use crate::gl::call::{Call, Fault, INVALID_ENUM, INVALID_OPERATION, INVALID_VALUE, Outcome, Scalar, Shape, parameters};
+use crate::gl::call::{Call, Fault, GlResult, INVALID_ENUM, INVALID_OPERATION, INVALID_VALUE, Scalar, Shape, parameters};
 use crate::gl::draw::lit::{colors, map_coordinate};
 use crate::gl::machine::Gl;
 use crate::gl::state::framebuffers::RenderMode;
 use crate::gl::{call, elements, matrix};
 
-pub fn pixel_store(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
+pub fn pixel_store(gl: &mut Gl, call: &Call, _: Shape) -> GlResult {
     let (name, value) = (call.u32(0)?, call.f64(1)?);
     let store = &mut gl.context.unpack;
     let size = || if (0.0..=1e6).contains(&value) { Ok(value as u32) } else { Err(INVALID_VALUE) };
@@ -29,7 +29,7 @@ pub fn pixel_store(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
     Ok(())
 }
 
-pub fn pixel_transfer(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
+pub fn pixel_transfer(gl: &mut Gl, call: &Call, _: Shape) -> GlResult {
     let name = call.u32(0)?;
     let value = parameters(call, 1)?.first().copied().ok_or(INVALID_VALUE)?;
     let transfer = &mut gl.state.pixels.transfer;
@@ -58,7 +58,7 @@ const GREEN_BIAS: u32 = e::GREEN_SCALE + 1;
 const BLUE_BIAS: u32 = e::BLUE_SCALE + 1;
 const ALPHA_BIAS: u32 = e::ALPHA_SCALE + 1;
 
-pub fn pixel_map(gl: &mut Gl, call: &Call, shape: Shape) -> Outcome {
+pub fn pixel_map(gl: &mut Gl, call: &Call, shape: Shape) -> GlResult {
     let (map, size) = (call.u32(0)?.wrapping_sub(e::PIXEL_MAP_I_TO_I) as usize, call.size(1)? as usize);
     if map >= 10 {
         return Err(INVALID_ENUM);
@@ -85,12 +85,12 @@ pub fn pixel_map(gl: &mut Gl, call: &Call, shape: Shape) -> Outcome {
 /// Maximum number of elements of a pixel map.
 const MAP_MAX: usize = 1 << 16;
 
-pub fn pixel_zoom(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
+pub fn pixel_zoom(gl: &mut Gl, call: &Call, _: Shape) -> GlResult {
     gl.state.pixels.zoom = [call.f32(0)?, call.f32(1)?];
     Ok(())
 }
 
-pub fn raster_position(gl: &mut Gl, call: &Call, shape: Shape) -> Outcome {
+pub fn raster_position(gl: &mut Gl, call: &Call, shape: Shape) -> GlResult {
     let position = call::components(call, shape, 0)?.0.map(|value| value as f32);
     let eye = matrix::transform(&gl.context.matrices.modelview.top, position);
     let [x, y, z, w] = matrix::transform(&gl.context.matrices.projection.top, eye);
@@ -121,7 +121,7 @@ pub fn raster_position(gl: &mut Gl, call: &Call, shape: Shape) -> Outcome {
     Ok(())
 }
 
-pub fn window_position(gl: &mut Gl, call: &Call, shape: Shape) -> Outcome {
+pub fn window_position(gl: &mut Gl, call: &Call, shape: Shape) -> GlResult {
     let [x, y, z, _] = call::components(call, shape, 0)?.0.map(|value| value as f32);
     let [near, far] = gl.state.transform.depth_range;
     gl.state.raster.position = Some([x, y, near + z.clamp(0.0, 1.0) * (far - near), 1.0]);
@@ -131,7 +131,7 @@ pub fn window_position(gl: &mut Gl, call: &Call, shape: Shape) -> Outcome {
     Ok(())
 }
 
-pub fn render_mode(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
+pub fn render_mode(gl: &mut Gl, call: &Call, _: Shape) -> GlResult {
     let mode = call.u32(0)?;
     if !matches!(mode, e::RENDER | e::FEEDBACK | e::SELECT) {
         return Err(INVALID_ENUM);

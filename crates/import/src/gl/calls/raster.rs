@@ -4,27 +4,26 @@ use gl_shader::arb::program::Stage;
 use gl_shader::key::FogDistance;
 use gl_shader::{LIGHTS, TARGETS, consts as e};
 
-use crate::gl::call::{Call, Fault, INVALID_ENUM, INVALID_OPERATION, INVALID_VALUE, Outcome, Scalar, Shape, padded};
-use crate::gl::calls::arrays::slot;
+use crate::gl::call::{Call, Fault, GlResult, INVALID_ENUM, INVALID_OPERATION, INVALID_VALUE, Scalar, Shape, padded};
 use crate::gl::draw::lit::colors;
 use crate::gl::machine::Gl;
 use crate::gl::state::arb::switch_of;
 use crate::gl::state::lighting::Material;
-use crate::gl::state::materials::{Tracked, tracked, tracks};
+use crate::gl::state::materials::{ChangingMaterial, tracked_parameters, tracks};
 use crate::gl::state::restart::RESTART_CLIENT;
 use crate::gl::state::server::capability;
 use crate::gl::texels::transfer::values;
 use crate::gl::{matrix, names};
 
-pub fn set(gl: &mut Gl, cap: u32, on: bool) -> Outcome {
+pub fn set(gl: &mut Gl, cap: u32, on: bool) -> GlResult {
     if cap == e::COLOR_MATERIAL && on != gl.state.is(cap) {
         gl.settle_color_material()?;
-        gl.context.given.switch();
+        gl.context.material_tracking.note_switched();
     }
     if let Some(bit) = capability(cap) {
         let switched = on != gl.state.is(cap);
         gl.state.enabled = if on { gl.state.enabled | bit } else { gl.state.enabled & !bit };
-        return if cap == e::COLOR_MATERIAL && switched { gl.materials_meet() } else { Ok(()) };
+        return if cap == e::COLOR_MATERIAL && switched { gl.apply_materials() } else { Ok(()) };
     }
     if let Some(bit) = switch_of(cap) {
         gl.state.programs = if on { gl.state.programs | bit } else { gl.state.programs & !bit };
@@ -38,7 +37,7 @@ pub fn set(gl: &mut Gl, cap: u32, on: bool) -> Outcome {
         return Ok(());
     }
     // Mesa switches arrays so, too.
-    if let Ok(slot) = slot(gl, cap) {
+    if let Ok(slot) = gl.context.arrays.slot(cap) {
         gl.context.arrays.switch(slot, on);
         return Ok(());
     }
@@ -65,7 +64,7 @@ pub fn set(gl: &mut Gl, cap: u32, on: bool) -> Outcome {
 }
 
 /// `glEnablei(capability, buffer)`, `glDisablei`: of one colour buffer.
-pub fn set_of_buffer<const ON: bool>(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
+pub fn set_of_buffer<const ON: bool>(gl: &mut Gl, call: &Call, _: Shape) -> GlResult {
     let (cap, k) = (call.u32(0)?, call.u32(1)? as usize);
     if cap != e::BLEND {
         return Err(Fault::Unsupported(format!("{}({})", call.function.name, names::name(cap))));
@@ -74,15 +73,15 @@ pub fn set_of_buffer<const ON: bool>(gl: &mut Gl, call: &Call, _: Shape) -> Outc
     Ok(())
 }
 
-pub fn enable(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
+pub fn enable(gl: &mut Gl, call: &Call, _: Shape) -> GlResult {
     set(gl, call.u32(0)?, true)
 }
 
-pub fn disable(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
+pub fn disable(gl: &mut Gl, call: &Call, _: Shape) -> GlResult {
     set(gl, call.u32(0)?, false)
 }
 
-pub fn shade_model(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
+pub fn shade_model(gl: &mut Gl, call: &Call, _: Shape) -> GlResult {
     gl.state.lighting.flat = match call.u32(0)? {
         e::FLAT => true,
         e::SMOOTH => false,
@@ -91,7 +90,7 @@ pub fn shade_model(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
     Ok(())
 }
 
-pub fn provoking_vertex(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
+pub fn provoking_vertex(gl: &mut Gl, call: &Call, _: Shape) -> GlResult {
     gl.state.lighting.provoking_first = match call.u32(0)? {
         e::FIRST_VERTEX_CONVENTION => true,
         e::LAST_VERTEX_CONVENTION => false,
@@ -100,18 +99,18 @@ pub fn provoking_vertex(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
     Ok(())
 }
 
-pub fn color(values: &[f64], shape: Shape) -> Outcome<[f32; 4]> {
+pub fn color(values: &[f64], shape: Shape) -> GlResult<[f32; 4]> {
     let float = matches!(shape.scalar, Scalar::Float | Scalar::Double);
     let values = values.get(..4).ok_or_else(|| Fault::Damaged("a colour of fewer than 4 numbers".into()))?;
     Ok(std::array::from_fn(|k| if float { values[k] as f32 } else { shape.scalar.normalized(values[k]) }))
 }
 
-fn vector<const N: usize>(values: &[f64]) -> Outcome<[f32; N]> {
+fn vector<const N: usize>(values: &[f64]) -> GlResult<[f32; N]> {
     let values = values.get(..N).ok_or_else(|| Fault::Damaged(format!("fewer than {N} numbers")))?;
     Ok(std::array::from_fn(|k| values[k] as f32))
 }
 
-fn faces(face: u32) -> Outcome<std::ops::Range<usize>> {
+fn faces(face: u32) -> GlResult<std::ops::Range<usize>> {
     match face {
         e::FRONT => Ok(0..1),
         e::BACK => Ok(1..2),
@@ -120,14 +119,14 @@ fn faces(face: u32) -> Outcome<std::ops::Range<usize>> {
     }
 }
 
-pub fn material(gl: &mut Gl, call: &Call, shape: Shape) -> Outcome {
+pub fn material(gl: &mut Gl, call: &Call, shape: Shape) -> GlResult {
     let (face, name, values) = (faces(call.u32(0)?)?, call.u32(1)?, call.numbers(2)?);
     // What a colour of a single number gives is left open: Mesa reads beyond that number.
     if !shape.vector && name != e::SHININESS {
         return Err(INVALID_ENUM);
     }
     let mut materials = gl.state.lighting.materials.clone();
-    let tracked = tracked(&gl.state);
+    let tracked = tracked_parameters(&gl.state);
     for (side, material) in materials.iter_mut().enumerate().filter(|(side, _)| face.contains(side)) {
         let old = material.clone();
         match name {
@@ -160,14 +159,14 @@ pub fn material(gl: &mut Gl, call: &Call, shape: Shape) -> Outcome {
             }
         }
     }
-    if gl.context.begun.is_none() {
-        gl.context.given.give(&gl.state, face, name);
+    if gl.context.open_primitive.is_none() {
+        gl.context.material_tracking.note_set(&gl.state, face, name);
     }
     if materials == gl.state.lighting.materials {
         return Ok(());
     }
     // Primitives before this call use the old material.
-    if let Some((mode, vertices)) = &mut gl.context.begun {
+    if let Some((mode, vertices)) = &mut gl.context.open_primitive {
         let whole = match *mode {
             e::POINTS => 1,
             e::LINES => 2,
@@ -177,10 +176,10 @@ pub fn material(gl: &mut Gl, call: &Call, shape: Shape) -> Outcome {
         };
         let complete = vertices.is_empty() || whole > 0 && vertices.len().is_multiple_of(whole);
         let key = [call.u32(0)?, name];
-        let goes_on = match gl.context.tracked {
+        let goes_on = match gl.context.changing_material {
             None => false,
-            Some(Tracked::Color(known, _)) => known == key,
-            Some(Tracked::Lit) => true,
+            Some(ChangingMaterial::Color(known, _)) => known == key,
+            Some(ChangingMaterial::Lit) => true,
         };
         if (goes_on || !complete) && gl.state.is(e::LIGHTING) {
             return track(gl, key, materials);
@@ -203,7 +202,7 @@ pub fn material(gl: &mut Gl, call: &Call, shape: Shape) -> Outcome {
 
 /// The material changes from a vertex to the next. If that is always the same colour of it, this becomes the colour of the vertices, as with
 /// colour material. Else they are lit here, each with its own material.
-fn track(gl: &mut Gl, [face, name]: [u32; 2], materials: [Material; 2]) -> Outcome {
+fn track(gl: &mut Gl, [face, name]: [u32; 2], materials: [Material; 2]) -> GlResult {
     let of = |materials: &[Material; 2]| {
         let material = &materials[usize::from(face == e::BACK)];
         match name {
@@ -216,42 +215,42 @@ fn track(gl: &mut Gl, [face, name]: [u32; 2], materials: [Material; 2]) -> Outco
         }
     };
     let key = [face, name];
-    let goes_on = match gl.context.tracked {
+    let goes_on = match gl.context.changing_material {
         None => !gl.state.is(e::COLOR_MATERIAL),
-        Some(Tracked::Color(known, _)) => known == key,
-        Some(Tracked::Lit) => false,
+        Some(ChangingMaterial::Color(known, _)) => known == key,
+        Some(ChangingMaterial::Lit) => false,
     };
     let (old, new) = (of(&gl.state.lighting.materials), of(&materials));
-    if gl.context.tracked.is_none() {
+    if gl.context.changing_material.is_none() {
         // Primitives before this one use the old material.
         gl.flush()?;
         gl.drawing.prepared = None;
     }
     if let (true, Some(old), Some(new)) = (goes_on, old, new) {
-        if let (None, Some((_, vertices))) = (gl.context.tracked, &mut gl.context.begun) {
+        if let (None, Some((_, vertices))) = (gl.context.changing_material, &mut gl.context.open_primitive) {
             vertices.iter_mut().for_each(|vertex| vertex.color = old);
         }
-        gl.context.tracked = Some(Tracked::Color(key, new));
+        gl.context.changing_material = Some(ChangingMaterial::Color(key, new));
     } else if gl.state.lighting.two_side || gl.context.glsl_program != 0 || gl.state.programs & Stage::Vertex as u8 != 0 {
         return Err(Fault::Unsupported("several materials within a primitive, lit on two sides or by a program".into()));
-    } else if gl.context.tracked != Some(Tracked::Lit) {
+    } else if gl.context.changing_material != Some(ChangingMaterial::Lit) {
         // The vertices before the change have the materials from before it.
         let mut before = gl.state.clone();
-        if let Some(Tracked::Color(key, _)) = gl.context.tracked {
+        if let Some(ChangingMaterial::Color(key, _)) = gl.context.changing_material {
             before.enabled |= capability(e::COLOR_MATERIAL).unwrap_or(0);
             before.lighting.color_material = key;
         }
         let modelview = gl.context.matrices.modelview.top;
-        for vertex in gl.context.begun.iter_mut().flat_map(|(_, vertices)| vertices) {
+        for vertex in gl.context.open_primitive.iter_mut().flat_map(|(_, vertices)| vertices) {
             (vertex.color, vertex.secondary) = colors(&before, &modelview, vertex);
         }
-        gl.context.tracked = Some(Tracked::Lit);
+        gl.context.changing_material = Some(ChangingMaterial::Lit);
     }
     gl.state.lighting.materials = materials;
     Ok(())
 }
 
-pub fn color_material(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
+pub fn color_material(gl: &mut Gl, call: &Call, _: Shape) -> GlResult {
     let (face, mode) = (call.u32(0)?, call.u32(1)?);
     faces(face)?;
     if !matches!(mode, e::EMISSION | e::AMBIENT | e::DIFFUSE | e::SPECULAR | e::AMBIENT_AND_DIFFUSE) {
@@ -260,12 +259,12 @@ pub fn color_material(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
     if gl.state.lighting.color_material != [face, mode] {
         gl.settle_color_material()?;
         gl.state.lighting.color_material = [face, mode];
-        gl.context.given.switch();
+        gl.context.material_tracking.note_switched();
     }
     Ok(())
 }
 
-pub fn light(gl: &mut Gl, call: &Call, shape: Shape) -> Outcome {
+pub fn light(gl: &mut Gl, call: &Call, shape: Shape) -> GlResult {
     let (k, name, values) = (call.u32(0)?.wrapping_sub(e::LIGHT0) as usize, call.u32(1)?, padded(call, shape, 2)?);
     let modelview = gl.context.matrices.modelview.top;
     let light = gl.state.lighting.lights.get_mut(k).filter(|_| k < LIGHTS).ok_or(INVALID_ENUM)?;
@@ -296,7 +295,7 @@ pub fn light(gl: &mut Gl, call: &Call, shape: Shape) -> Outcome {
     Ok(())
 }
 
-pub fn light_model(gl: &mut Gl, call: &Call, shape: Shape) -> Outcome {
+pub fn light_model(gl: &mut Gl, call: &Call, shape: Shape) -> GlResult {
     let (name, values) = (call.u32(0)?, padded(call, shape, 1)?);
     let [value] = vector(&values)?;
     match name {
@@ -320,7 +319,7 @@ const FOG_DISTANCE_MODE: u32 = 0x855a;
 const EYE_RADIAL: u32 = 0x855b;
 const EYE_PLANE_ABSOLUTE: u32 = 0x855c;
 
-pub fn fog(gl: &mut Gl, call: &Call, shape: Shape) -> Outcome {
+pub fn fog(gl: &mut Gl, call: &Call, shape: Shape) -> GlResult {
     let (name, values) = (call.u32(0)?, padded(call, shape, 1)?);
     let [value] = vector(&values)?;
     match name {
@@ -352,14 +351,14 @@ pub fn fog(gl: &mut Gl, call: &Call, shape: Shape) -> Outcome {
     Ok(())
 }
 
-pub fn cull_face(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
+pub fn cull_face(gl: &mut Gl, call: &Call, _: Shape) -> GlResult {
     let face = call.u32(0)?;
     faces(face)?;
     gl.state.polygon.cull = face;
     Ok(())
 }
 
-pub fn front_face(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
+pub fn front_face(gl: &mut Gl, call: &Call, _: Shape) -> GlResult {
     match call.u32(0)? {
         winding @ (e::CW | e::CCW) => gl.state.polygon.front = winding,
         _ => return Err(INVALID_ENUM),
@@ -367,7 +366,7 @@ pub fn front_face(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
     Ok(())
 }
 
-pub fn polygon_mode(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
+pub fn polygon_mode(gl: &mut Gl, call: &Call, _: Shape) -> GlResult {
     let (face, mode) = (faces(call.u32(0)?)?, call.u32(1)?);
     if !matches!(mode, e::POINT | e::LINE | e::FILL) {
         return Err(INVALID_ENUM);
@@ -376,14 +375,14 @@ pub fn polygon_mode(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
     Ok(())
 }
 
-pub fn polygon_offset(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
+pub fn polygon_offset(gl: &mut Gl, call: &Call, _: Shape) -> GlResult {
     // A trace has finite ones; no number counts as none.
     let finite = |value: f32| if value.is_nan() { 0.0 } else { value.clamp(f32::MIN, f32::MAX) };
     gl.state.polygon.offset = [finite(call.f32(0)?), finite(call.f32(1)?)];
     Ok(())
 }
 
-pub fn polygon_stipple(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
+pub fn polygon_stipple(gl: &mut Gl, call: &Call, _: Shape) -> GlResult {
     let bytes = gl.pixel_bytes(call.arg(0))?.ok_or_else(|| Fault::Damaged("argument 0 is no pattern".into()))?;
     gl.unpacking(2, |gl| {
         let bits = values(&gl.context.unpack, [32, 32, 1], e::BITMAP, &bytes, false)?;
@@ -394,7 +393,7 @@ pub fn polygon_stipple(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
     })
 }
 
-pub fn line_width(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
+pub fn line_width(gl: &mut Gl, call: &Call, _: Shape) -> GlResult {
     let width = call.f32(0)?;
     if !(width > 0.0) {
         return Err(INVALID_VALUE);
@@ -403,12 +402,12 @@ pub fn line_width(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
     Ok(())
 }
 
-pub fn line_stipple(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
+pub fn line_stipple(gl: &mut Gl, call: &Call, _: Shape) -> GlResult {
     gl.state.line.stipple = (call.i32(0)?.clamp(1, 256) as u32, call.u32(1)? & 0xffff);
     Ok(())
 }
 
-pub fn point_size(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
+pub fn point_size(gl: &mut Gl, call: &Call, _: Shape) -> GlResult {
     let size = call.f32(0)?;
     if !(size > 0.0) {
         return Err(INVALID_VALUE);
@@ -417,7 +416,7 @@ pub fn point_size(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
     Ok(())
 }
 
-pub fn point_parameter(gl: &mut Gl, call: &Call, shape: Shape) -> Outcome {
+pub fn point_parameter(gl: &mut Gl, call: &Call, shape: Shape) -> GlResult {
     let (name, values) = (call.u32(0)?, padded(call, shape, 1)?);
     let [value] = vector(&values)?;
     match name {
@@ -435,5 +434,5 @@ pub fn point_parameter(gl: &mut Gl, call: &Call, shape: Shape) -> Outcome {
         }
         _ => return Err(INVALID_ENUM),
     }
-    if gl.context.begun.is_some() { Err(INVALID_OPERATION) } else { Ok(()) }
+    if gl.context.open_primitive.is_some() { Err(INVALID_OPERATION) } else { Ok(()) }
 }

@@ -11,14 +11,14 @@ use num::*;
 use trace::command::*;
 use trace::record;
 
-use crate::gl::call::{Call, Fault, INVALID_ENUM, Outcome, Shape};
-use crate::gl::card::copy_key::{CopyKey, From, Map, Meet, row_edge};
-use crate::gl::card::pass::{Draw, Fixed, Order, Surface, VertexRange};
+use crate::gl::call::{Call, Fault, GlResult, INVALID_ENUM, Shape};
+use crate::gl::card::copy_key::{Combine, CopyKey, CopySource, Map, row_edge};
+use crate::gl::card::pass::{Draw, Order, PipelineState, Surface, VertexRange};
 use crate::gl::geometry::vertex::Vertex;
 use crate::gl::machine::Gl;
 use crate::gl::matrix;
 use crate::gl::state::fragments::compare;
-use crate::gl::state::prepared::Source;
+use crate::gl::state::prepared::PixelRectangle;
 use crate::gl::state::server::capability;
 use crate::gl::texels::transfer::values;
 use crate::gl::texels::unpack::can_have;
@@ -51,7 +51,7 @@ const STENCIL_TEXT: &str = "struct Uniforms { place: vec4f, color: vec4f, terms:
 
 impl Gl {
     /// Draws in window coordinates with the attributes of the raster position; vertex processing is skipped.
-    fn in_window(&mut self, depth: f32, run: impl FnOnce(&mut Gl, Vertex) -> Outcome) -> Outcome {
+    fn in_window(&mut self, depth: f32, run: impl FnOnce(&mut Gl, Vertex) -> GlResult) -> GlResult {
         self.flush()?;
         let target = self.aim()?;
         let state = self.state.clone();
@@ -98,7 +98,7 @@ impl Gl {
     }
 
     /// Draws a rectangle whose colours come from a source.
-    fn rectangle(&mut self, bound: (TextureId, ViewId, SamplerId), at: [f32; 4], size: [u32; 2], first: [f32; 3]) -> Outcome {
+    fn rectangle(&mut self, bound: (TextureId, ViewId, SamplerId), at: [f32; 4], size: [u32; 2], first: [f32; 3]) -> GlResult {
         let ([x0, y0], [x1, y1]) = self.corners(at, size);
         let [zx, zy] = self.state.pixels.zoom;
         if zx == 0.0 || zy == 0.0 {
@@ -112,7 +112,7 @@ impl Gl {
         let rows = if first[2] == 0.0 { 1.0 } else { first[2] };
         let uniforms = [[x0, y0, 1.0 / zx, 1.0 / zy], [first[0], first[1], 1.0, rows], scale, bias];
         self.in_window(at[2], |gl, vertex| {
-            gl.drawing.pixels = Some(Source { bound, uniforms });
+            gl.drawing.pixels = Some(PixelRectangle { bound, uniforms });
             let corners = [[x0, y0], [x1, y0], [x1, y1], [x0, y1]].map(|at| placed(&vertex, at));
             let outcome = gl.primitive(e::QUADS, &corners).and_then(|()| gl.flush());
             gl.drawing.pixels = None;
@@ -126,10 +126,10 @@ impl Gl {
         source: Surface,
         at: [f32; 4],
         size: [u32; 2],
-        fixed: &Fixed,
+        fixed: &PipelineState,
         reference: u32,
         bit: f32,
-    ) -> Outcome {
+    ) -> GlResult {
         let target = self.aim()?;
         let Some(scissor) = self.scissor() else { return Ok(()) };
         let ([x0, y0], [x1, y1]) = self.corners(at, size);
@@ -175,7 +175,7 @@ impl Gl {
 
     /// Draws a rectangle of depths, and frees their surface. They are tested and written like those of fragments. Beside stencil values they
     /// are written without tests and colours, as in Mesa.
-    fn draw_depths(&mut self, source: Surface, at: [f32; 4], size: [u32; 2], beside: bool) -> Outcome {
+    fn draw_depths(&mut self, source: Surface, at: [f32; 4], size: [u32; 2], beside: bool) -> GlResult {
         let mut fixed = self.values_state("depths", DEPTH_TEXT)?;
         if beside {
             if let Some(depth) = &mut fixed.depth {
@@ -203,7 +203,7 @@ impl Gl {
 
     /// Draws a rectangle of stencil values, and frees their surface. All bits are cleared first. The texture decides which are set again, one
     /// bit a draw.
-    fn draw_stencil(&mut self, source: Surface, at: [f32; 4], size: [u32; 2]) -> Outcome {
+    fn draw_stencil(&mut self, source: Surface, at: [f32; 4], size: [u32; 2]) -> GlResult {
         let mut fixed = self.values_state("stencil", STENCIL_TEXT)?;
         let ones = self.numbers_surface(size, &vec![255.0; (size[0] * size[1]) as usize]);
         for bit in std::iter::once(0).chain((0..8).map(|bit| 1 << bit)) {
@@ -221,7 +221,7 @@ impl Gl {
     }
 
     /// Depths or stencil values of a rectangle of the frame buffer, as numbers, rows from the bottom.
-    fn copied_numbers(&mut self, from: From, [x, y]: [i32; 2], size: [u32; 2]) -> Outcome<Surface> {
+    fn copied_numbers(&mut self, from: CopySource, [x, y]: [i32; 2], size: [u32; 2]) -> GlResult<Surface> {
         self.flush()?;
         let (source, [_, height], upward) = self.read_source(true)?;
         let to = self.card.create_surface("pixels", size, Format::R32Float);
@@ -230,7 +230,7 @@ impl Gl {
             from: [x as f32, row_edge(height, upward, y as f32)],
             scale: [1.0, if upward { 1.0 } else { -1.0 }],
         };
-        let key = CopyKey { from, result: "c", format: Format::R32Float.name(), meet: Meet::Replace, mask: 15 };
+        let key = CopyKey { from, result: "c", format: Format::R32Float.name(), combine: Combine::Replace, mask: 15 };
         let area = Rect { x: 0, y: 0, width: size[0], height: size[1] };
         self.card.copy_pixels(key, Format::R32Float, source, to, map, 0.0, area);
         Ok(to)
@@ -251,13 +251,13 @@ impl Gl {
     }
 
     /// The state that draws of depths and draws of stencil values have in common.
-    fn values_state(&mut self, label: &'static str, text: &str) -> Outcome<Fixed> {
+    fn values_state(&mut self, label: &'static str, text: &str) -> GlResult<PipelineState> {
         let target = self.aim()?;
         if target.more[0].is_some() {
             return Err(Fault::Unsupported("pixel rectangles in several colour buffers".into()));
         }
         let shader = self.card.plain_shader(label, text);
-        Ok(Fixed {
+        Ok(PipelineState {
             shader,
             buffers: record::vertex_buffer(&[(0, VertexFormat::Float32x2)]).into_iter().collect(),
             primitive: Primitive::default(),
@@ -282,11 +282,11 @@ fn placed(vertex: &Vertex, [x, y]: [f32; 2]) -> Vertex {
     moved
 }
 
-pub fn bitmap(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
+pub fn bitmap(gl: &mut Gl, call: &Call, _: Shape) -> GlResult {
     gl.unpacking(2, |gl| draw_bitmap(gl, call))
 }
 
-fn draw_bitmap(gl: &mut Gl, call: &Call) -> Outcome {
+fn draw_bitmap(gl: &mut Gl, call: &Call) -> GlResult {
     let (width, height) = (call.size(0)?, call.size(1)?);
     let (origin, step) = ([call.f32(2)?, call.f32(3)?], [call.f32(4)?, call.f32(5)?]);
     let Some(at) = gl.state.raster.position else { return Ok(()) };
@@ -316,7 +316,7 @@ fn draw_bitmap(gl: &mut Gl, call: &Call) -> Outcome {
     Ok(())
 }
 
-fn size_of(call: &Call, first: usize) -> Outcome<[u32; 2]> {
+fn size_of(call: &Call, first: usize) -> GlResult<[u32; 2]> {
     let size = [call.size(first)?, call.size(first + 1)?];
     if size.into_iter().any(|edge| edge > EDGE_MAX) {
         return Err(Fault::Limit(format!("pixels in a rectangle of {} x {}, at most {EDGE_MAX} each", size[0], size[1])));
@@ -324,11 +324,11 @@ fn size_of(call: &Call, first: usize) -> Outcome<[u32; 2]> {
     Ok(size)
 }
 
-pub fn draw_pixels(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
+pub fn draw_pixels(gl: &mut Gl, call: &Call, _: Shape) -> GlResult {
     gl.unpacking(2, |gl| draw(gl, call))
 }
 
-fn draw(gl: &mut Gl, call: &Call) -> Outcome {
+fn draw(gl: &mut Gl, call: &Call) -> GlResult {
     let ([width, height], format, kind) = (size_of(call, 0)?, call.u32(2)?, call.u32(3)?);
     can_have(format, kind)?;
     let Some(at) = gl.state.raster.position else { return Ok(()) };
@@ -369,7 +369,7 @@ fn draw(gl: &mut Gl, call: &Call) -> Outcome {
     Ok(())
 }
 
-pub fn copy_pixels(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
+pub fn copy_pixels(gl: &mut Gl, call: &Call, _: Shape) -> GlResult {
     let (x, y, size, kind) = (call.i32(0)?, call.i32(1)?, size_of(call, 2)?, call.u32(4)?);
     let Some(at) = gl.state.raster.position else { return Ok(()) };
     if size.contains(&0) || !gl.context.render_mode.draws() {
@@ -395,8 +395,8 @@ pub fn copy_pixels(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
             }
             // Both are read before either is written: source and destination may overlap.
             let copied = |gl: &mut Gl, from, wanted: bool| wanted.then(|| gl.copied_numbers(from, [x, y], size)).transpose();
-            let depths = copied(gl, From::Depth, kind != e::STENCIL)?;
-            let values = copied(gl, From::Stencil, kind != e::DEPTH)?;
+            let depths = copied(gl, CopySource::Depth, kind != e::STENCIL)?;
+            let values = copied(gl, CopySource::Stencil, kind != e::DEPTH)?;
             depths.map_or(Ok(()), |source| gl.draw_depths(source, at, size, kind == e::DEPTH_STENCIL))?;
             values.map_or(Ok(()), |source| gl.draw_stencil(source, at, size))
         }

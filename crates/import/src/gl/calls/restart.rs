@@ -2,7 +2,7 @@
 
 use gl_shader::consts as e;
 
-use crate::gl::call::{Call, Fault, INVALID_ENUM, Outcome, Shape};
+use crate::gl::call::{Call, Fault, GlResult, INVALID_ENUM, Shape};
 use crate::gl::machine::Gl;
 use crate::gl::state::selection::{Selection, Selector};
 
@@ -10,13 +10,13 @@ use crate::gl::state::selection::{Selection, Selector};
 const PARTS_MAX: usize = 1 << 16;
 
 /// `glPrimitiveRestartIndex(index)`
-pub fn index(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
+pub fn index(gl: &mut Gl, call: &Call, _: Shape) -> GlResult {
     gl.context.arrays.restart.index = call.u32(0)?;
     Ok(())
 }
 
 /// Parts a draw at the indices of this type that end primitives. `base` is added to the others.
-pub fn parts(gl: &Gl, mut all: Selection, kind: u32, base: i32) -> Outcome<Vec<Selection>> {
+pub fn parts(gl: &Gl, mut all: Selection, kind: u32, base: i32) -> GlResult<Vec<Selection>> {
     let Some(end) = gl.context.arrays.restart.of(kind).filter(|end| all.numbers.contains(end)) else {
         all.add(base);
         return Ok(vec![all]);

@@ -3,20 +3,20 @@
 use gl_shader::key::{Base, Kind};
 use gl_shader::{IMAGES, consts as e};
 
-use crate::gl::call::{Call, Fault, INVALID_ENUM, INVALID_OPERATION, INVALID_VALUE, Outcome, Scalar, Shape, parameters};
+use crate::gl::call::{Call, Fault, GlResult, INVALID_ENUM, INVALID_OPERATION, INVALID_VALUE, Scalar, Shape, parameters};
 use crate::gl::calls::texturing::with;
 use crate::gl::machine::Gl;
 use crate::gl::state::fragments::compare;
 use crate::gl::state::texture::{MIRROR_CLAMP, MIRROR_CLAMP_TO_BORDER, MIRROR_CLAMP_TO_EDGE, Texture};
 use crate::gl::state::texturing::target_of;
 
-pub fn parameter(gl: &mut Gl, call: &Call, shape: Shape) -> Outcome {
+pub fn parameter(gl: &mut Gl, call: &Call, shape: Shape) -> GlResult {
     let (target, name, values) = (target_of(call.u32(0)?)?, call.u32(1)?, parameters(call, 2)?);
     with(gl, target, |texture, _| set_parameter(texture, name, &values, shape))
 }
 
 /// `glSamplerParameter(sampler, name, values)`
-pub fn sampler_parameter(gl: &mut Gl, call: &Call, shape: Shape) -> Outcome {
+pub fn sampler_parameter(gl: &mut Gl, call: &Call, shape: Shape) -> GlResult {
     let (name, values) = (call.u32(1)?, parameters(call, 2)?);
     let own = matches!(
         name,
@@ -47,7 +47,7 @@ pub fn sampler_parameter(gl: &mut Gl, call: &Call, shape: Shape) -> Outcome {
 }
 
 /// `glBindSampler(unit, sampler)`
-pub fn bind(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
+pub fn bind(gl: &mut Gl, call: &Call, _: Shape) -> GlResult {
     let (unit, sampler) = (call.u32(0)? as usize, call.u32(1)?);
     if unit >= IMAGES {
         return Err(INVALID_VALUE);
@@ -59,7 +59,7 @@ pub fn bind(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
     Ok(())
 }
 
-pub fn delete(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
+pub fn delete(gl: &mut Gl, call: &Call, _: Shape) -> GlResult {
     gl.flush()?;
     for &name in call.numbers(1)?.iter() {
         if gl.objects.samplers.remove(name as u32).is_some() {
@@ -71,7 +71,7 @@ pub fn delete(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
 }
 
 /// A parameter of a texture or a sampler.
-fn set_parameter(texture: &mut Texture, name: u32, values: &[f64], shape: Shape) -> Outcome {
+fn set_parameter(texture: &mut Texture, name: u32, values: &[f64], shape: Shape) -> GlResult {
     let value = *values.first().ok_or(INVALID_VALUE)?;
     let word = value as i64 as u32;
     let filters = [e::NEAREST, e::LINEAR];
@@ -145,7 +145,7 @@ fn set_parameter(texture: &mut Texture, name: u32, values: &[f64], shape: Shape)
 }
 
 /// A wrap mode that textures of this kind may have.
-fn wrapping(kind: Kind, word: u32) -> Outcome<u32> {
+fn wrapping(kind: Kind, word: u32) -> GlResult<u32> {
     match word {
         e::CLAMP | e::CLAMP_TO_EDGE | e::CLAMP_TO_BORDER => Ok(word),
         _ if kind == Kind::Rectangle => Err(INVALID_ENUM),
@@ -164,7 +164,7 @@ const SRGB_DECODE: u32 = 0x8a48;
 const SKIP_DECODE: u32 = 0x8a4a;
 
 /// The source of a component as a number: a channel, 4 for zero, 5 for one.
-fn swizzled(word: u32) -> Outcome<u8> {
+fn swizzled(word: u32) -> GlResult<u8> {
     Ok(match word {
         e::RED => 0,
         e::GREEN => 1,

@@ -2,7 +2,7 @@
 
 use gl_shader::consts as e;
 
-use crate::gl::call::{Call, Fault, Outcome, Shape};
+use crate::gl::call::{Call, Fault, GlResult, Shape};
 use crate::gl::machine::Gl;
 use crate::gl::state::saved::Saved;
 use crate::gl::state::texture::Texture;
@@ -11,7 +11,7 @@ use crate::gl::state::texturing::kind_of;
 /// Maximum depth of the stack.
 const DEPTH: usize = 16;
 
-pub fn push(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
+pub fn push(gl: &mut Gl, call: &Call, _: Shape) -> GlResult {
     if gl.context.saved.len() >= DEPTH {
         return Err(Fault::Error("GL_STACK_OVERFLOW"));
     }
@@ -46,12 +46,12 @@ pub fn push(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
     Ok(())
 }
 
-pub fn pop(gl: &mut Gl, _: &Call, _: Shape) -> Outcome {
+pub fn pop(gl: &mut Gl, _: &Call, _: Shape) -> GlResult {
     let saved = gl.context.saved.pop().ok_or(Fault::Error("GL_STACK_UNDERFLOW"))?;
     gl.settle_color_material()?;
     gl.state.restore(saved.mask, *saved.state);
     if saved.mask & e::LIGHTING_BIT != 0 {
-        gl.context.given.restore();
+        gl.context.material_tracking.note_restored();
     }
     if saved.mask & e::PIXEL_MODE_BIT != 0 {
         gl.context.framebuffers.window_read = saved.read_buffer;

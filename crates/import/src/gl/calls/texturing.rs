@@ -5,14 +5,14 @@ use gl_shader::consts as e;
 use gl_shader::key::Base;
 use num::float_bytes;
 
-use crate::gl::call::{Call, Fault, INVALID_ENUM, INVALID_OPERATION, INVALID_VALUE, Outcome, Shape};
+use crate::gl::call::{Call, Fault, GlResult, INVALID_ENUM, INVALID_OPERATION, INVALID_VALUE, Shape};
 use crate::gl::card::device::Card;
 use crate::gl::machine::Gl;
 use crate::gl::names;
 use crate::gl::state::texture::{Level, Texture};
 use crate::gl::state::texturing::{kind_of, target_of};
 use crate::gl::texels::image;
-use crate::gl::texels::image::Kept;
+use crate::gl::texels::image::StoredFormat;
 use crate::gl::texels::image::base_of;
 use crate::gl::texels::s3tc;
 use crate::gl::texels::unpack::can_have;
@@ -22,14 +22,14 @@ const EDGE_MAX: u32 = 16_384;
 const EDGE_3D_MAX: u32 = 2_048;
 const TEXELS_MAX: u64 = 1 << 26;
 
-pub fn active(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
+pub fn active(gl: &mut Gl, call: &Call, _: Shape) -> GlResult {
     let unit = call.image_unit(0)?;
     gl.state.texturing.reach(unit);
     gl.state.texturing.active = unit;
     Ok(())
 }
 
-pub fn bind(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
+pub fn bind(gl: &mut Gl, call: &Call, _: Shape) -> GlResult {
     let (target, name) = (target_of(call.u32(0)?)?, call.u32(1)?);
     let kind = kind_of(target);
     if name != 0 && gl.objects.textures.get_or_insert_with(name, || Texture::new(kind)).kind != kind {
@@ -39,7 +39,7 @@ pub fn bind(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
     Ok(())
 }
 
-pub fn delete(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
+pub fn delete(gl: &mut Gl, call: &Call, _: Shape) -> GlResult {
     gl.flush()?;
     for &name in call.numbers(1)?.iter() {
         let name = name as u32;
@@ -56,7 +56,7 @@ pub fn delete(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
 }
 
 /// The target and face of an image call; none for a proxy.
-fn image_target(target: u32, allowed: &[u32]) -> Outcome<Option<(usize, u32)>> {
+fn image_target(target: u32, allowed: &[u32]) -> GlResult<Option<(usize, u32)>> {
     let proxies =
         [e::PROXY_TEXTURE_1D, e::PROXY_TEXTURE_2D, e::PROXY_TEXTURE_3D, e::PROXY_TEXTURE_CUBE_MAP, e::PROXY_TEXTURE_RECTANGLE];
     if proxies.contains(&target) {
@@ -73,7 +73,7 @@ fn image_target(target: u32, allowed: &[u32]) -> Outcome<Option<(usize, u32)>> {
 const PLANAR: &[u32] = &[e::TEXTURE_2D, e::TEXTURE_RECTANGLE];
 
 /// Runs a function on the texture bound to a target of the active unit, and the card.
-pub fn with<T>(gl: &mut Gl, target: usize, run: impl FnOnce(&mut Texture, &mut Card) -> Outcome<T>) -> Outcome<T> {
+pub fn with<T>(gl: &mut Gl, target: usize, run: impl FnOnce(&mut Texture, &mut Card) -> GlResult<T>) -> GlResult<T> {
     let unit = gl.state.texturing.active;
     gl.texture(unit, target);
     let name = gl.state.texturing.units[unit].bound[target];
@@ -83,7 +83,7 @@ pub fn with<T>(gl: &mut Gl, target: usize, run: impl FnOnce(&mut Texture, &mut C
 }
 
 /// Checks the limits common to all images.
-fn checked(level: i32, size: [u32; 3], border: i32) -> Outcome<u32> {
+fn checked(level: i32, size: [u32; 3], border: i32) -> GlResult<u32> {
     let most = if size[2] > 1 { EDGE_3D_MAX } else { EDGE_MAX };
     if !(0..=14).contains(&level) || size.iter().any(|&edge| edge > most) || !(0..=1).contains(&border) {
         return Err(INVALID_VALUE);
@@ -96,7 +96,7 @@ fn checked(level: i32, size: [u32; 3], border: i32) -> Outcome<u32> {
 }
 
 /// `glTexImage`: level, internal format, size, border, format and type from these arguments on.
-fn define(gl: &mut Gl, call: &Call, allowed: &[u32], dimensions: usize) -> Outcome {
+fn define(gl: &mut Gl, call: &Call, allowed: &[u32], dimensions: usize) -> GlResult {
     let Some((target, face)) = image_target(call.u32(0)?, allowed)? else { return Ok(()) };
     let mut size = [1; 3];
     let border = call.i32(3 + dimensions)?;
@@ -116,7 +116,7 @@ fn define(gl: &mut Gl, call: &Call, allowed: &[u32], dimensions: usize) -> Outco
         Some(bytes) if base == Base::Depth => Some(depth_bytes(gl, target, size, [format, kind], &bytes)?),
         // Contents are undefined.
         None if base == Base::Depth => None,
-        Some(bytes) => Some(gl.kept(base, size, [format, kind], &bytes)?),
+        Some(bytes) => Some(gl.encoded(base, size, [format, kind], &bytes)?),
         // Contents are undefined: zeros are allowed.
         None => Some(vec![0; size.iter().product::<u32>() as usize * base.format().block_bytes() as usize]),
     };
@@ -133,7 +133,7 @@ fn define(gl: &mut Gl, call: &Call, allowed: &[u32], dimensions: usize) -> Outco
 }
 
 /// The stored depths of pixels. Stencil values beside them are not stored, but it is noted that the texture was given some.
-fn depth_bytes(gl: &mut Gl, target: usize, size: [u32; 3], [format, kind]: [u32; 2], bytes: &[u8]) -> Outcome<Vec<u8>> {
+fn depth_bytes(gl: &mut Gl, target: usize, size: [u32; 3], [format, kind]: [u32; 2], bytes: &[u8]) -> GlResult<Vec<u8>> {
     if format != e::DEPTH_STENCIL {
         return Ok(float_bytes(&gl.depths(size, kind, bytes)?));
     }
@@ -160,7 +160,7 @@ fn inside_of(texels: &[u8], texel: usize, size: [u32; 3], inner: [u32; 3], dimen
 }
 
 /// Defines an image, and generates mipmap levels from it if that is enabled.
-fn install(gl: &mut Gl, target: usize, face: u32, level: u32, image: Level) -> Outcome {
+fn install(gl: &mut Gl, target: usize, face: u32, level: u32, image: Level) -> GlResult {
     let (size, base) = (image.size, image.base);
     with(gl, target, |texture, card| {
         let generate = texture.generate && level == texture.range[0];
@@ -202,7 +202,7 @@ fn s3tc(internal: u32) -> Option<Format> {
 const COMPRESSED_RGBA_S3TC_DXT3: u32 = 0x83f2;
 
 /// The blocks of a compressed image or part.
-fn blocks(gl: &Gl, call: &Call, format: Format, size: [u32; 3], length: usize) -> Outcome<Vec<u8>> {
+fn blocks(gl: &Gl, call: &Call, format: Format, size: [u32; 3], length: usize) -> GlResult<Vec<u8>> {
     let count = size[0].div_ceil(4) * size[1].div_ceil(4);
     let wanted = (count * format.block_bytes()) as usize;
     if call.size(length)? as usize != wanted {
@@ -213,7 +213,7 @@ fn blocks(gl: &Gl, call: &Call, format: Format, size: [u32; 3], length: usize) -
     bytes.map(<[u8]>::to_vec).ok_or_else(|| Fault::Damaged(format!("the image has fewer than {wanted} bytes")))
 }
 
-pub fn compressed_2d(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
+pub fn compressed_2d(gl: &mut Gl, call: &Call, _: Shape) -> GlResult {
     let Some((target, face)) = image_target(call.u32(0)?, PLANAR)? else { return Ok(()) };
     let (internal, size) = (call.u32(2)?, [call.size(3)?, call.size(4)?, 1]);
     let level = checked(call.i32(1)?, size, call.i32(5)?)?;
@@ -261,7 +261,7 @@ fn decoded(format: Format, size: [u32; 3], blocks: &[u8]) -> Vec<u8> {
     out
 }
 
-pub fn compressed_part_2d(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
+pub fn compressed_part_2d(gl: &mut Gl, call: &Call, _: Shape) -> GlResult {
     let (target, face) = image_target(call.u32(0)?, PLANAR)?.ok_or(INVALID_ENUM)?;
     let level = call.size(1)?;
     let (origin, size) = ([call.size(2)?, call.size(3)?, 0], [call.size(4)?, call.size(5)?, 1]);
@@ -283,7 +283,7 @@ pub fn compressed_part_2d(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
         } else if !image.format.is_compressed() && image.base != Base::Depth {
             let texels: Vec<[u8; 4]> =
                 decoded(format, size, &bytes).chunks_exact(4).map(|t| [t[0], t[1], t[2], t[3]]).collect();
-            let kept = image.base.keep(&texels);
+            let kept = image.base.encode(&texels);
             texture.write(card, face, level, origin, size, &kept);
         } else {
             return Err(INVALID_OPERATION);
@@ -292,20 +292,20 @@ pub fn compressed_part_2d(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
     })
 }
 
-pub fn image_1d(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
+pub fn image_1d(gl: &mut Gl, call: &Call, _: Shape) -> GlResult {
     gl.unpacking(1, |gl| define(gl, call, &[e::TEXTURE_1D], 1))
 }
 
-pub fn image_2d(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
+pub fn image_2d(gl: &mut Gl, call: &Call, _: Shape) -> GlResult {
     gl.unpacking(2, |gl| define(gl, call, PLANAR, 2))
 }
 
-pub fn image_3d(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
+pub fn image_3d(gl: &mut Gl, call: &Call, _: Shape) -> GlResult {
     gl.unpacking(3, |gl| define(gl, call, &[e::TEXTURE_3D], 3))
 }
 
 /// `glTexStorage(target, levels, internal format, size)`: all levels, without contents.
-fn storage(gl: &mut Gl, call: &Call, allowed: &[u32], dimensions: usize) -> Outcome {
+fn storage(gl: &mut Gl, call: &Call, allowed: &[u32], dimensions: usize) -> GlResult {
     let cube = call.u32(0)? == e::TEXTURE_CUBE_MAP && allowed.contains(&e::TEXTURE_2D);
     let target = match cube {
         true => target_of(e::TEXTURE_CUBE_MAP)?,
@@ -347,15 +347,15 @@ fn storage(gl: &mut Gl, call: &Call, allowed: &[u32], dimensions: usize) -> Outc
     })
 }
 
-pub fn storage_1d(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
+pub fn storage_1d(gl: &mut Gl, call: &Call, _: Shape) -> GlResult {
     storage(gl, call, &[e::TEXTURE_1D], 1)
 }
 
-pub fn storage_2d(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
+pub fn storage_2d(gl: &mut Gl, call: &Call, _: Shape) -> GlResult {
     storage(gl, call, PLANAR, 2)
 }
 
-pub fn storage_3d(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
+pub fn storage_3d(gl: &mut Gl, call: &Call, _: Shape) -> GlResult {
     storage(gl, call, &[e::TEXTURE_3D], 3)
 }
 
@@ -364,7 +364,7 @@ fn inside(image: &Level, origin: [u32; 3], size: [u32; 3]) -> bool {
     (0..3).all(|k| u64::from(origin[k]) + u64::from(size[k]) <= u64::from(image.size[k]))
 }
 
-fn write_part(gl: &mut Gl, call: &Call, allowed: &[u32], dimensions: usize) -> Outcome {
+fn write_part(gl: &mut Gl, call: &Call, allowed: &[u32], dimensions: usize) -> GlResult {
     let (target, face) = image_target(call.u32(0)?, allowed)?.ok_or(INVALID_ENUM)?;
     let level = call.size(1)?;
     let (mut origin, mut size) = ([0; 3], [1; 3]);
@@ -395,7 +395,7 @@ fn write_part(gl: &mut Gl, call: &Call, allowed: &[u32], dimensions: usize) -> O
     };
     let kept = match base {
         Base::Depth => depth_bytes(gl, target, size, [format, kind], &bytes)?,
-        base => gl.kept(base, size, [format, kind], &bytes)?,
+        base => gl.encoded(base, size, [format, kind], &bytes)?,
     };
     let generates = with(gl, target, |texture, card| {
         texture.write(card, face, level, origin, size, &kept);
@@ -404,20 +404,20 @@ fn write_part(gl: &mut Gl, call: &Call, allowed: &[u32], dimensions: usize) -> O
     if generates { gl.generate_levels(target, face..face + 1) } else { Ok(()) }
 }
 
-pub fn sub_image_1d(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
+pub fn sub_image_1d(gl: &mut Gl, call: &Call, _: Shape) -> GlResult {
     gl.unpacking(1, |gl| write_part(gl, call, &[e::TEXTURE_1D], 1))
 }
 
-pub fn sub_image_2d(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
+pub fn sub_image_2d(gl: &mut Gl, call: &Call, _: Shape) -> GlResult {
     gl.unpacking(2, |gl| write_part(gl, call, PLANAR, 2))
 }
 
-pub fn sub_image_3d(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
+pub fn sub_image_3d(gl: &mut Gl, call: &Call, _: Shape) -> GlResult {
     gl.unpacking(3, |gl| write_part(gl, call, &[e::TEXTURE_3D], 3))
 }
 
 /// Copies from the framebuffer to a part of an image.
-fn copy(gl: &mut Gl, target: usize, face: u32, level: u32, to: [u32; 2], from: [i32; 2], size: [u32; 2]) -> Outcome {
+fn copy(gl: &mut Gl, target: usize, face: u32, level: u32, to: [u32; 2], from: [i32; 2], size: [u32; 2]) -> GlResult {
     let depth =
         with(gl, target, |texture, _| Ok(texture.levels.get((face, level)).is_some_and(|image| image.base == Base::Depth)))?;
     gl.flush()?;
@@ -429,7 +429,7 @@ fn copy(gl: &mut Gl, target: usize, face: u32, level: u32, to: [u32; 2], from: [
     if generates { gl.generate_levels(target, face..face + 1) } else { Ok(()) }
 }
 
-fn copy_image(gl: &mut Gl, call: &Call, allowed: &[u32], height: Option<u32>) -> Outcome {
+fn copy_image(gl: &mut Gl, call: &Call, allowed: &[u32], height: Option<u32>) -> GlResult {
     let (target, face) = image_target(call.u32(0)?, allowed)?.ok_or(INVALID_ENUM)?;
     let from = [call.i32(3)?, call.i32(4)?];
     let (height, border) = match height {
@@ -458,15 +458,15 @@ fn copy_image(gl: &mut Gl, call: &Call, allowed: &[u32], height: Option<u32>) ->
     copy(gl, target, face, level, [0; 2], from, [size[0], size[1]])
 }
 
-pub fn copy_image_1d(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
+pub fn copy_image_1d(gl: &mut Gl, call: &Call, _: Shape) -> GlResult {
     copy_image(gl, call, &[e::TEXTURE_1D], Some(1))
 }
 
-pub fn copy_image_2d(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
+pub fn copy_image_2d(gl: &mut Gl, call: &Call, _: Shape) -> GlResult {
     copy_image(gl, call, PLANAR, None)
 }
 
-fn copy_part(gl: &mut Gl, target: usize, face: u32, level: u32, to: [u32; 2], from: [i32; 2], size: [u32; 2]) -> Outcome {
+fn copy_part(gl: &mut Gl, target: usize, face: u32, level: u32, to: [u32; 2], from: [i32; 2], size: [u32; 2]) -> GlResult {
     with(gl, target, |texture, _| {
         let image = texture.levels.get((face, level)).ok_or(INVALID_OPERATION)?;
         if inside(image, [to[0], to[1], 0], [size[0], size[1], 1]) { Ok(()) } else { Err(INVALID_VALUE) }
@@ -474,20 +474,20 @@ fn copy_part(gl: &mut Gl, target: usize, face: u32, level: u32, to: [u32; 2], fr
     copy(gl, target, face, level, to, from, size)
 }
 
-pub fn copy_sub_image_1d(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
+pub fn copy_sub_image_1d(gl: &mut Gl, call: &Call, _: Shape) -> GlResult {
     let (target, face) = image_target(call.u32(0)?, &[e::TEXTURE_1D])?.ok_or(INVALID_ENUM)?;
     let from = [call.i32(3)?, call.i32(4)?];
     copy_part(gl, target, face, call.size(1)?, [call.size(2)?, 0], from, [call.size(5)?, 1])
 }
 
-pub fn copy_sub_image_2d(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
+pub fn copy_sub_image_2d(gl: &mut Gl, call: &Call, _: Shape) -> GlResult {
     let (target, face) = image_target(call.u32(0)?, PLANAR)?.ok_or(INVALID_ENUM)?;
     let (to, from) = ([call.size(2)?, call.size(3)?], [call.i32(4)?, call.i32(5)?]);
     copy_part(gl, target, face, call.size(1)?, to, from, [call.size(6)?, call.size(7)?])
 }
 
 /// `glCopyTexSubImage3D(target, level, x, y, z, from x, from y, width, height)`
-pub fn copy_sub_image_3d(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
+pub fn copy_sub_image_3d(gl: &mut Gl, call: &Call, _: Shape) -> GlResult {
     let (target, _) = image_target(call.u32(0)?, &[e::TEXTURE_3D])?.ok_or(INVALID_ENUM)?;
     let (level, to) = (call.size(1)?, [call.size(2)?, call.size(3)?, call.size(4)?]);
     let (from, size) = ([call.i32(5)?, call.i32(6)?], [call.size(7)?, call.size(8)?]);

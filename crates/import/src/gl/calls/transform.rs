@@ -3,12 +3,12 @@
 use gl_shader::{PLANES, consts as e};
 use glam::{Mat4, Vec3};
 
-use crate::gl::call::{Call, Fault, INVALID_ENUM, INVALID_VALUE, Outcome, Shape};
+use crate::gl::call::{Call, Fault, GlResult, INVALID_ENUM, INVALID_VALUE, Shape};
 use crate::gl::machine::{Factor, Gl};
 use crate::gl::matrix;
 use crate::gl::state::arb::MATRIX0;
 
-pub fn matrix_mode(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
+pub fn matrix_mode(gl: &mut Gl, call: &Call, _: Shape) -> GlResult {
     match call.u32(0)? {
         mode @ MATRIX0.. if ((mode - MATRIX0) as usize) < gl.context.programs.matrices.len() => {
             gl.state.transform.matrix_mode = mode
@@ -19,34 +19,34 @@ pub fn matrix_mode(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
     Ok(())
 }
 
-fn given(call: &Call) -> Outcome<Mat4> {
+fn given(call: &Call) -> GlResult<Mat4> {
     Ok(Mat4::from_cols_array(&call.array::<16>(0)?.map(|value| value as f32)))
 }
 
-pub fn load_identity(gl: &mut Gl, _: &Call, _: Shape) -> Outcome {
+pub fn load_identity(gl: &mut Gl, _: &Call, _: Shape) -> GlResult {
     gl.stack()?.top = Mat4::IDENTITY;
     Ok(())
 }
 
-pub fn load_matrix(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
+pub fn load_matrix(gl: &mut Gl, call: &Call, _: Shape) -> GlResult {
     gl.stack()?.top = given(call)?;
     Ok(())
 }
 
-pub fn load_transposed(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
+pub fn load_transposed(gl: &mut Gl, call: &Call, _: Shape) -> GlResult {
     gl.stack()?.top = given(call)?.transpose();
     Ok(())
 }
 
-pub fn push_matrix(gl: &mut Gl, _: &Call, _: Shape) -> Outcome {
+pub fn push_matrix(gl: &mut Gl, _: &Call, _: Shape) -> GlResult {
     if gl.stack()?.push() { Ok(()) } else { Err(Fault::Error("GL_STACK_OVERFLOW")) }
 }
 
-pub fn pop_matrix(gl: &mut Gl, _: &Call, _: Shape) -> Outcome {
+pub fn pop_matrix(gl: &mut Gl, _: &Call, _: Shape) -> GlResult {
     if gl.stack()?.pop() { Ok(()) } else { Err(Fault::Error("GL_STACK_UNDERFLOW")) }
 }
 
-fn box_of(call: &Call) -> Outcome<[f64; 6]> {
+fn box_of(call: &Call) -> GlResult<[f64; 6]> {
     let mut values = [0.0; 6];
     for (k, value) in values.iter_mut().enumerate() {
         *value = call.f64(k)?;
@@ -71,56 +71,56 @@ pub fn factor(stem: &str) -> Option<Factor> {
     })
 }
 
-fn multiply(gl: &mut Gl, by: Mat4) -> Outcome {
+fn multiply(gl: &mut Gl, by: Mat4) -> GlResult {
     gl.stack()?.top *= by;
     Ok(())
 }
 
-pub fn frustum(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
+pub fn frustum(gl: &mut Gl, call: &Call, _: Shape) -> GlResult {
     multiply(gl, frustum_of(call)?)
 }
 
-pub fn multiply_matrix(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
+pub fn multiply_matrix(gl: &mut Gl, call: &Call, _: Shape) -> GlResult {
     multiply(gl, given(call)?)
 }
 
-pub fn multiply_transposed(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
+pub fn multiply_transposed(gl: &mut Gl, call: &Call, _: Shape) -> GlResult {
     multiply(gl, transposed(call)?)
 }
 
-pub fn ortho(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
+pub fn ortho(gl: &mut Gl, call: &Call, _: Shape) -> GlResult {
     multiply(gl, ortho_of(call)?)
 }
 
-pub fn rotate(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
+pub fn rotate(gl: &mut Gl, call: &Call, _: Shape) -> GlResult {
     multiply(gl, rotation(call)?)
 }
 
-pub fn scale(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
+pub fn scale(gl: &mut Gl, call: &Call, _: Shape) -> GlResult {
     multiply(gl, Mat4::from_scale(vector(call)?))
 }
 
-pub fn translate(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
+pub fn translate(gl: &mut Gl, call: &Call, _: Shape) -> GlResult {
     multiply(gl, Mat4::from_translation(vector(call)?))
 }
 
-fn transposed(call: &Call) -> Outcome<Mat4> {
+fn transposed(call: &Call) -> GlResult<Mat4> {
     Ok(given(call)?.transpose())
 }
 
-fn vector(call: &Call) -> Outcome<Vec3> {
+fn vector(call: &Call) -> GlResult<Vec3> {
     Ok(Vec3::new(call.f32(0)?, call.f32(1)?, call.f32(2)?))
 }
 
-fn rotation(call: &Call) -> Outcome<Mat4> {
+fn rotation(call: &Call) -> GlResult<Mat4> {
     Ok(matrix::rotation(call.f64(0)?, [call.f64(1)?, call.f64(2)?, call.f64(3)?]))
 }
 
-fn ortho_of(call: &Call) -> Outcome<Mat4> {
+fn ortho_of(call: &Call) -> GlResult<Mat4> {
     Ok(matrix::ortho(box_of(call)?))
 }
 
-fn frustum_of(call: &Call) -> Outcome<Mat4> {
+fn frustum_of(call: &Call) -> GlResult<Mat4> {
     let values = box_of(call)?;
     if values[4] <= 0.0 || values[5] <= 0.0 {
         return Err(INVALID_VALUE);
@@ -132,7 +132,7 @@ fn frustum_of(call: &Call) -> Outcome<Mat4> {
 const VIEWPORT_MAX: u32 = 16_384;
 const VIEWPORT_REACH: i32 = 32_768;
 
-pub fn viewport(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
+pub fn viewport(gl: &mut Gl, call: &Call, _: Shape) -> GlResult {
     let (x, y, width, height) = (call.i32(0)?, call.i32(1)?, call.size(2)?, call.size(3)?);
     let reach = |from: i32, size: u32| (i64::from(from) + i64::from(size)).clamp(0, i64::from(u32::MAX)) as u32;
     // With a framebuffer object bound, the viewport says nothing about the window's size.
@@ -146,12 +146,12 @@ pub fn viewport(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
     Ok(())
 }
 
-pub fn depth_range(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
+pub fn depth_range(gl: &mut Gl, call: &Call, _: Shape) -> GlResult {
     gl.state.transform.depth_range = [call.f32(0)?.clamp(0.0, 1.0), call.f32(1)?.clamp(0.0, 1.0)];
     Ok(())
 }
 
-pub fn clip_plane(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
+pub fn clip_plane(gl: &mut Gl, call: &Call, _: Shape) -> GlResult {
     let plane = call.u32(0)?.wrapping_sub(e::CLIP_PLANE0) as usize;
     let equation = call.array::<4>(1)?.map(|value| value as f32);
     let inverse = matrix::inverse(&gl.context.matrices.modelview.top).unwrap_or(Mat4::IDENTITY);

@@ -3,7 +3,7 @@
 use gl_shader::glsl::{Layout, Translated};
 use naga::ScalarKind;
 
-use crate::gl::call::{Call, Fault, INVALID_ENUM, INVALID_OPERATION, INVALID_VALUE, Outcome, Scalar, Shape};
+use crate::gl::call::{Call, Fault, GlResult, INVALID_ENUM, INVALID_OPERATION, INVALID_VALUE, Scalar, Shape};
 use crate::gl::machine::Gl;
 
 /// The position of a part of a uniform: its layout, its first vector, and the number of array elements from there on.
@@ -44,7 +44,7 @@ fn root(name: &str) -> (&str, &str) {
 }
 
 /// Writes numbers to a uniform of the program `name`: `shape` is the columns and rows of each value.
-fn set(gl: &mut Gl, name: u32, location: i64, shape: [usize; 2], numbers: &[f64], scalar: Scalar) -> Outcome {
+fn set(gl: &mut Gl, name: u32, location: i64, shape: [usize; 2], numbers: &[f64], scalar: Scalar) -> GlResult {
     let Ok(location) = u64::try_from(location) else { return Ok(()) };
     let unnamed = || Fault::Unsupported("uniforms at locations that the recording does not name".into());
     let object = gl.objects.glsl.program(name)?;
@@ -121,25 +121,25 @@ fn set(gl: &mut Gl, name: u32, location: i64, shape: [usize; 2], numbers: &[f64]
 
 /// The program whose uniform a call sets, and the argument that is its location: the current program, or with `NAMED` that of the first
 /// argument.
-fn program<const NAMED: bool>(gl: &Gl, call: &Call) -> Outcome<(u32, usize)> {
+fn program<const NAMED: bool>(gl: &Gl, call: &Call) -> GlResult<(u32, usize)> {
     if NAMED { Ok((call.u32(0)?, 1)) } else { Ok((gl.context.glsl_program, 0)) }
 }
 
 /// `glUniform3f(location, x, y, z)`, `glUniform3fv(location, count, values)`; `glProgramUniform3f(program, location, x, y, z)`
-pub fn uniform<const NAMED: bool>(gl: &mut Gl, call: &Call, shape: Shape) -> Outcome {
+pub fn uniform<const NAMED: bool>(gl: &mut Gl, call: &Call, shape: Shape) -> GlResult {
     let (name, at) = program::<NAMED>(gl, call)?;
     let n = if (1..=4).contains(&shape.count) { shape.count } else { return Err(INVALID_ENUM) };
     let numbers: Vec<f64> = if shape.vector {
         let count = call.size(at + 1)? as usize;
         call.numbers(at + 2)?.iter().copied().take(count.saturating_mul(n)).collect()
     } else {
-        (1..=n).map(|k| call.f64(at + k)).collect::<Outcome<_>>()?
+        (1..=n).map(|k| call.f64(at + k)).collect::<GlResult<_>>()?
     };
     set(gl, name, i64::from(call.i32(at)?), [1, n], &numbers, shape.scalar)
 }
 
 /// `glUniformMatrix4fv(location, count, transpose, values)`
-fn matrices<const NAMED: bool>(gl: &mut Gl, call: &Call, columns: usize, rows: usize) -> Outcome {
+fn matrices<const NAMED: bool>(gl: &mut Gl, call: &Call, columns: usize, rows: usize) -> GlResult {
     let (name, at) = program::<NAMED>(gl, call)?;
     let (count, transpose, numbers) = (call.size(at + 1)? as usize, call.bool(at + 2)?, call.numbers(at + 3)?);
     let mut values = Vec::new();
@@ -153,13 +153,13 @@ fn matrices<const NAMED: bool>(gl: &mut Gl, call: &Call, columns: usize, rows: u
     set(gl, name, i64::from(call.i32(at)?), [columns, rows], &values, Scalar::Float)
 }
 
-pub fn uniform_matrix<const NAMED: bool>(gl: &mut Gl, call: &Call, shape: Shape) -> Outcome {
+pub fn uniform_matrix<const NAMED: bool>(gl: &mut Gl, call: &Call, shape: Shape) -> GlResult {
     let n = if (2..=4).contains(&shape.count) { shape.count } else { return Err(INVALID_ENUM) };
     matrices::<NAMED>(gl, call, n, n)
 }
 
 /// `glUniformMatrix2x3fv`: the number of columns is in the stem of the name.
-pub fn uniform_matrix_of<const NAMED: bool>(gl: &mut Gl, call: &Call, shape: Shape) -> Outcome {
+pub fn uniform_matrix_of<const NAMED: bool>(gl: &mut Gl, call: &Call, shape: Shape) -> GlResult {
     let columns = ["2x", "3x", "4x"].iter().position(|part| call.function.name.contains(part)).ok_or(INVALID_ENUM)? + 2;
     let rows = if (2..=4).contains(&shape.count) { shape.count } else { return Err(INVALID_ENUM) };
     matrices::<NAMED>(gl, call, columns, rows)

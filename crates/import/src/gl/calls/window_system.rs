@@ -1,14 +1,14 @@
 //! Calls of the window systems (GLX, EGL, WGL, CGL): contexts, what is current, drawables, and swaps of their buffers.
 
-use crate::gl::call::{Arg, Call, Fault, INVALID_OPERATION, Outcome, Shape};
+use crate::gl::call::{Arg, Call, Fault, GlResult, INVALID_OPERATION, Shape};
 use crate::gl::calls::ignored::nothing;
 use crate::gl::calls::{buffers, framebuffer};
 use crate::gl::draw::frames::check_size;
-use crate::gl::machine::{Gl, Moment, Run};
+use crate::gl::machine::{CallClass, Gl, Run};
 use crate::gl::state::contexts::Current;
 
 /// The function of a name; what is not known has no effect on pictures.
-pub fn find(name: &str) -> (Moment, Run) {
+pub fn find(name: &str) -> (CallClass, Run) {
     let run: Run = match name {
         "glXSwapBuffers"
         | "glXSwapBuffersMscOML"
@@ -53,9 +53,9 @@ pub fn find(name: &str) -> (Moment, Run) {
         | "CGLTexImageIOSurface2D" => refused,
         "eglChooseConfig" | "glXChooseFBConfig" | "glXChooseVisual" => framebuffer::choose,
         "memcpy" => buffers::copy,
-        _ => return (Moment::Ignored, nothing),
+        _ => return (CallClass::Ignored, nothing),
     };
-    (Moment::System, run)
+    (CallClass::System, run)
 }
 
 /// The value by which a recording calls a context or a drawable; none: there is none.
@@ -76,7 +76,7 @@ fn failed(call: &Call) -> bool {
     matches!(call.result, Arg::Num(result) if (result == 0.0) != cgl)
 }
 
-fn refused(_: &mut Gl, call: &Call, _: Shape) -> Outcome {
+fn refused(_: &mut Gl, call: &Call, _: Shape) -> GlResult {
     Err(Fault::Unsupported(call.function.name.to_string()))
 }
 
@@ -84,7 +84,7 @@ fn refused(_: &mut Gl, call: &Call, _: Shape) -> Outcome {
 const UNSHARED: usize = usize::MAX;
 
 /// A call that returns a new context; the argument `SHARE` is the one whose objects it shares.
-fn create<const SHARE: usize>(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
+fn create<const SHARE: usize>(gl: &mut Gl, call: &Call, _: Shape) -> GlResult {
     match handle(&call.result) {
         Some(context) => gl.create_context(context, handle(call.arg(SHARE))),
         None => Ok(()),
@@ -92,14 +92,14 @@ fn create<const SHARE: usize>(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
 }
 
 /// `CGLCreateContext(format, share, context)`
-fn create_cgl(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
+fn create_cgl(gl: &mut Gl, call: &Call, _: Shape) -> GlResult {
     match handle(call.arg(2)) {
         Some(context) if !failed(call) => gl.create_context(context, handle(call.arg(1))),
         _ => Ok(()),
     }
 }
 
-fn destroy<const CONTEXT: usize>(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
+fn destroy<const CONTEXT: usize>(gl: &mut Gl, call: &Call, _: Shape) -> GlResult {
     match handle(call.arg(CONTEXT)) {
         Some(context) => gl.destroy_context(context),
         None => Ok(()),
@@ -107,7 +107,7 @@ fn destroy<const CONTEXT: usize>(gl: &mut Gl, call: &Call, _: Shape) -> Outcome 
 }
 
 /// `wglDeleteContext(context)`: it is current no more in the thread that calls.
-fn delete_wgl(gl: &mut Gl, call: &Call, shape: Shape) -> Outcome {
+fn delete_wgl(gl: &mut Gl, call: &Call, shape: Shape) -> GlResult {
     if failed(call) {
         return Ok(());
     }
@@ -120,7 +120,7 @@ fn delete_wgl(gl: &mut Gl, call: &Call, shape: Shape) -> Outcome {
 }
 
 /// A call that makes a context current, with the drawables that it draws to and reads.
-fn make_current<const DRAW: usize, const READ: usize, const CONTEXT: usize>(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
+fn make_current<const DRAW: usize, const READ: usize, const CONTEXT: usize>(gl: &mut Gl, call: &Call, _: Shape) -> GlResult {
     if failed(call) {
         return Ok(());
     }
@@ -129,7 +129,7 @@ fn make_current<const DRAW: usize, const READ: usize, const CONTEXT: usize>(gl: 
 }
 
 /// `CGLSetCurrentContext(context)`: a context of CGL has one drawable.
-fn make_current_cgl(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
+fn make_current_cgl(gl: &mut Gl, call: &Call, _: Shape) -> GlResult {
     if failed(call) {
         return Ok(());
     }
@@ -137,7 +137,7 @@ fn make_current_cgl(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
     current(gl, context, [context; 2])
 }
 
-fn current(gl: &mut Gl, context: Option<u64>, [draw, read]: [Option<u64>; 2]) -> Outcome {
+fn current(gl: &mut Gl, context: Option<u64>, [draw, read]: [Option<u64>; 2]) -> GlResult {
     let Some(context) = context else { return gl.make_current(Current::NONE) };
     let context = gl.known_context(context)?;
     let draw_number = draw.map(|draw| gl.card.windows.number(draw)).transpose()?;
@@ -154,12 +154,12 @@ fn current(gl: &mut Gl, context: Option<u64>, [draw, read]: [Option<u64>; 2]) ->
     gl.make_current(Current { context: Some(context), draw: draw_number, read: read_number })
 }
 
-fn release_thread(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
+fn release_thread(gl: &mut Gl, call: &Call, _: Shape) -> GlResult {
     if failed(call) { Ok(()) } else { gl.make_current(Current::NONE) }
 }
 
 /// `wglShareLists(context, other)`: the other one shares the objects of the first.
-fn share_wgl(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
+fn share_wgl(gl: &mut Gl, call: &Call, _: Shape) -> GlResult {
     match (handle(call.arg(0)), handle(call.arg(1))) {
         (Some(from), Some(with)) if !failed(call) => gl.share(from, with),
         _ => Ok(()),
@@ -167,7 +167,7 @@ fn share_wgl(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
 }
 
 /// `glXCreateWindow(display, config, window, attributes)`
-fn create_glx_window(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
+fn create_glx_window(gl: &mut Gl, call: &Call, _: Shape) -> GlResult {
     if let (Some(window), Some(of)) = (handle(&call.result), handle(call.arg(2))) {
         gl.card.windows.alias(window, of);
     }
@@ -175,7 +175,7 @@ fn create_glx_window(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
 }
 
 /// A call that returns a new pixel buffer with this list of attributes, among them the width and the height.
-fn create_pbuffer<const LIST: usize, const WIDTH: u32, const HEIGHT: u32>(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
+fn create_pbuffer<const LIST: usize, const WIDTH: u32, const HEIGHT: u32>(gl: &mut Gl, call: &Call, _: Shape) -> GlResult {
     let Some(buffer) = handle(&call.result) else { return Ok(()) };
     let list = call.numbers(LIST).unwrap_or_default();
     let of = |name: u32| {
@@ -187,7 +187,7 @@ fn create_pbuffer<const LIST: usize, const WIDTH: u32, const HEIGHT: u32>(gl: &m
 }
 
 /// `glXCreateGLXPbufferSGIX(display, config, width, height, attributes)`, `wglCreatePbufferARB(dc, format, width, height, attributes)`
-fn create_pbuffer_of_size(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
+fn create_pbuffer_of_size(gl: &mut Gl, call: &Call, _: Shape) -> GlResult {
     if let Some(buffer) = handle(&call.result) {
         gl.card.windows.off_screen(buffer, [call.size(2)?, call.size(3)?]);
     }
@@ -195,14 +195,14 @@ fn create_pbuffer_of_size(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
 }
 
 /// `wglGetPbufferDCARB(buffer)`
-fn pbuffer_dc(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
+fn pbuffer_dc(gl: &mut Gl, call: &Call, _: Shape) -> GlResult {
     if let (Some(dc), Some(buffer)) = (handle(&call.result), handle(call.arg(0))) {
         gl.card.windows.alias(dc, buffer);
     }
     Ok(())
 }
 
-fn destroy_window<const WINDOW: usize>(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
+fn destroy_window<const WINDOW: usize>(gl: &mut Gl, call: &Call, _: Shape) -> GlResult {
     if let Some(window) = handle(call.arg(WINDOW)).filter(|_| !failed(call)) {
         gl.destroy_window(window);
     }
@@ -210,8 +210,8 @@ fn destroy_window<const WINDOW: usize>(gl: &mut Gl, call: &Call, _: Shape) -> Ou
 }
 
 /// A call that swaps the buffers of a drawable, of a context for CGL.
-fn swap<const DRAWABLE: usize>(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
-    if gl.context.begun.is_some() {
+fn swap<const DRAWABLE: usize>(gl: &mut Gl, call: &Call, _: Shape) -> GlResult {
+    if gl.context.open_primitive.is_some() {
         return Err(INVALID_OPERATION);
     }
     let drawable = handle(call.arg(DRAWABLE)).unwrap_or(0);

@@ -5,11 +5,11 @@ use num::*;
 use trace::command::*;
 use trace::record;
 
-use crate::gl::card::copy_key::{CopyKey, From, Map, Meet, SAME, one_image, row_edge};
+use crate::gl::card::copy_key::{Combine, CopyKey, CopySource, Map, SAME, one_image, row_edge};
 use crate::gl::card::device::Card;
 use crate::gl::card::pass::{Buffer, COLOR, Surface};
 use crate::gl::texels::image::DEPTH;
-use crate::gl::texels::image::Kept;
+use crate::gl::texels::image::StoredFormat;
 
 impl Card {
     /// A pipeline that draws such copies to images of a format.
@@ -17,16 +17,16 @@ impl Card {
         let recorder = &mut self.recorder;
         let depth = format == DEPTH;
         let kind = match key.from {
-            From::Depth => "texture_depth_2d",
-            From::Stencil => "texture_2d<u32>",
-            From::Color | From::Filtered => "texture_2d<f32>",
+            CopySource::Depth => "texture_depth_2d",
+            CopySource::Stencil => "texture_2d<u32>",
+            CopySource::Color | CopySource::Filtered => "texture_2d<f32>",
         };
         let read = match key.from {
-            From::Color => "textureLoad(image, vec2i(floor(p)), 0)",
-            From::Filtered => "textureSampleLevel(image, filtering, p / vec2f(textureDimensions(image)), 0.0)",
-            From::Depth | From::Stencil => "vec4f(textureLoad(image, vec2i(floor(p)), 0))",
+            CopySource::Color => "textureLoad(image, vec2i(floor(p)), 0)",
+            CopySource::Filtered => "textureSampleLevel(image, filtering, p / vec2f(textureDimensions(image)), 0.0)",
+            CopySource::Depth | CopySource::Stencil => "vec4f(textureLoad(image, vec2i(floor(p)), 0))",
         };
-        let filtering = if key.from == From::Filtered { "@group(0) @binding(2) var filtering: sampler;\n" } else { "" };
+        let filtering = if key.from == CopySource::Filtered { "@group(0) @binding(2) var filtering: sampler;\n" } else { "" };
         let answer = if depth { "@builtin(frag_depth) f32" } else { "@location(0) vec4f" };
         let text = format!(
             "struct Uniforms {{ map: vec4f, source: vec4f }}\n@group(0) @binding(0) var<uniform> u: Uniforms;\n\
@@ -42,16 +42,16 @@ impl Card {
         );
         let shader = recorder.create_shader("copy", &text);
         let mut entries = vec![(0, record::UNIFORM), (1, record::TEXTURE)];
-        if key.from == From::Filtered {
+        if key.from == CopySource::Filtered {
             entries.push((2, record::SAMPLER));
         }
         let layout = recorder.create_bind_group_layout(entries);
         let pipeline_layout = recorder.create_pipeline_layout([layout], 0);
         let part = |src, dst| BlendComponent { src, dst, op: BlendOp::Add };
-        let blend = match key.meet {
-            Meet::Replace => None,
-            Meet::Add => Some(part(BlendFactor::One, BlendFactor::One)),
-            Meet::Scale => Some(part(BlendFactor::Zero, BlendFactor::Constant)),
+        let blend = match key.combine {
+            Combine::Replace => None,
+            Combine::Add => Some(part(BlendFactor::One, BlendFactor::One)),
+            Combine::Scale => Some(part(BlendFactor::Zero, BlendFactor::Constant)),
         };
         let blend = blend.map(|part| Blend { color: part, alpha: part });
         let target = ColorTarget { format, blend, write_mask: key.mask };
@@ -93,13 +93,13 @@ impl Card {
         let bytes = float_bytes(values.as_flattened());
         let uniforms = self.recorder.create_buffer_init("copy", &bytes);
         let aspect = match key.from {
-            From::Depth => Aspect::DepthOnly,
-            From::Stencil => Aspect::StencilOnly,
-            From::Color | From::Filtered => Aspect::All,
+            CopySource::Depth => Aspect::DepthOnly,
+            CopySource::Stencil => Aspect::StencilOnly,
+            CopySource::Color | CopySource::Filtered => Aspect::All,
         };
         let view = self.recorder.create_view_of(source.texture, one_image(source.level, source.layer, aspect));
         let mut entries = vec![(0, record::whole(uniforms)), (1, BoundResource::View(view))];
-        if key.from == From::Filtered {
+        if key.from == CopySource::Filtered {
             let linear = SamplerDesc { mag: FilterMode::Linear, min: FilterMode::Linear, ..SamplerDesc::default() };
             entries.push((2, BoundResource::Sampler(self.sampler(linear))));
         }
@@ -110,7 +110,7 @@ impl Card {
             let mut pass = self.recorder.begin_render_pass(color, attached);
             pass.set_pipeline(pipeline);
             pass.set_scissor(area);
-            if key.meet == Meet::Scale {
+            if key.combine == Combine::Scale {
                 pass.set_blend_constant([f64::from(number); 4]);
             }
             pass.set_bind_group(0, group);
@@ -159,9 +159,9 @@ impl Card {
             from: [from[0] as f32, row_edge(height, upward, from[1] as f32)],
             scale: [1.0, if upward { 1.0 } else { -1.0 }],
         };
-        let read = if base == Base::Depth { From::Depth } else { From::Color };
+        let read = if base == Base::Depth { CopySource::Depth } else { CopySource::Color };
         let (result, format) = (if base == Base::Depth { "c.r" } else { base.unswizzle() }, base.format());
-        let key = CopyKey { from: read, result, format: format.name(), meet: Meet::Replace, mask: 15 };
+        let key = CopyKey { from: read, result, format: format.name(), combine: Combine::Replace, mask: 15 };
         let area = Rect { x: to[0], y: to[1], width: size[0], height: size[1] };
         self.copy_pixels(key, format, surface, image, map, 0.0, area);
     }
@@ -197,8 +197,13 @@ impl Card {
         // One draw for each of the four channels: a pipeline has one number.
         for (channel, value) in color.into_iter().enumerate() {
             let mask = 1 << channel;
-            let key =
-                CopyKey { from: From::Color, result: "vec4f(u.source.z)", format: "rgba16float", meet: Meet::Replace, mask };
+            let key = CopyKey {
+                from: CopySource::Color,
+                result: "vec4f(u.source.z)",
+                format: "rgba16float",
+                combine: Combine::Replace,
+                mask,
+            };
             self.copy_pixels(key, Format::Rgba16Float, source, to, SAME, value, area);
         }
     }

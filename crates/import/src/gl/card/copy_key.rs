@@ -5,7 +5,7 @@ use trace::command::*;
 
 /// What a copying draw reads.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum From {
+pub enum CopySource {
     /// Colours, not filtered.
     Color,
     /// Colours, filtered.
@@ -18,7 +18,7 @@ pub enum From {
 
 /// How results are combined with the stored values.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Meet {
+pub enum Combine {
     /// Results replace the stored values.
     Replace,
     /// Results are added.
@@ -31,13 +31,13 @@ pub enum Meet {
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct CopyKey {
     /// What is read.
-    pub from: From,
+    pub from: CopySource,
     /// WGSL of the result, computed from the value that is read, `c`, and a number, `u.source.z`.
     pub result: &'static str,
     /// The format that is written, by its name.
     pub format: &'static str,
     /// Blending.
-    pub meet: Meet,
+    pub combine: Combine,
     /// Channels.
     pub mask: u8,
 }

@@ -11,7 +11,7 @@ use trace::record;
 use trace::record::Recorder;
 
 use crate::gl::card::copy_key::CopyKey;
-use crate::gl::card::pass::{COLOR, Draw, Fixed, Order, Pass, Surface, Target};
+use crate::gl::card::pass::{COLOR, Draw, Order, Pass, PipelineState, Surface, Target};
 use crate::gl::card::windows::Windows;
 
 /// A pass ends after this number of bytes of vertices and indices.
@@ -43,7 +43,7 @@ pub struct Card {
     pub first_frame: u64,
     /// Number of draws that were dropped, since nothing reads their results.
     pub dropped: u64,
-    pipelines: NumberMap<ShaderId, Vec<(Fixed, RenderPipelineId)>>,
+    pipelines: NumberMap<ShaderId, Vec<(PipelineState, RenderPipelineId)>>,
     uniform_layout: Option<BindGroupLayoutId>,
     texture_layouts: NumberMap<u32, BindGroupLayoutId>,
     pipeline_layouts: NumberMap<u32, PipelineLayoutId>,
@@ -65,7 +65,7 @@ pub struct Card {
     /// Bytes of vertices, indices and uniforms so far: the trace keeps them.
     pub bytes: u64,
     /// Bytes of the primitives of display lists and of the conversions of buffer objects that stay on the card.
-    pub kept_bytes: u64,
+    pub on_card_bytes: u64,
     /// Buffers that are freed as soon as no pending pass reads them, and their bytes.
     condemned: Vec<(BufferId, u64)>,
 }
@@ -96,7 +96,7 @@ impl Card {
             frames: 0,
             drawn: false,
             bytes: 0,
-            kept_bytes: 0,
+            on_card_bytes: 0,
             condemned: Vec::new(),
         }
     }
@@ -423,7 +423,7 @@ impl Card {
     }
 
     /// The pipeline of a shader and fixed state; made once.
-    pub fn pipeline(&mut self, fixed: &Fixed) -> RenderPipelineId {
+    pub fn pipeline(&mut self, fixed: &PipelineState) -> RenderPipelineId {
         let known = self.pipelines.get(fixed.shader).and_then(|list| list.iter().find(|(known, _)| known == fixed));
         if let Some(&(_, id)) = known {
             return id;
@@ -511,4 +511,4 @@ impl Card {
 }
 
 /// Maximum number of bytes that stay on the card: primitives of lists, and conversions of buffer objects.
-pub const KEPT_MAX: u64 = 64 << 20;
+pub const ON_CARD_MAX: u64 = 64 << 20;

@@ -134,7 +134,7 @@ pub struct Target {
 }
 
 /// The channels that a colour buffer stores, a bit each: all, or all but alpha.
-pub fn kept_channels(alpha: bool) -> u8 {
+pub fn stored_channels(alpha: bool) -> u8 {
     if alpha { 15 } else { 7 }
 }
 
@@ -227,7 +227,7 @@ impl Pass {
 
 /// The state of a pipeline.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Fixed {
+pub struct PipelineState {
     /// The module.
     pub shader: ShaderId,
     /// Layouts of the vertex buffers.
@@ -248,7 +248,7 @@ pub struct Fixed {
     pub textures: usize,
 }
 
-impl Fixed {
+impl PipelineState {
     /// Buffers that draws may write: bits of [`writes`].
     pub fn writes(&self) -> u8 {
         let colors = self.color.is_some() && self.mask != 0 || self.more.iter().any(|target| target.write_mask != 0);

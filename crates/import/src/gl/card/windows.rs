@@ -2,7 +2,7 @@
 
 use num::NumberMap;
 
-use crate::gl::call::{Fault, Outcome};
+use crate::gl::call::{Fault, GlResult};
 use crate::gl::card::pass::Surface;
 
 /// Maximum number of drawables of a recording.
@@ -128,7 +128,7 @@ impl Windows {
     ///
     /// # Errors
     /// If there are too many.
-    pub fn number(&mut self, handle: u64) -> Outcome<u32> {
+    pub fn number(&mut self, handle: u64) -> GlResult<u32> {
         if let Some(known) = self.known(handle) {
             return Ok(known);
         }

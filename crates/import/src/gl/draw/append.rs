@@ -3,8 +3,8 @@
 use gfx::state::Topology;
 use gl_shader::consts as e;
 
-use crate::gl::call::Outcome;
-use crate::gl::geometry::primitive::{Batch, Class, Sent};
+use crate::gl::call::GlResult;
+use crate::gl::geometry::primitive::{Batch, Class, SentAttributes};
 use crate::gl::geometry::vertex::Vertex;
 use crate::gl::machine::Gl;
 
@@ -12,7 +12,7 @@ use crate::gl::machine::Gl;
 const BATCH_MAX: usize = 1 << 17;
 
 impl Gl {
-    pub fn append(&mut self, class: Class, polygon: Option<bool>, vertices: &[Vertex], indices: &[u32]) -> Outcome {
+    pub fn append(&mut self, class: Class, polygon: Option<bool>, vertices: &[Vertex], indices: &[u32]) -> GlResult {
         if indices.is_empty() {
             return Ok(());
         }
@@ -49,13 +49,13 @@ impl Gl {
     }
 
     /// Appends primitives whose vertices have been lit, as draws of their own.
-    pub fn append_lit(&mut self, class: Class, polygon: Option<bool>, vertices: &[Vertex], indices: &[u32]) -> Outcome {
+    pub fn append_lit(&mut self, class: Class, polygon: Option<bool>, vertices: &[Vertex], indices: &[u32]) -> GlResult {
         let enabled = self.without_lighting();
         self.with_enabled(enabled, |gl| gl.append(class, polygon, vertices, indices))
     }
 
     /// Draws with other enabled capabilities than the program's.
-    pub fn with_enabled(&mut self, enabled: u64, draw: impl FnOnce(&mut Gl) -> Outcome) -> Outcome {
+    pub fn with_enabled(&mut self, enabled: u64, draw: impl FnOnce(&mut Gl) -> GlResult) -> GlResult {
         self.flush()?;
         self.drawing.prepared = None;
         let own = std::mem::replace(&mut self.state.enabled, enabled);
@@ -75,7 +75,7 @@ impl Gl {
             Some(of) if of.numbers.len() == vertices.len() => {
                 (of.vertices, indices.map(|index| of.numbers[index as usize]).collect(), of.sent)
             }
-            _ => (vertices.to_vec(), indices.collect::<Vec<u32>>(), Sent::Read),
+            _ => (vertices.to_vec(), indices.collect::<Vec<u32>>(), SentAttributes::Read),
         };
         let vertices =
             if sequence { indices.iter().map(|&index| vertices[index as usize].clone()).collect() } else { vertices };

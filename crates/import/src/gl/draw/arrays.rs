@@ -1,11 +1,11 @@
 //! Vertices of client arrays.
 
-use crate::gl::call::{Fault, INVALID_OPERATION, Outcome};
+use crate::gl::call::{Fault, GlResult, INVALID_OPERATION};
 use crate::gl::elements::{Element, scalar};
 use crate::gl::geometry::vertex::Vertex;
 use crate::gl::machine::Gl;
 use crate::gl::names;
-use crate::gl::state::arrays::{GENERIC, Ready, Source};
+use crate::gl::state::arrays::{ArrayData, ArrayView, GENERIC};
 use crate::gl::state::bindings::missing;
 
 /// Data beyond the end of a buffer object, as wide as the widest element.
@@ -13,10 +13,10 @@ const ZEROS: [u8; 32] = [0; 32];
 
 impl Gl {
     /// Enabled arrays, and a bit for each.
-    pub fn ready(&self) -> Outcome<(Vec<Ready>, u32)> {
+    pub fn array_views(&self) -> GlResult<(Vec<ArrayView>, u32)> {
         let mut ready = Vec::new();
         let mut bits = 0;
-        for (slot, array) in self.context.arrays.slots.iter().enumerate().filter(|(slot, array)| array.enabled && *slot != 6) {
+        for (slot, array) in self.context.arrays.enabled() {
             let refused = || Fault::Unsupported(format!("vertex arrays of type {}", names::name(array.kind)));
             if array.whole {
                 return Err(Fault::Unsupported("vertex arrays of whole numbers (glVertexAttribIPointer)".into()));
@@ -24,9 +24,9 @@ impl Gl {
             let (scalar, _) = scalar(array.kind).ok_or_else(refused)?;
             let element = Element { scalar, size: array.size, blue_first: array.blue_first };
             let (data, start, buffer) = match &array.source {
-                Source::None => return Err(Fault::Damaged("an enabled array has no contents".into())),
-                Source::Memory(bytes) => (bytes.clone(), 0, None),
-                Source::Buffer(name, at) => {
+                ArrayData::None => return Err(Fault::Damaged("an enabled array has no contents".into())),
+                ArrayData::Memory(bytes) => (bytes.clone(), 0, None),
+                ArrayData::Buffer(name, at) => {
                     let object = self.objects.buffers.get(*name).ok_or_else(|| missing(*name, INVALID_OPERATION))?;
                     (object.bytes()?.clone(), *at as usize, Some(*name))
                 }
@@ -34,14 +34,14 @@ impl Gl {
             let stride = if array.stride == 0 { element.bytes() } else { array.stride };
             let normalized = array.normalized;
             let instance = array.divisor.checked_sub(1).map(|_| self.drawing.instance / array.divisor);
-            ready.push(Ready { slot, element, normalized, stride, start, data, buffer, instance });
+            ready.push(ArrayView { slot, element, normalized, stride, start, data, buffer, instance });
             bits |= 1 << slot;
         }
         Ok((ready, bits))
     }
 
     /// The vertex of an index.
-    pub fn fetch(&self, ready: &[Ready], index: u32) -> Outcome<Vertex> {
+    pub fn fetch(&self, ready: &[ArrayView], index: u32) -> GlResult<Vertex> {
         let mut vertex = self.state.current.clone();
         for array in ready {
             let index = array.instance.unwrap_or(index);

@@ -3,7 +3,7 @@
 use gl_shader::consts as e;
 use num::NumberMap;
 
-use crate::gl::call::{INVALID_ENUM, INVALID_OPERATION, Outcome};
+use crate::gl::call::{GlResult, INVALID_ENUM, INVALID_OPERATION};
 use crate::gl::machine::Gl;
 use crate::gl::state::bindings::{GONE, missing};
 use crate::gl::state::buffers::OTHER_TARGETS;
@@ -20,7 +20,7 @@ impl Gl {
     }
 
     /// The buffer object that is bound to a target.
-    pub fn bound_buffer(&self, target: u32) -> Outcome<u32> {
+    pub fn bound_buffer(&self, target: u32) -> GlResult<u32> {
         Ok(match target {
             e::ARRAY_BUFFER => self.context.arrays.bound[0],
             e::ELEMENT_ARRAY_BUFFER => self.context.arrays.bound[1],
@@ -32,7 +32,7 @@ impl Gl {
     }
 
     /// The bytes that uniform blocks of a binding read; none if nothing is bound.
-    pub fn uniform_bytes(&self, binding: u32) -> Outcome<&[u8]> {
+    pub fn uniform_bytes(&self, binding: u32) -> GlResult<&[u8]> {
         let Some(range) = self.context.buffers.uniform.get(binding) else { return Ok(&[]) };
         let Some(object) = self.objects.buffers.get(range.buffer) else {
             return if range.buffer == GONE { Err(missing(GONE, INVALID_OPERATION)) } else { Ok(&[]) };

@@ -6,8 +6,8 @@ use gl_shader::{COLORS_MAX, consts as e};
 use num::float_bytes;
 use trace::record;
 
-use crate::gl::call::{Fault, Outcome};
-use crate::gl::card::pass::{Draw, Fixed, Order, Surface, VertexRange, kept_channels};
+use crate::gl::call::{Fault, GlResult};
+use crate::gl::card::pass::{Draw, Order, PipelineState, Surface, VertexRange, stored_channels};
 use crate::gl::machine::Gl;
 use crate::gl::state::server::State;
 use crate::gl::texels::image::byte;
@@ -69,11 +69,11 @@ impl Gl {
     pub fn mask(&self) -> u8 {
         let Some(target) = self.card.target().filter(|target| target.color.is_some()) else { return 0 };
         let off = self.context.framebuffers.draw == 0 && self.state.color.draw_buffer == e::NONE;
-        if off { 0 } else { self.state.color.writes[0].mask & kept_channels(target.alpha) }
+        if off { 0 } else { self.state.color.writes[0].mask & stored_channels(target.alpha) }
     }
 
     /// Clears the window before its size is known: it begins with these values.
-    fn clear_early(&mut self, mask: u32, values: ClearValues) -> Outcome {
+    fn clear_early(&mut self, mask: u32, values: ClearValues) -> GlResult {
         let (state, wanted) = (&self.state, |bit: u32| mask & bit != 0);
         let whole = !state.is(e::SCISSOR_TEST)
             && state.color.writes[0].mask == 15
@@ -94,7 +94,7 @@ impl Gl {
     }
 
     /// Clears buffers to these values, as far as scissor and masks allow.
-    pub fn clear_buffers(&mut self, mask: u32, values: ClearValues) -> Outcome {
+    pub fn clear_buffers(&mut self, mask: u32, values: ClearValues) -> GlResult {
         let target = match self.aim() {
             Err(Fault::Unsupported(_)) if self.context.framebuffers.draw == 0 && self.card.size() == [0; 2] => {
                 return self.clear_early(mask, values);
@@ -110,7 +110,7 @@ impl Gl {
         // The channels of a colour buffer that are cleared, by its number.
         let written = |k: usize, alpha: bool| {
             let cleared = on && values.buffer.is_none_or(|only| only == k);
-            if cleared { state.color.writes[k].mask & kept_channels(alpha) } else { 0 }
+            if cleared { state.color.writes[k].mask & stored_channels(alpha) } else { 0 }
         };
         let colors: Vec<(usize, Surface, bool)> =
             target.colors().enumerate().map(|(k, (color, alpha))| (k, color, alpha)).collect();
@@ -123,7 +123,8 @@ impl Gl {
         let color = target.color.and_then(|color| color.narrow).map_or(values.color, kept);
         let (z, stencil) = (values.depth, values.stencil as u32 & 0xff);
         // Whether all stored channels of each colour buffer are cleared.
-        let whole_colors = !colors.is_empty() && colors.iter().all(|&(k, _, alpha)| written(k, alpha) == kept_channels(alpha));
+        let whole_colors =
+            !colors.is_empty() && colors.iter().all(|&(k, _, alpha)| written(k, alpha) == stored_channels(alpha));
         let channels = colors.first().map_or(0, |&(k, _, alpha)| written(k, alpha));
         let more = |&(k, color, alpha): &(usize, Surface, bool)| ColorTarget {
             format: color.format,
@@ -138,7 +139,7 @@ impl Gl {
             return Ok(());
         }
         let face = StencilFace { pass_op: StencilOp::Replace, depth_fail_op: StencilOp::Replace, ..StencilFace::default() };
-        let fixed = Fixed {
+        let fixed = PipelineState {
             shader: {
                 let colors = target.colors().count().max(1);
                 self.card.plain_shader(LABELS[colors - 1], &clear_text(colors))

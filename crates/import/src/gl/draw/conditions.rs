@@ -68,6 +68,6 @@ impl Gl {
 
     /// Whether diagonals begin at first vertices if all vertices are inside.
     pub fn begins_diagonals(&self) -> bool {
-        !self.drawing.indexed && !self.drawing.listed && !self.state.is(e::POLYGON_STIPPLE)
+        !self.drawing.indexed && !self.drawing.from_list && !self.state.is(e::POLYGON_STIPPLE)
     }
 }

@@ -5,18 +5,18 @@ use gl_shader::key::*;
 use gl_shader::{PLANES, UNITS, consts as e};
 use glam::{Mat4, Vec4};
 
-use crate::gl::call::{Fault, INVALID_OPERATION, Outcome};
-use crate::gl::geometry::primitive::{Batch, Class, Sent};
+use crate::gl::call::{Fault, GlResult, INVALID_OPERATION};
+use crate::gl::geometry::primitive::{Batch, Class, SentAttributes};
 use crate::gl::geometry::summary::Summary;
 use crate::gl::machine::Gl;
 use crate::gl::state::bindings::{GONE, missing};
-use crate::gl::state::materials::{tracked, tracks};
-use crate::gl::state::texture::Bound;
+use crate::gl::state::materials::{tracked_parameters, tracks};
+use crate::gl::state::texture::BoundTexture;
 use crate::gl::state::texturing::{COMBINE4, DOT3_RGB, DOT3_RGBA, kind_of, later};
 
 impl Gl {
     /// The key of a unit, and the texture of a target if it is complete.
-    pub fn unit(&mut self, unit: usize, target: Option<usize>, class: Class) -> Outcome<(UnitKey, Option<Bound>)> {
+    pub fn unit(&mut self, unit: usize, target: Option<usize>, class: Class) -> GlResult<(UnitKey, Option<BoundTexture>)> {
         let bound = match target {
             None => None,
             Some(target) => {
@@ -106,7 +106,7 @@ impl Gl {
     }
 
     /// The key of a draw whose units have these keys, into a target of this size.
-    pub fn key(&self, batch: &Batch, summary: &Summary, mut units: Vec<UnitKey>, size: [u32; 2]) -> Outcome<ShaderKey> {
+    pub fn key(&self, batch: &Batch, summary: &Summary, mut units: Vec<UnitKey>, size: [u32; 2]) -> GlResult<ShaderKey> {
         let state = &self.state;
         for unit in units.iter_mut().filter(|unit| !unit.projective && !unit.sprite) {
             unit.projective = summary.projective(unit.unit);
@@ -121,7 +121,7 @@ impl Gl {
                     attenuated: light.attenuation != [1.0, 0.0, 0.0],
                 })
                 .collect();
-            let color_material = tracked(state);
+            let color_material = tracked_parameters(state);
             let two_side = state.lighting.two_side && batch.class == Class::Triangles;
             let shiny = |face: usize| {
                 state.lighting.materials[face].specular[..3] != [0.0; 3] || color_material.contains(&tracks::SPECULAR)
@@ -177,7 +177,7 @@ impl Gl {
 /// Attributes that come from the vertex buffer: those that are read and differ between vertices, and those that are always sent.
 pub fn varying(batch: &Batch, summary: &Summary, key: &ShaderKey) -> Varying {
     let all = Varying { color: true, normal: true, secondary: true, fog: true, texture: [true; UNITS], generic: u16::MAX };
-    let mut varying = if batch.sent == Some(Sent::Read) { all } else { summary.varying };
+    let mut varying = if batch.sent == Some(SentAttributes::Read) { all } else { summary.varying };
     varying.color &= key.color();
     varying.normal &= key.normal();
     varying.secondary &= key.vertex_secondary();

@@ -3,7 +3,7 @@
 use gl_shader::arb::program::Stage;
 use gl_shader::consts as e;
 
-use crate::gl::call::Outcome;
+use crate::gl::call::GlResult;
 use crate::gl::geometry::clip::{VIEW_VOLUME, to_clip};
 use crate::gl::geometry::primitive::Class;
 use crate::gl::geometry::vertex::Vertex;
@@ -12,7 +12,7 @@ use crate::gl::matrix;
 
 impl Gl {
     /// Appends primitives to the batch.
-    pub fn add(&mut self, class: Class, polygon: Option<bool>, vertices: &[Vertex], indices: &[u32]) -> Outcome {
+    pub fn add(&mut self, class: Class, polygon: Option<bool>, vertices: &[Vertex], indices: &[u32]) -> GlResult {
         if indices.is_empty() {
             return Ok(());
         }

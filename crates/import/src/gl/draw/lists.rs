@@ -5,35 +5,35 @@ use std::rc::Rc;
 
 use gl_shader::consts as e;
 
-use crate::gl::call::Outcome;
-use crate::gl::card::device::KEPT_MAX;
-use crate::gl::draw::streams::Kept;
+use crate::gl::call::GlResult;
+use crate::gl::card::device::ON_CARD_MAX;
+use crate::gl::draw::streams::OnCard;
 use crate::gl::geometry::listed::Geometry;
 use crate::gl::geometry::primitive::{Batch, Class};
 use crate::gl::machine::Gl;
 
 /// Minimum number of vertices that stay on the card. Fewer are joined with their neighbours to one draw, if there are any that can be joined.
-const LEAST: usize = 192;
+const VERTICES_MIN: usize = 192;
 
 impl Gl {
     /// Draws primitives of a list.
-    pub fn geometry(&mut self, geometry: &Rc<Geometry>) -> Outcome {
+    pub fn geometry(&mut self, geometry: &Rc<Geometry>) -> GlResult {
         if !self.context.render_mode.draws() {
             return Ok(());
         }
         let seen = geometry.drawn.replace(true);
-        let small = geometry.vertices.len() < LEAST;
+        let small = geometry.vertices.len() < VERTICES_MIN;
         // Small ones stay if they were not joined with others the last time, and would not be joined with the one before now.
-        let worth = !small || geometry.alone.get() && !self.drawing.follows;
+        let worth = !small || geometry.alone.get() && !self.drawing.after_small_list;
         if seen && worth && self.stays(geometry) {
             self.flush()?;
-            self.drawing.follows = small;
+            self.drawing.after_small_list = small;
             let mut batch = Batch { class: geometry.class(), ..Batch::default() };
-            let outcome = self.draw(&mut batch, Some(Kept::List(geometry)));
+            let outcome = self.draw(&mut batch, Some(OnCard::List(geometry)));
             return self.settled(outcome);
         }
         geometry.alone.set(false);
-        let first = self.drawing.batch.indices.is_empty() && !self.drawing.follows;
+        let first = self.drawing.batch.indices.is_empty() && !self.drawing.after_small_list;
         let mut filled = std::mem::take(&mut self.drawing.spare);
         let mut outcome = Ok(());
         for (mode, range) in geometry.primitives() {
@@ -41,16 +41,16 @@ impl Gl {
             let current = &self.state.current;
             filled.clear();
             filled.extend(geometry.vertices[few].iter().map(|vertex| vertex.over(current, geometry.own)));
-            self.drawing.listed = true;
+            self.drawing.from_list = true;
             outcome = self.primitive(mode, &filled);
-            self.drawing.listed = false;
+            self.drawing.from_list = false;
             if outcome.is_err() {
                 break;
             }
         }
         filled.clear();
         self.drawing.spare = filled;
-        self.drawing.lone = (first && small).then(|| geometry.clone());
+        self.drawing.first_listed = (first && small).then(|| geometry.clone());
         outcome
     }
 
@@ -58,7 +58,7 @@ impl Gl {
     fn stays(&mut self, geometry: &Geometry) -> bool {
         !self.options.survey
             && !self.options.keep_draws
-            && self.card.kept_bytes < KEPT_MAX
+            && self.card.on_card_bytes < ON_CARD_MAX
             && !self.state.is(e::COLOR_LOGIC_OP)
             && match geometry.class() {
                 Class::Points => true,

@@ -2,20 +2,20 @@
 
 use gl_shader::consts as e;
 
-use crate::gl::call::Outcome;
+use crate::gl::call::GlResult;
 use crate::gl::machine::Gl;
-use crate::gl::state::materials::{Given, tracked, tracks};
+use crate::gl::state::materials::{tracked_parameters, tracks};
 
 impl Gl {
     /// Writes the tracked colour to the materials: they keep it when colour material is switched off (OpenGL 1.5, section 2.14.3).
-    pub fn settle_color_material(&mut self) -> Outcome {
+    pub fn settle_color_material(&mut self) -> GlResult {
         if !self.state.is(e::COLOR_MATERIAL) {
             return Ok(());
         }
-        self.materials_meet()?;
+        self.apply_materials()?;
         let state = &mut self.state;
-        let (color, tracked) = (state.current.color, tracked(state));
-        let kept = self.context.given.kept(color);
+        let (color, tracked) = (state.current.color, tracked_parameters(state));
+        let kept = self.context.material_tracking.unchanged(color);
         for (side, material) in state.lighting.materials.iter_mut().enumerate() {
             let set = tracked[side] & !kept[side];
             for (bit, value) in [
@@ -29,24 +29,18 @@ impl Gl {
         }
         Ok(())
     }
-}
 
-impl Gl {
     /// Applies the stored materials when a primitive begins or colour material was switched.
-    pub fn materials_meet(&mut self) -> Outcome {
-        if self.context.begun.is_some() || self.context.compiling.is_some() {
+    pub fn apply_materials(&mut self) -> GlResult {
+        if self.context.open_primitive.is_some() || self.context.compiling.is_some() {
             return Ok(());
         }
-        let color = self.state.current.color;
-        let mut kept = self.context.given.kept(color);
-        for (side, tracked) in tracked(&self.state).into_iter().enumerate() {
-            kept[side] |= self.context.given.waiting[side] & tracked;
-        }
-        if kept != self.context.given.kept {
+        let (next, changes) = self.context.material_tracking.at_primitive(&self.state);
+        if changes {
             // The batch uses the state before this.
             self.flush()?;
         }
-        self.context.given = Given { waiting: [0; 2], kept, color };
+        self.context.material_tracking = next;
         Ok(())
     }
 }

@@ -8,7 +8,7 @@ use gl_shader::arb::program::Stage;
 use gl_shader::{PLANES, consts as e};
 use glam::{DVec2, DVec3, Mat4, dvec2, dvec3};
 
-use crate::gl::call::{Fault, Outcome};
+use crate::gl::call::{Fault, GlResult};
 use crate::gl::draw::lit;
 use crate::gl::geometry::clip::{VIEW_VOLUME, between, to_clip};
 use crate::gl::geometry::primitive::{Class, OFFSET_STEPS};
@@ -28,7 +28,7 @@ type Cut<'a> = (&'a dyn Fn(&Vertex) -> f32, bool);
 
 impl Gl {
     /// Polygons of which some are drawn as lines or points.
-    pub fn outlines(&mut self, mode: u32, vertices: &[Vertex], triangles: &[[u32; 3]]) -> Outcome {
+    pub fn outlines(&mut self, mode: u32, vertices: &[Vertex], triangles: &[[u32; 3]]) -> GlResult {
         let n = vertices.len() as u32;
         let polygons: Vec<Vec<u32>> = match mode {
             e::QUADS => (0..n / 4).map(|k| (4 * k..4 * k + 4).collect()).collect(),
@@ -134,7 +134,7 @@ impl Gl {
 
     /// Appends lines or points of a polygon, whose vertices have been lit and cut. Where there is lighting, or the program has clip planes, they
     /// are a draw of their own without these.
-    fn add_lit(&mut self, class: Class, back: bool, vertices: &[Vertex], indices: &[u32]) -> Outcome {
+    fn add_lit(&mut self, class: Class, back: bool, vertices: &[Vertex], indices: &[u32]) -> GlResult {
         let planes = (0..PLANES).filter_map(|k| capability(e::CLIP_PLANE0 + k as u32)).fold(0, |all, bit| all | bit);
         let (enabled, without) = (self.state.enabled, self.without_lighting() & !planes);
         if enabled == without {

@@ -5,11 +5,11 @@ use gl_shader::arb::program::Output;
 use gl_shader::consts as e;
 use gl_shader::key::{Expand, ShaderKey};
 
-use crate::gl::call::{Fault, INVALID_OPERATION, Outcome};
-use crate::gl::card::pass::{Fixed, Layouts, Target, kept_channels};
+use crate::gl::call::{Fault, GlResult, INVALID_OPERATION};
+use crate::gl::card::pass::{Layouts, PipelineState, Target, stored_channels};
 use crate::gl::geometry::primitive::{Batch, Class, OFFSET_STEPS};
 use crate::gl::machine::Gl;
-use crate::gl::state::arb::Active;
+use crate::gl::state::arb::ActiveProgram;
 use crate::gl::state::fragments::{ColorWrites, Stencil, blend_factor, blend_operation, compare, stencil_operation};
 use crate::gl::state::server::State;
 
@@ -39,7 +39,7 @@ const SECOND: [u32; 4] = [e::SRC1_COLOR, e::SRC1_ALPHA, e::ONE_MINUS_SRC1_COLOR,
 
 impl Stencil {
     /// The card's stencil state of this side.
-    pub fn face(&self) -> Outcome<StencilFace> {
+    pub fn face(&self) -> GlResult<StencilFace> {
         let [fail, depth_fail, pass] = self.ops;
         Ok(StencilFace {
             compare: compare(self.compare),
@@ -71,12 +71,12 @@ impl Gl {
     }
 
     /// The blending of a colour buffer.
-    pub fn blending(&self, writes: &ColorWrites) -> Outcome<Option<Blend>> {
+    pub fn blending(&self, writes: &ColorWrites) -> GlResult<Option<Blend>> {
         if !writes.blended || self.state.is(e::COLOR_LOGIC_OP) {
             return Ok(None);
         }
         let alone = self.constant_alpha();
-        let component = |src: u32, dst: u32, op: u32, alpha: bool| -> Outcome<BlendComponent> {
+        let component = |src: u32, dst: u32, op: u32, alpha: bool| -> GlResult<BlendComponent> {
             let op = blend_operation(op)?;
             // The card's rule: minimum and maximum ignore blend factors.
             if matches!(op, BlendOp::Min | BlendOp::Max) {
@@ -91,7 +91,7 @@ impl Gl {
     }
 
     /// Whether the first colour buffer is blended with the second source of the fragment program.
-    pub fn blends_second(&self, target: &Target, fragment: Option<&Active>) -> Outcome<bool> {
+    pub fn blends_second(&self, target: &Target, fragment: Option<&ActiveProgram>) -> GlResult<bool> {
         let blends = |writes: &ColorWrites| {
             let factors = [0, 1].into_iter().filter(|&k| !matches!(writes.ops[k], e::MIN | e::MAX));
             let mut factors = factors.flat_map(|k| [writes.factors[2 * k], writes.factors[2 * k + 1]]);
@@ -119,7 +119,7 @@ impl Gl {
         batch: &Batch,
         key: &ShaderKey,
         textures: usize,
-    ) -> Outcome<Fixed> {
+    ) -> GlResult<PipelineState> {
         let state = &self.state;
         let (class, topology) = (batch.class, batch.topology);
         let triangles = class == Class::Triangles;
@@ -175,9 +175,9 @@ impl Gl {
         let mut more = Vec::new();
         for ((color, alpha), (k, writes)) in target.more.iter().flatten().zip(state.color.writes.iter().enumerate().skip(1)) {
             let written = key.colors.written & 1 << k != 0 && !noop;
-            let write_mask = if written { writes.mask & kept_channels(*alpha) } else { 0 };
+            let write_mask = if written { writes.mask & stored_channels(*alpha) } else { 0 };
             more.push(ColorTarget { format: color.format, blend: self.blending(writes)?, write_mask });
         }
-        Ok(Fixed { shader, buffers, primitive, color, more, depth, blend, mask, textures })
+        Ok(PipelineState { shader, buffers, primitive, color, more, depth, blend, mask, textures })
     }
 }

@@ -5,16 +5,16 @@ use std::rc::Rc;
 use gl_shader::consts as e;
 use gl_shader::key::Base;
 
-use crate::gl::call::{Arg, Fault, INVALID_OPERATION, Outcome};
+use crate::gl::call::{Arg, Fault, GlResult, INVALID_OPERATION};
 use crate::gl::machine::Gl;
-use crate::gl::texels::image::Kept;
+use crate::gl::texels::image::StoredFormat;
 use crate::gl::texels::transfer::values;
 use crate::gl::texels::unpack::UNSIGNED_INT_24_8;
 use crate::gl::texels::{image, unpack};
 
 impl Gl {
     /// Runs a function that reads an image of `dimensions` dimensions. It is an error to read beyond the end of a buffer object.
-    pub fn unpacking(&mut self, dimensions: usize, run: impl FnOnce(&mut Gl) -> Outcome) -> Outcome {
+    pub fn unpacking(&mut self, dimensions: usize, run: impl FnOnce(&mut Gl) -> GlResult) -> GlResult {
         let all = self.context.unpack;
         if dimensions < 3 {
             self.context.unpack = all.plane();
@@ -28,7 +28,7 @@ impl Gl {
     }
 
     /// The bytes of a pixel argument: the recorded ones, or those of the pixel buffer object from an offset on. None if there are none.
-    pub fn pixel_bytes(&self, arg: &Arg) -> Outcome<Option<Rc<[u8]>>> {
+    pub fn pixel_bytes(&self, arg: &Arg) -> GlResult<Option<Rc<[u8]>>> {
         let at = match arg {
             Arg::Pointer(at) => *at,
             Arg::Num(at) => *at as u64,
@@ -49,7 +49,7 @@ impl Gl {
     }
 
     /// Colours of a rectangle after pixel transfer, rows from the bottom.
-    pub fn texels(&self, size: [u32; 3], format: u32, kind: u32, bytes: &[u8]) -> Outcome<Vec<[u8; 4]>> {
+    pub fn texels(&self, size: [u32; 3], format: u32, kind: u32, bytes: &[u8]) -> GlResult<Vec<[u8; 4]>> {
         let (transfer, maps) = (&self.state.pixels.transfer, &self.context.pixel_maps);
         if format == e::COLOR_INDEX {
             let color = |value: f64| {
@@ -74,7 +74,7 @@ impl Gl {
     }
 
     /// Texels of a rectangle in the stored format of this base format.
-    pub fn kept(&self, base: Base, size: [u32; 3], [format, kind]: [u32; 2], bytes: &[u8]) -> Outcome<Vec<u8>> {
+    pub fn encoded(&self, base: Base, size: [u32; 3], [format, kind]: [u32; 2], bytes: &[u8]) -> GlResult<Vec<u8>> {
         let bounded = format == e::COLOR_INDEX;
         if !base.is_float() || bounded {
             if self.state.pixels.transfer.keeps_colors()
@@ -85,23 +85,23 @@ impl Gl {
             let texels = self.texels(size, format, kind, bytes)?;
             // These are stored as they are.
             let whole = matches!(base, Base::Rgba | Base::SrgbAlpha);
-            return Ok(if whole { texels.into_flattened() } else { base.keep(&texels) });
+            return Ok(if whole { texels.into_flattened() } else { base.encode(&texels) });
         }
         if !self.state.pixels.transfer.keeps_colors() {
             return Err(Fault::Unsupported("pixel transfer into floating-point textures".into()));
         }
-        Ok(base.keep_floats(&unpack::unpack(&self.context.unpack, size, format, kind, bytes)?))
+        Ok(base.encode_floats(&unpack::unpack(&self.context.unpack, size, format, kind, bytes)?))
     }
 
     /// Depths of a rectangle after pixel transfer.
-    pub fn depths(&self, size: [u32; 3], kind: u32, bytes: &[u8]) -> Outcome<Vec<f32>> {
+    pub fn depths(&self, size: [u32; 3], kind: u32, bytes: &[u8]) -> GlResult<Vec<f32>> {
         let [scale, bias] = self.state.pixels.transfer.depth;
         let values = values(&self.context.unpack, size, kind, bytes, true)?;
         Ok(values.into_iter().map(|value| (value as f32 * scale + bias).clamp(0.0, 1.0)).collect())
     }
 
     /// Depths and stencil values of a rectangle that has both, after pixel transfer.
-    pub fn depths_and_stencil(&self, size: [u32; 3], kind: u32, bytes: &[u8]) -> Outcome<(Vec<f32>, Vec<u8>)> {
+    pub fn depths_and_stencil(&self, size: [u32; 3], kind: u32, bytes: &[u8]) -> GlResult<(Vec<f32>, Vec<u8>)> {
         let [scale, bias] = self.state.pixels.transfer.depth;
         let depth = |depth: f32| (depth * scale + bias).clamp(0.0, 1.0);
         let words = values(&self.context.unpack, size, kind, bytes, false)?;
@@ -113,7 +113,7 @@ impl Gl {
     }
 
     /// Stencil indices of a rectangle after pixel transfer.
-    pub fn stencil_indices(&self, size: [u32; 3], kind: u32, bytes: &[u8]) -> Outcome<Vec<u8>> {
+    pub fn stencil_indices(&self, size: [u32; 3], kind: u32, bytes: &[u8]) -> GlResult<Vec<u8>> {
         Ok(values(&self.context.unpack, size, kind, bytes, false)?.into_iter().map(|value| self.stencil_value(value)).collect())
     }
 

@@ -11,12 +11,12 @@ use gl_shader::{TARGETS, UNITS, consts as e, wgsl};
 use glam::{Mat4, Vec4};
 use num::*;
 
-use crate::gl::call::{Fault, Outcome};
+use crate::gl::call::{Fault, GlResult};
 use crate::gl::card::pass::{Layouts, Surface, Target};
 use crate::gl::draw::key::varying;
-use crate::gl::draw::streams::Kept;
+use crate::gl::draw::streams::OnCard;
 use crate::gl::draw::uniforms;
-use crate::gl::draw::uniforms::Source;
+use crate::gl::draw::uniforms::UniformInputs;
 use crate::gl::draw::viewport::wider;
 use crate::gl::geometry::clip::to_clip;
 use crate::gl::geometry::pack::Packing;
@@ -25,9 +25,9 @@ use crate::gl::geometry::summary::Summary;
 use crate::gl::geometry::vertex::Vertex;
 use crate::gl::machine::Gl;
 use crate::gl::matrix::transform;
-use crate::gl::state::arb::Active;
-use crate::gl::state::materials::tracked;
-use crate::gl::state::prepared::{Likeness, Prepared, Sampling};
+use crate::gl::state::arb::ActiveProgram;
+use crate::gl::state::materials::tracked_parameters;
+use crate::gl::state::prepared::{DrawKey, Prepared, Sampling};
 
 /// What preparing a draw gives.
 pub enum Preparation {
@@ -39,15 +39,15 @@ pub enum Preparation {
     Ready(Box<Prepared>),
 }
 
-impl Likeness {
-    fn of(gl: &Gl, batch: &Batch, summary: &Summary, units: &[UnitKey]) -> Likeness {
+impl DrawKey {
+    fn of(gl: &Gl, batch: &Batch, summary: &Summary, units: &[UnitKey]) -> DrawKey {
         let mut matrices = [0; 2];
         for unit in units.iter().map(|key| key.unit).filter(|&unit| unit < UNITS) {
             let m = &gl.context.matrices.texture[unit].top;
             matrices[0] |= u8::from(*m != Mat4::IDENTITY) << unit;
             matrices[1] |= u8::from(m.row(3) != Vec4::W) << unit;
         }
-        Likeness {
+        DrawKey {
             class: batch.class,
             polygon: batch.polygon,
             topology: batch.topology,
@@ -56,15 +56,15 @@ impl Likeness {
             summary: *summary,
             projective: gl.context.matrices.modelview.top.row(3) != Vec4::W,
             matrices,
-            kept: gl.context.given.keeps() && tracked(&gl.state) != [0; 2],
+            keeps_material: gl.context.material_tracking.has_unchanged() && tracked_parameters(&gl.state) != [0; 2],
         }
     }
 }
 
 impl Prepared {
     /// Whether the prepared draw can be used for this draw, too.
-    pub fn serves(&self, gl: &Gl, batch: &Batch, summary: &Summary) -> bool {
-        self.lasts && self.likeness == Likeness::of(gl, batch, summary, &self.key.units)
+    pub fn matches(&self, gl: &Gl, batch: &Batch, summary: &Summary) -> bool {
+        self.reusable && self.draw_key == DrawKey::of(gl, batch, summary, &self.key.units)
     }
 
     /// Whether preparing this draw again gives the same. This checks [`Prepared::serves`], and that prepared draws are discarded in time.
@@ -83,14 +83,14 @@ impl Prepared {
     }
 
     /// The values of the uniforms, with these attributes where all vertices have the same.
-    pub fn source<'a>(&'a self, gl: &'a Gl, constant: &'a Vertex) -> Source<'a> {
+    pub fn source<'a>(&'a self, gl: &'a Gl, constant: &'a Vertex) -> UniformInputs<'a> {
         let [vertex, fragment] = self.programs.each_ref().map(Option::as_ref);
         source(gl, constant, (self.target, &self.sampling), [vertex, fragment])
     }
 }
 
 /// The colours that a draw's fragments write to the colour buffers.
-fn colors_of(target: &Target, fragment: Option<&Active>) -> Colors {
+fn colors_of(target: &Target, fragment: Option<&ActiveProgram>) -> Colors {
     let count = target.colors().count().max(1) as u8;
     let own = fragment.filter(|active| active.program.code.as_ref().is_some_and(|code| !code.broadcast));
     let written = own.map_or(u8::MAX, |active| {
@@ -126,9 +126,9 @@ fn source<'a>(
     gl: &'a Gl,
     constant: &'a Vertex,
     (target, sampling): (Target, &'a [Sampling]),
-    [vertex, fragment]: [Option<&'a Active>; 2],
-) -> Source<'a> {
-    Source {
+    [vertex, fragment]: [Option<&'a ActiveProgram>; 2],
+) -> UniformInputs<'a> {
+    UniformInputs {
         state: &gl.state,
         modelview: &gl.context.matrices.modelview.top,
         projection: &gl.context.matrices.projection.top,
@@ -150,10 +150,10 @@ impl Gl {
     pub fn prepare(
         &mut self,
         batch: &mut Batch,
-        kept: Option<Kept<'_>>,
+        on_card: Option<OnCard<'_>>,
         constant: &mut Vertex,
         summary: &mut Summary,
-    ) -> Outcome<Preparation> {
+    ) -> GlResult<Preparation> {
         let mut target = self.aim()?;
         let Some(scissor) = self.scissor() else { return Ok(Preparation::Nothing) };
         if self.state.transform.viewport[2] <= 0 || self.state.transform.viewport[3] <= 0 {
@@ -164,7 +164,7 @@ impl Gl {
         if culled {
             return Ok(Preparation::Nothing);
         }
-        if kept.is_none() && self.sides_differ(batch) {
+        if on_card.is_none() && self.sides_differ(batch) {
             return Ok(Preparation::BySides);
         }
         let vertex = self.active_program(Stage::Vertex)?;
@@ -182,7 +182,7 @@ impl Gl {
         }
         let mut key = self.key(batch, summary, keys, target.size)?;
         if let Some(lighting) = &mut key.lighting {
-            self.context.given.limit(lighting, constant, summary);
+            self.context.material_tracking.untrack_unchanged(lighting, constant, summary);
         }
         self.programmed(&mut key, batch, vertex.as_ref(), fragment.as_ref())?;
         let flat = || key.flat || vertex.as_ref().is_some_and(|active| active.program.has_flat());
@@ -243,31 +243,31 @@ impl Gl {
             return self.fixed(&target, shader, [].into(), batch, &key, bound.len()).map(|_| Preparation::Nothing);
         }
         let (packing, layouts) = self.packing(shader, &key, summary, batch);
-        let placed = match kept {
-            Some(Kept::Buffers(resident)) => Some(resident.placed(&packing.attributes)),
+        let streams = match on_card {
+            Some(OnCard::Buffers(resident)) => Some(resident.streams(&packing.attributes)),
             _ => None,
         };
-        let layouts = placed.as_ref().map_or(layouts, |placed| placed.layouts.clone().into());
+        let layouts = streams.as_ref().map_or(layouts, |streams| streams.layouts.clone().into());
         let fixed = self.fixed(&target, shader, layouts, batch, &key, bound.len())?;
-        let likeness = Likeness::of(self, batch, summary, &key.units);
+        let draw_key = DrawKey::of(self, batch, summary, &key.units);
         // The values of programs, the offsets and the fog of lines, and copies for logic operations are of one draw.
         let lines = matches!(key.expand, Expand::Line | Expand::SmoothLine);
         let own =
             self.drawing.pixels.is_some() || key.logic.is_some() || self.offsets(batch.class) || lines && key.fog.is_some();
-        let lasts = vertex.is_none()
+        let reusable = vertex.is_none()
             && fragment.is_none()
-            && placed.is_none()
-            && !likeness.kept
+            && streams.is_none()
+            && !draw_key.keeps_material
             && !own
             && target.color.is_none_or(|color| color.narrow.is_none());
         Ok(Preparation::Ready(Box::new(Prepared {
-            lasts,
-            likeness,
+            reusable,
+            draw_key,
             target,
             programs: [vertex, fragment],
             sampling,
             packing,
-            placed,
+            streams,
             writes: fixed.writes(),
             fixed,
             pipeline: None,
@@ -287,7 +287,7 @@ impl Gl {
     }
 
     /// The texture units of a draw.
-    fn units(&mut self, target: &Target, class: Class, [vertex, fragment]: [&Option<Active>; 2]) -> Outcome<Units> {
+    fn units(&mut self, target: &Target, class: Class, [vertex, fragment]: [&Option<ActiveProgram>; 2]) -> GlResult<Units> {
         let mut bound = Vec::new();
         let mut keys = Vec::new();
         let (mut sampling, mut white, mut reads_depth) = (Vec::new(), Vec::new(), false);
@@ -297,8 +297,8 @@ impl Gl {
         for unit in (0..UNITS).chain(further) {
             self.state.texturing.reach(unit);
             let enabled = self.state.texturing.units[unit].enabled;
-            let target_of = |active: &Active| active.program.image(unit).map(|image| image.target);
-            let read = |active: &Option<Active>| active.as_ref().and_then(target_of);
+            let target_of = |active: &ActiveProgram| active.program.image(unit).map(|image| image.target);
+            let read = |active: &Option<ActiveProgram>| active.as_ref().and_then(target_of);
             let (bound_to, coordinates) = match fragment {
                 None if read(vertex).is_some() => {
                     return Err(Fault::Unsupported("textures of a vertex shader beside fixed-function fragments".into()));
@@ -381,8 +381,8 @@ impl Gl {
     }
 
     /// Makes the shader of a key, with these uniforms and programs.
-    fn module(&mut self, key: &ShaderKey, uniforms: &[wgsl::Field], programs: [Option<&Active>; 2]) -> ShaderId {
-        let of = |(stage, active): (&str, Option<&Active>)| Some(format!(" with {stage} program {}", active?.number));
+    fn module(&mut self, key: &ShaderKey, uniforms: &[wgsl::Field], programs: [Option<&ActiveProgram>; 2]) -> ShaderId {
+        let of = |(stage, active): (&str, Option<&ActiveProgram>)| Some(format!(" with {stage} program {}", active?.number));
         let numbers: String = ["vertex", "fragment"].into_iter().zip(programs).filter_map(of).collect();
         let label = format!("fixed-{}{numbers}", self.drawing.shaders.len());
         let [vertex, fragment] = programs.map(|active| active.map(|active| &*active.program));

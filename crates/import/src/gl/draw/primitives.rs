@@ -2,24 +2,24 @@
 
 use gl_shader::consts as e;
 
-use crate::gl::call::{Fault, INVALID_ENUM, Outcome};
+use crate::gl::call::{Fault, GlResult, INVALID_ENUM};
 use crate::gl::draw::lit::colors;
 use crate::gl::geometry::primitive::{Class, class_of, points_and_lines, triangles};
 use crate::gl::geometry::vertex::Vertex;
 use crate::gl::machine::Gl;
-use crate::gl::state::materials::Tracked;
+use crate::gl::state::materials::ChangingMaterial;
 use crate::gl::state::server::capability;
 
 impl Gl {
     /// Draws a primitive of these vertices.
-    pub fn primitive(&mut self, mode: u32, vertices: &[Vertex]) -> Outcome {
+    pub fn primitive(&mut self, mode: u32, vertices: &[Vertex]) -> GlResult {
         self.joined(mode, vertices)?;
         // A call that changes a buffer does not end a batch.
         if self.options.keep_draws || self.objects.glsl.reads_blocks(self.context.glsl_program) { self.flush() } else { Ok(()) }
     }
 
     /// Appends a primitive of these vertices to those that wait.
-    fn joined(&mut self, mode: u32, vertices: &[Vertex]) -> Outcome {
+    fn joined(&mut self, mode: u32, vertices: &[Vertex]) -> GlResult {
         if !self.context.render_mode.draws() || vertices.is_empty() {
             return Ok(());
         }
@@ -34,7 +34,7 @@ impl Gl {
     }
 
     /// Triangles, quadrilaterals and polygons.
-    fn polygons(&mut self, mode: u32, vertices: &[Vertex]) -> Outcome {
+    fn polygons(&mut self, mode: u32, vertices: &[Vertex]) -> GlResult {
         let n = vertices.len() as u32;
         if let Some((topology, count)) = self.assembled(mode, n).filter(|_| self.options.keep_draws) {
             self.flush()?;
@@ -60,11 +60,11 @@ const VERTICES_MAX: usize = 1 << 22;
 
 impl Gl {
     /// Draws the vertices between Begin and End, or those before a change of material. If their materials differ, colour material gives them.
-    pub fn send(&mut self, mode: u32, vertices: &[Vertex]) -> Outcome {
-        let key = match self.context.tracked.take() {
+    pub fn send(&mut self, mode: u32, vertices: &[Vertex]) -> GlResult {
+        let key = match self.context.changing_material.take() {
             None => return self.primitive(mode, vertices),
-            Some(Tracked::Color(key, _)) => key,
-            Some(Tracked::Lit) => {
+            Some(ChangingMaterial::Color(key, _)) => key,
+            Some(ChangingMaterial::Lit) => {
                 let enabled = self.without_lighting();
                 return self.with_enabled(enabled, |gl| gl.primitive(mode, vertices));
             }
@@ -81,17 +81,17 @@ impl Gl {
     }
 
     /// Sends a vertex with the current attributes. Outside Begin and End it has no effect.
-    pub fn vertex_at(&mut self, position: [f32; 4]) -> Outcome {
+    pub fn vertex_at(&mut self, position: [f32; 4]) -> GlResult {
         let mut vertex = self.state.current.clone();
         vertex.position = position;
-        match self.context.tracked {
+        match self.context.changing_material {
             None => {}
-            Some(Tracked::Color(_, color)) => vertex.color = color,
-            Some(Tracked::Lit) => {
+            Some(ChangingMaterial::Color(_, color)) => vertex.color = color,
+            Some(ChangingMaterial::Lit) => {
                 (vertex.color, vertex.secondary) = colors(&self.state, &self.context.matrices.modelview.top, &vertex);
             }
         }
-        let Some((_, vertices)) = &mut self.context.begun else { return Ok(()) };
+        let Some((_, vertices)) = &mut self.context.open_primitive else { return Ok(()) };
         if vertices.len() >= VERTICES_MAX {
             return Err(Fault::Limit(format!("more than {VERTICES_MAX} vertices between glBegin and glEnd")));
         }

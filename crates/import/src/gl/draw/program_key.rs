@@ -5,10 +5,10 @@ use gl_shader::consts as e;
 use gl_shader::expand::BOTH_ENDS_MAX;
 use gl_shader::key::*;
 
-use crate::gl::call::{Fault, Outcome};
+use crate::gl::call::{Fault, GlResult};
 use crate::gl::geometry::primitive::{Batch, Class};
 use crate::gl::machine::Gl;
-use crate::gl::state::arb::{Active, switch};
+use crate::gl::state::arb::{ActiveProgram, switch};
 
 impl Gl {
     /// Changes the fixed-function key for the stages that programs replace.
@@ -16,9 +16,9 @@ impl Gl {
         &self,
         key: &mut ShaderKey,
         batch: &Batch,
-        vertex: Option<&Active>,
-        fragment: Option<&Active>,
-    ) -> Outcome {
+        vertex: Option<&ActiveProgram>,
+        fragment: Option<&ActiveProgram>,
+    ) -> GlResult {
         if let Some(active) = fragment {
             let inputs = active.program.inputs;
             key.fragment = Some(FragmentKey { number: active.number, inputs });

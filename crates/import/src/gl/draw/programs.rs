@@ -6,16 +6,16 @@ use gl_shader::arb::program::Stage;
 use gl_shader::glsl::stage;
 use naga::ScalarKind;
 
-use crate::gl::call::{Fault, INVALID_OPERATION, Outcome};
+use crate::gl::call::{Fault, GlResult, INVALID_OPERATION};
 use crate::gl::draw::program_values;
 use crate::gl::draw::program_values::state;
 use crate::gl::machine::Gl;
-use crate::gl::state::arb::{Active, Loaded};
+use crate::gl::state::arb::{ActiveProgram, NumberedProgram};
 use crate::gl::state::glsl::CodeKey;
 
 impl Gl {
     /// The stage of the current program.
-    pub fn glsl_program(&mut self, stage: Stage) -> Outcome<Option<Active>> {
+    pub fn glsl_program(&mut self, stage: Stage) -> GlResult<Option<ActiveProgram>> {
         let index = stage as usize - 1;
         let object = self.objects.glsl.programs.get(self.context.glsl_program).ok_or(INVALID_OPERATION)?;
         let refused =
@@ -39,13 +39,13 @@ impl Gl {
                 let joints = stage::Joints { attribute: &attribute, output: &output, unit: &unit };
                 let program = stage::program(linked.stages(), stage, &joints);
                 let number = self.programs.number();
-                let loaded = program.map(|program| Loaded { number, program: Rc::new(program) });
+                let loaded = program.map(|program| NumberedProgram { number, program: Rc::new(program) });
                 self.glsl.codes.insert(key, loaded.clone());
                 loaded
             }
         };
         let object = self.objects.glsl.programs.get(self.context.glsl_program).ok_or(INVALID_OPERATION)?;
-        let Loaded { number, program } = loaded.map_err(|reason| refused(&reason))?;
+        let NumberedProgram { number, program } = loaded.map_err(|reason| refused(&reason))?;
         let given = object.executable.values[index].iter().zip(&translated.slots);
         let values = given.map(|(value, slot)| match slot {
             None => *value,
@@ -69,13 +69,13 @@ impl Gl {
                 values[of.slot][k] = value;
             }
         }
-        Ok(Some(Active { number, program, values }))
+        Ok(Some(ActiveProgram { number, program, values }))
     }
 }
 
 impl Gl {
     /// The enabled program of a stage.
-    pub fn active_program(&mut self, stage: Stage) -> Outcome<Option<Active>> {
+    pub fn active_program(&mut self, stage: Stage) -> GlResult<Option<ActiveProgram>> {
         if self.context.glsl_program != 0 {
             return self.glsl_program(stage);
         }
@@ -87,10 +87,10 @@ impl Gl {
             // Drawing without a program is an error.
             None => Err(INVALID_OPERATION),
             Some(Err(reason)) => Err(Fault::Unsupported(format!("drawing with a program whose {reason}"))),
-            Some(Ok(Loaded { number, program })) => {
+            Some(Ok(NumberedProgram { number, program })) => {
                 let environment = self.context.programs.environment(stage);
                 let values = program_values::values(self, &program, environment, &object.local);
-                Ok(Some(Active { number, program, values }))
+                Ok(Some(ActiveProgram { number, program, values }))
             }
         }
     }

@@ -8,9 +8,9 @@
 use gl_shader::{PLANES, consts as e};
 use glam::{Mat4, Vec4};
 
-use crate::gl::call::{Call, Outcome, Shape};
+use crate::gl::call::{Call, GlResult, Shape};
 use crate::gl::geometry::clip::{VIEW_VOLUME, to_clip};
-use crate::gl::geometry::primitive::{Class, Run, halves};
+use crate::gl::geometry::primitive::{Class, QuadRun, halves};
 use crate::gl::geometry::vertex::Vertex;
 use crate::gl::machine::Gl;
 use crate::gl::matrix;
@@ -26,7 +26,7 @@ fn is_upright(corners: [[f32; 4]; 4]) -> bool {
 }
 
 /// A call after which Mesa begins a draw, though the batch goes on.
-pub fn separate(gl: &mut Gl, _: &Call, _: Shape) -> Outcome {
+pub fn separate(gl: &mut Gl, _: &Call, _: Shape) -> GlResult {
     gl.drawing.batch.quads = None;
     Ok(())
 }
@@ -66,7 +66,7 @@ impl Gl {
     }
 
     /// Appends quadrilaterals.
-    pub fn quads(&mut self, vertices: &[Vertex]) -> Outcome {
+    pub fn quads(&mut self, vertices: &[Vertex]) -> GlResult {
         let positions: Vec<[f32; 4]> = vertices.iter().map(|vertex| vertex.position).collect();
         let color = |vertex: &Vertex| (vertex.color, vertex.secondary);
         let varied = self.state.lighting.flat && vertices.iter().any(|vertex| color(vertex) != color(&vertices[0]));
@@ -95,7 +95,7 @@ impl Gl {
         // Some are drawn at once, and what was there before may have been.
         let Some(start) = end.checked_sub(triangles.len()).filter(|_| joins) else { return Ok(()) };
         let start = run.filter(|_| start == before).map_or(start, |run| run.indices.start);
-        self.drawing.batch.quads = diagonals.first().map(|&first| Run { indices: start..end, first });
+        self.drawing.batch.quads = diagonals.first().map(|&first| QuadRun { indices: start..end, first });
         Ok(())
     }
 }
@@ -106,9 +106,9 @@ mod tests {
 
     use num::Limits;
 
+    use super::{Gl, e, is_upright};
     use crate::gl::geometry::vertex::Vertex;
     use crate::gl::state::server::capability;
-    use super::{Gl, e, is_upright};
 
     const FIRST: [u32; 6] = [0, 1, 2, 0, 2, 3];
     const SECOND: [u32; 6] = [0, 1, 3, 1, 2, 3];
@@ -150,7 +150,7 @@ mod tests {
         assert_eq!(drawn(cut, &[&skew]), [SECOND]);
         assert_eq!(drawn(enabled(e::CLIP_PLANE0), &[&skew]), [FIRST], "a plane through nothing cuts nothing");
         // What Mesa draws with indices, or with a pattern.
-        assert_eq!(drawn(|gl| gl.drawing.listed = true, &[&skew]), [SECOND]);
+        assert_eq!(drawn(|gl| gl.drawing.from_list = true, &[&skew]), [SECOND]);
         assert_eq!(drawn(|gl| gl.drawing.indexed = true, &[&skew]), [SECOND]);
         assert_eq!(drawn(enabled(e::POLYGON_STIPPLE), &[&skew]), [SECOND]);
         // A flat colour of one vertex needs that vertex in both triangles.

@@ -4,20 +4,20 @@
 use gfx::state::*;
 use gl_shader::consts as e;
 
-use crate::gl::call::{Outcome, Scalar};
-use crate::gl::draw::streams::Kept;
-use crate::gl::geometry::primitive::{Batch, Class, Sent, class_of, points_and_lines, triangles};
+use crate::gl::call::{GlResult, Scalar};
+use crate::gl::draw::streams::OnCard;
+use crate::gl::geometry::primitive::{Batch, Class, SentAttributes, class_of, points_and_lines, triangles};
 use crate::gl::geometry::summary::Summary;
 use crate::gl::geometry::vertex::Vertex;
 use crate::gl::machine::Gl;
-use crate::gl::state::arrays::{GENERIC, Ready};
+use crate::gl::state::arrays::{ArrayView, GENERIC};
 use crate::gl::state::buffers::Conversion;
-use crate::gl::state::materials::tracked;
+use crate::gl::state::materials::tracked_parameters;
 use crate::gl::state::placement::{Attribute, Indices, Resident};
 use crate::gl::state::selection::{Selection, Selector};
 
 /// The summary of vertices of these arrays; attributes without an array are those of `constant`.
-fn summary_of(ready: &[Ready], constant: &Vertex) -> Summary {
+fn summary_of(ready: &[ArrayView], constant: &Vertex) -> Summary {
     let mut summary = Summary::of(std::slice::from_ref(constant));
     // Components of arrays; only four of them hold a q.
     for array in ready.iter().filter(|array| array.instance.is_none()) {
@@ -41,17 +41,17 @@ fn summary_of(ready: &[Ready], constant: &Vertex) -> Summary {
 
 impl Gl {
     /// Draws vertices of arrays from the card's memory. False if it cannot read them from there; then nothing is drawn.
-    pub fn draw_resident(&mut self, mode: u32, ready: &[Ready], selection: &Selection) -> Outcome<bool> {
+    pub fn draw_resident(&mut self, mode: u32, ready: &[ArrayView], selection: &Selection) -> GlResult<bool> {
         let Some((resident, batch)) = self.resident(mode, ready, selection)? else { return Ok(false) };
         self.flush()?;
         let mut batch = batch;
-        let outcome = self.draw(&mut batch, Some(Kept::Buffers(&resident)));
+        let outcome = self.draw(&mut batch, Some(OnCard::Buffers(&resident)));
         self.settled(outcome)?;
         Ok(true)
     }
 
     /// A draw from the card's memory, if none of its vertices depends on the state and the card can read all.
-    fn resident(&mut self, mode: u32, ready: &[Ready], selection: &Selection) -> Outcome<Option<(Resident, Batch)>> {
+    fn resident(&mut self, mode: u32, ready: &[ArrayView], selection: &Selection) -> GlResult<Option<(Resident, Batch)>> {
         let Some((class, topology, count)) = self.native(mode, selection.numbers.len() as u32) else { return Ok(None) };
         let state = &self.state;
         let other = self.options.survey
@@ -73,7 +73,7 @@ impl Gl {
             end.is_some_and(|end| end <= of.size) || selection.by != Selector::Sequence && of.offset < of.size
         };
         let keeps = |name: u32, conversion: Conversion, costs: [u64; 3]| {
-            self.objects.buffers.get(name).is_some_and(|object| self.card.keeps(object, conversion, costs))
+            self.objects.buffers.get(name).is_some_and(|object| self.card.keeps_conversion(object, conversion, costs))
         };
         let on_card = |of: &Attribute| match of.converted {
             Some(conversion) => keeps(of.buffer, conversion, [u64::from(count), of.size / of.stride, of.size]),
@@ -85,8 +85,8 @@ impl Gl {
         let constant = self.fetch(ready, numbers[0])?;
         let summary = summary_of(ready, &constant);
         // Whether colours keep a material depends on whether they differ.
-        let colored = state.is(e::LIGHTING) && summary.varying.color && tracked(state) != [0; 2];
-        if colored && self.context.given.kept(constant.color) != [0; 2] {
+        let colored = state.is(e::LIGHTING) && summary.varying.color && tracked_parameters(state) != [0; 2];
+        if colored && self.context.material_tracking.unchanged(constant.color) != [0; 2] {
             return Ok(None);
         }
         let native = match selection.by {
@@ -108,7 +108,7 @@ impl Gl {
             None => {
                 let diagonals = if mode == e::QUADS && topology.is_none() && self.begins_diagonals() {
                     let position = |&number: &u32| Ok(self.fetch(ready, number)?.position);
-                    self.diagonals(&numbers.iter().map(position).collect::<Outcome<Vec<_>>>()?, summary.varying.color)
+                    self.diagonals(&numbers.iter().map(position).collect::<GlResult<Vec<_>>>()?, summary.varying.color)
                 } else {
                     Vec::new()
                 };
@@ -136,7 +136,7 @@ impl Gl {
             }
         };
         let slots = ready.iter().filter(|array| array.instance.is_none()).fold(0, |all, array| all | 1 << array.slot);
-        let sent = self.options.keep_draws.then_some(Sent::Arrays { position: usize::from(summary.position), slots });
+        let sent = self.options.keep_draws.then_some(SentAttributes::Arrays { position: usize::from(summary.position), slots });
         let batch = Batch { class, topology, sent, turned, ..Batch::default() };
         let vertices = u64::from(first)..u64::from(last) + 1;
         Ok(Some((Resident { constant, summary, count, attributes, indices, vertices }, batch)))

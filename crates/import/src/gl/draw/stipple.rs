@@ -5,7 +5,7 @@ use gl_shader::arb::program::Stage;
 use gl_shader::consts as e;
 use glam::vec2;
 
-use crate::gl::call::{Fault, Outcome};
+use crate::gl::call::{Fault, GlResult};
 use crate::gl::geometry::clip::{between, to_clip, visible};
 use crate::gl::geometry::primitive::Class;
 use crate::gl::geometry::vertex::Vertex;
@@ -17,7 +17,7 @@ const VERTICES_MAX: usize = 1 << 22;
 
 impl Gl {
     /// Appends what the pattern leaves of lines: of primitives, or of the outline of a polygon whose back is seen or not.
-    pub fn dashed(&mut self, polygon: Option<bool>, vertices: &[Vertex], indices: &[u32]) -> Outcome {
+    pub fn dashed(&mut self, polygon: Option<bool>, vertices: &[Vertex], indices: &[u32]) -> GlResult {
         let program = self.active_program(Stage::Vertex)?.is_some();
         let (mut vertices, modelview) = (vertices.to_vec(), self.context.matrices.modelview.top);
         if !program && !self.state.fog.from_coordinate {
@@ -38,7 +38,7 @@ impl Gl {
 
     /// The runs of lines, two vertices each. The pattern continues if a line begins at the vertex at which the previous one ended, and along
     /// the whole outline of a polygon. Lines are clipped first, since pixels outside of the view volume are not counted.
-    fn runs(&self, vertices: &[Vertex], indices: &[u32], outline: bool, most: usize) -> Outcome<(Vec<Vertex>, Vec<u32>)> {
+    fn runs(&self, vertices: &[Vertex], indices: &[u32], outline: bool, most: usize) -> GlResult<(Vec<Vertex>, Vec<u32>)> {
         let clip = to_clip(&self.context.matrices.projection.top, &self.context.matrices.modelview.top);
         let [_, _, width, height] = self.state.transform.viewport.map(|value| value as f32);
         let (factor, pattern) = self.state.line.stipple;

@@ -9,11 +9,11 @@ use crate::gl::card::pass::{Order, VertexRange};
 use crate::gl::geometry::listed::Geometry;
 use crate::gl::machine::Gl;
 use crate::gl::state::buffers::float_elements;
-use crate::gl::state::placement::{Indices, Placed, Resident};
+use crate::gl::state::placement::{Indices, Resident, VertexStreams};
 
 /// Vertices on the card.
 #[derive(Clone, Copy)]
-pub enum Kept<'a> {
+pub enum OnCard<'a> {
     /// A primitive of a display list.
     List(&'a Geometry),
     /// Arrays in buffer objects.
@@ -47,9 +47,9 @@ impl Gl {
     }
 
     /// The vertex buffers of a draw. Uploads what the card lacks.
-    pub fn vertex_ranges(&mut self, resident: &Resident, placed: &Placed) -> Vec<VertexRange> {
-        let mut ranges = Vec::with_capacity(placed.groups.len());
-        for group in &placed.groups {
+    pub fn vertex_ranges(&mut self, resident: &Resident, streams: &VertexStreams) -> Vec<VertexRange> {
+        let mut ranges = Vec::with_capacity(streams.groups.len());
+        for group in &streams.groups {
             let Some(object) = self.objects.buffers.get_mut(group.buffer) else { continue };
             if let Some(conversion) = group.converted {
                 let buffer = self.card.converted(object, conversion, |bytes| float_elements(conversion, bytes));

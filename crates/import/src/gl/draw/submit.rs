@@ -4,13 +4,13 @@ use gfx::state::IndexFormat;
 use gl_shader::consts as e;
 use glam::Mat4;
 
-use crate::gl::call::{Fault, Outcome};
+use crate::gl::call::{Fault, GlResult};
 use crate::gl::card::pass::{Draw, Order, VertexRange};
 use crate::gl::draw::prepare::Preparation;
-use crate::gl::draw::streams::Kept;
+use crate::gl::draw::streams::OnCard;
 use crate::gl::draw::uniforms;
 use crate::gl::geometry::clip::to_clip;
-use crate::gl::geometry::pack::{Drawn, STREAM_ALIGN, streams};
+use crate::gl::geometry::pack::{DrawInput, STREAM_ALIGN, streams};
 use crate::gl::geometry::primitive::Batch;
 use crate::gl::geometry::summary::Summary;
 use crate::gl::geometry::vertex::Vertex;
@@ -20,13 +20,13 @@ use crate::gl::state::server::capability;
 
 impl Gl {
     /// Draws the batch.
-    pub fn flush(&mut self) -> Outcome {
-        self.drawing.follows = false;
+    pub fn flush(&mut self) -> GlResult {
+        self.drawing.after_small_list = false;
         if self.drawing.batch.indices.is_empty() {
             return Ok(());
         }
         let mut batch = std::mem::take(&mut self.drawing.batch);
-        if let Some(geometry) = self.drawing.lone.take() {
+        if let Some(geometry) = self.drawing.first_listed.take() {
             geometry.alone.set(batch.vertices.len() == geometry.vertices.len());
         }
         let outcome = self.draw(&mut batch, None);
@@ -41,7 +41,7 @@ impl Gl {
     }
 
     /// Counts the unsupported feature or the error of a draw. The call that follows it runs.
-    pub fn settled(&mut self, outcome: Outcome) -> Outcome {
+    pub fn settled(&mut self, outcome: GlResult) -> GlResult {
         match outcome {
             Err(Fault::Unsupported(what)) => {
                 self.log.refuse(what);
@@ -56,42 +56,42 @@ impl Gl {
     }
 
     /// Draws a batch, or vertices that stay on the card: then the batch gives only their type.
-    pub fn draw(&mut self, batch: &mut Batch, kept: Option<Kept<'_>>) -> Outcome {
-        let (mut constant, mut summary) = match kept {
-            Some(Kept::List(geometry)) => geometry.over(&self.state.current),
-            Some(Kept::Buffers(resident)) => (resident.constant.clone(), resident.summary),
+    pub fn draw(&mut self, batch: &mut Batch, on_card: Option<OnCard<'_>>) -> GlResult {
+        let (mut constant, mut summary) = match on_card {
+            Some(OnCard::List(geometry)) => geometry.over(&self.state.current),
+            Some(OnCard::Buffers(resident)) => (resident.constant.clone(), resident.summary),
             None => (batch.vertices[batch.indices[0] as usize].clone(), Summary::of(&batch.vertices)),
         };
-        let resident = matches!(kept, Some(Kept::Buffers(_)));
-        let known = self.drawing.prepared.take().filter(|known| !resident && known.serves(self, batch, &summary));
+        let resident = matches!(on_card, Some(OnCard::Buffers(_)));
+        let known = self.drawing.prepared.take().filter(|known| !resident && known.matches(self, batch, &summary));
         let mut prepared = match known {
             Some(known) => {
                 debug_assert!(known.is_up_to_date(self, batch, &mut constant, &mut summary));
                 known
             }
-            None => match self.prepare(batch, kept, &mut constant, &mut summary)? {
+            None => match self.prepare(batch, on_card, &mut constant, &mut summary)? {
                 Preparation::Nothing => return Ok(()),
                 Preparation::BySides => return self.draw_sides(batch),
                 Preparation::Ready(prepared) => prepared,
             },
         };
-        self.submit(&mut prepared, batch, kept, &constant);
-        self.drawing.prepared = Some(prepared).filter(|prepared| prepared.lasts);
+        self.submit(&mut prepared, batch, on_card, &constant);
+        self.drawing.prepared = Some(prepared).filter(|prepared| prepared.reusable);
         Ok(())
     }
 
     /// Records a prepared draw.
-    fn submit(&mut self, prepared: &mut Prepared, batch: &Batch, kept: Option<Kept<'_>>, constant: &Vertex) {
+    fn submit(&mut self, prepared: &mut Prepared, batch: &Batch, on_card: Option<OnCard<'_>>, constant: &Vertex) {
         let packing = &prepared.packing;
         let own = |offset: u64| VertexRange { buffer: None, offset };
-        let (vertices, order, count) = match kept {
-            Some(Kept::List(geometry)) => {
-                let ([vertices, indices], count) = self.card.kept(geometry, packing);
+        let (vertices, order, count) = match on_card {
+            Some(OnCard::List(geometry)) => {
+                let ([vertices, indices], count) = self.card.list_buffers(geometry, packing);
                 let order = Order::Indices { buffer: Some(indices), format: IndexFormat::Uint32, first: 0, base: 0 };
                 (vec![VertexRange { buffer: Some(vertices), offset: 0 }], order, count)
             }
-            Some(Kept::Buffers(resident)) => {
-                let vertices = prepared.placed.as_ref().map_or_else(Vec::new, |placed| self.vertex_ranges(resident, placed));
+            Some(OnCard::Buffers(resident)) => {
+                let vertices = prepared.streams.as_ref().map_or_else(Vec::new, |streams| self.vertex_ranges(resident, streams));
                 (vertices, self.order(resident), resident.count)
             }
             None => {
@@ -113,7 +113,7 @@ impl Gl {
                     }
                 }
                 let (start, first) = (pass.vertices.len() as u64, pass.indices.len());
-                let drawn = Drawn { vertices: &batch.vertices, indices: &batch.indices };
+                let drawn = DrawInput { vertices: &batch.vertices, indices: &batch.indices };
                 packing.write(drawn, &clip, self.state.lighting.flat, &mut pass.vertices, &mut pass.indices);
                 let count = pass.indices.len() - first;
                 if batch.sequence {
@@ -158,7 +158,7 @@ impl Gl {
     }
 
     /// The card has one reference and one mask for both sides: each triangle is drawn twice, and one of the two is culled.
-    pub fn draw_sides(&mut self, batch: &Batch) -> Outcome {
+    pub fn draw_sides(&mut self, batch: &Batch) -> GlResult {
         if batch.topology.is_some() {
             return Err(Fault::Unsupported(
                 "draws that are kept with stencil references or masks that differ between faces".into(),

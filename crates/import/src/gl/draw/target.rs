@@ -3,11 +3,11 @@
 use gl_shader::key::{Base, Kind};
 use gl_shader::{COLORS_MAX, consts as e};
 
-use crate::gl::call::{Fault, INVALID_OPERATION, Outcome};
+use crate::gl::call::{Fault, GlResult, INVALID_OPERATION};
 use crate::gl::card::pass::{Buffer, Surface, Target};
 use crate::gl::machine::Gl;
 use crate::gl::state::bindings::missing;
-use crate::gl::state::framebuffers::{Attached, EDGE_MAX, Framebuffer};
+use crate::gl::state::framebuffers::{Attachment, EDGE_MAX, Framebuffer};
 use crate::gl::state::texture::FromTarget;
 
 /// The error of an incomplete framebuffer object.
@@ -33,14 +33,14 @@ impl Gl {
 type Image = (Surface, [u32; 2], Base);
 
 impl Gl {
-    fn image(&mut self, attached: Attached) -> Outcome<Option<Image>> {
+    fn image(&mut self, attached: Attachment) -> GlResult<Option<Image>> {
         match attached {
-            Attached::Nothing => Ok(None),
-            Attached::Renderbuffer(name) => {
+            Attachment::Nothing => Ok(None),
+            Attachment::Renderbuffer(name) => {
                 let image = self.objects.renderbuffers.get(name).and_then(|buffer| buffer.image);
                 image.map(Some).ok_or_else(|| missing(name, INCOMPLETE))
             }
-            Attached::Texture(name, layer, level) => {
+            Attachment::Texture(name, layer, level) => {
                 let texture = self.objects.textures.get_mut(name).ok_or_else(|| missing(name, INCOMPLETE))?;
                 let face = if texture.kind == Kind::Cube { layer } else { 0 };
                 let Some(image) = texture.levels.get((face, level)) else { return Err(INCOMPLETE) };
@@ -54,11 +54,11 @@ impl Gl {
     }
 
     /// The image at an attachment of a framebuffer object; `buffer` is the enumerant of the colour buffer.
-    fn color_image(&mut self, object: &Framebuffer, buffer: u32) -> Outcome<Option<Image>> {
+    fn color_image(&mut self, object: &Framebuffer, buffer: u32) -> GlResult<Option<Image>> {
         if buffer == e::NONE {
             return Ok(None);
         }
-        let attached = object.colors.get(buffer.wrapping_sub(e::COLOR_ATTACHMENT0) as usize).copied().unwrap_or_default();
+        let attached = object.color(buffer);
         let image = self.image(attached)?;
         if image.is_some_and(|(surface, ..)| surface.format.is_compressed()) {
             return Err(INCOMPLETE);
@@ -69,10 +69,10 @@ impl Gl {
         Ok(image)
     }
 
-    pub fn target_of(&mut self, name: u32) -> Outcome<Target> {
+    pub fn target_of(&mut self, name: u32) -> GlResult<Target> {
         let object = self.context.framebuffers.objects.get(name).cloned().ok_or(INCOMPLETE)?;
         let mut images = [None; COLORS_MAX];
-        for (image, &buffer) in images.iter_mut().zip(&object.draw) {
+        for (image, &buffer) in images.iter_mut().zip(object.draw_buffers()) {
             *image = self.color_image(&object, buffer)?;
         }
         let count = images.iter().take_while(|image| image.is_some()).count();
@@ -80,14 +80,14 @@ impl Gl {
             return Err(Fault::Unsupported("drawing to several colour buffers with one between them left out".into()));
         }
         let color = images[0];
-        let (depth, stencil) = (self.image(object.depth)?, self.image(object.stencil)?);
-        if let Attached::Texture(name, ..) = object.stencil
+        let (depth, stencil) = (self.image(object.depth())?, self.image(object.stencil())?);
+        if let Attachment::Texture(name, ..) = object.stencil()
             && self.objects.textures.get(name).is_some_and(|texture| texture.given_stencil)
         {
             return Err(Fault::Unsupported("drawing with stencil values that a texture was given".into()));
         }
         let attached = depth.or(stencil);
-        if depth.is_some() && stencil.is_some() && object.depth != object.stencil {
+        if depth.is_some() && stencil.is_some() && object.depth() != object.stencil() {
             return Err(Fault::Unsupported("frame buffer objects with depth and stencil in two images".into()));
         }
         if attached.is_some_and(|(_, _, base)| base != Base::Depth) {
@@ -118,7 +118,7 @@ impl Gl {
     ///
     /// # Errors
     /// If there is no such target; also while the size of the window is not known.
-    pub fn aim(&mut self) -> Outcome<Target> {
+    pub fn aim(&mut self) -> GlResult<Target> {
         if self.context.framebuffers.draw == 0 {
             self.settle_window()?;
         }
@@ -146,7 +146,7 @@ impl Gl {
     }
 
     /// Gives the window that is drawn to the size of the viewport if no call has given it one.
-    fn settle_window(&mut self) -> Outcome {
+    fn settle_window(&mut self) -> GlResult {
         // A context without a drawable has no window.
         self.card.windows.draw.ok_or(INCOMPLETE)?;
         let [x, y, width, height] = self.state.transform.viewport;
@@ -158,7 +158,7 @@ impl Gl {
     }
 
     /// The image that copies and reads take: colours or depths. No primitives wait.
-    pub fn read_source(&mut self, depth: bool) -> Outcome<FromTarget> {
+    pub fn read_source(&mut self, depth: bool) -> GlResult<FromTarget> {
         let none = || Fault::Unsupported("reading before the size of the window is known".into());
         if self.context.framebuffers.read == 0 {
             let window = self.card.windows.reading().ok_or(INCOMPLETE)?;
@@ -171,7 +171,7 @@ impl Gl {
             return Ok((surface.ok_or(INVALID_OPERATION)?, target.size, target.upward));
         }
         let object = self.context.framebuffers.objects.get(self.context.framebuffers.read).cloned().ok_or(INCOMPLETE)?;
-        let image = if depth { self.image(object.depth)? } else { self.color_image(&object, object.read)? };
+        let image = if depth { self.image(object.depth())? } else { self.color_image(&object, object.read_buffer())? };
         let (surface, size, _) = image.ok_or(INVALID_OPERATION)?;
         Ok((surface, size, true))
     }

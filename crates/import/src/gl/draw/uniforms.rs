@@ -10,14 +10,14 @@ use crate::gl::draw::pipeline::source_scale;
 use crate::gl::geometry::clip::to_clip;
 use crate::gl::geometry::vertex::Vertex;
 use crate::gl::matrix;
-use crate::gl::state::arb::Active;
+use crate::gl::state::arb::ActiveProgram;
 use crate::gl::state::lighting::Derived;
 use crate::gl::state::prepared::Sampling;
 use crate::gl::state::server::State;
 use crate::gl::state::transform::Stack;
 
 /// The values from which uniforms are computed.
-pub struct Source<'a> {
+pub struct UniformInputs<'a> {
     /// The state.
     pub state: &'a State,
     /// The modelview matrix.
@@ -36,12 +36,12 @@ pub struct Source<'a> {
     pub upward: bool,
     /// How many times the program's viewport that of points and lines that become triangles is.
     pub wider: [f32; 2],
-    /// The uniforms of a drawn pixel rectangle ([`crate::gl::state::prepared::Source`]).
+    /// The uniforms of a drawn pixel rectangle ([`crate::gl::state::prepared::UniformInputs`]).
     pub pixels: [[f32; 4]; 4],
     /// The vertex program.
-    pub vertex: Option<&'a Active>,
+    pub vertex: Option<&'a ActiveProgram>,
     /// The fragment program.
-    pub fragment: Option<&'a Active>,
+    pub fragment: Option<&'a ActiveProgram>,
 }
 
 /// Called for a field with its name, the index of the element if it is an array, and its vectors.
@@ -69,7 +69,7 @@ fn alpha_reference(compare: u32, reference: f32, float: bool) -> [f32; 4] {
 }
 
 /// Visits all fields of a shader with this key, in order. Those of lighting are one field if their values are known.
-fn visit(key: &ShaderKey, source: &Source, lit: Option<&[[f32; 4]]>, field: Visit) {
+fn visit(key: &ShaderKey, source: &UniformInputs, lit: Option<&[[f32; 4]]>, field: Visit) {
     let (state, constant) = (source.state, source.constant);
     let wide = |v: [f32; 3], w: f32| [v[0], v[1], v[2], w];
     let mut mvp = to_clip(source.projection, source.modelview);
@@ -204,7 +204,7 @@ fn visit(key: &ShaderKey, source: &Source, lit: Option<&[[f32; 4]]>, field: Visi
     }
 }
 
-fn lighting(key: &ShaderKey, source: &Source, field: Visit) {
+fn lighting(key: &ShaderKey, source: &UniformInputs, field: Visit) {
     let Some(lighting) = &key.lighting else { return };
     let state = source.state;
     field("model_ambient", None, &[state.lighting.model_ambient]);
@@ -227,14 +227,14 @@ fn lighting(key: &ShaderKey, source: &Source, field: Visit) {
 }
 
 /// The fields of the block.
-pub fn fields(key: &ShaderKey, source: &Source) -> Vec<Field> {
+pub fn fields(key: &ShaderKey, source: &UniformInputs) -> Vec<Field> {
     let mut fields = Vec::new();
     visit(key, source, None, &mut |name, index, vectors| fields.push(Field { name, index, count: vectors.len() }));
     fields
 }
 
 /// Appends the bytes of the block. `lit` are the vectors of lighting, if they are known; they are returned.
-pub fn bytes(key: &ShaderKey, source: &Source, lit: Option<Vec<[f32; 4]>>, out: &mut Vec<u8>) -> Option<Vec<[f32; 4]>> {
+pub fn bytes(key: &ShaderKey, source: &UniformInputs, lit: Option<Vec<[f32; 4]>>, out: &mut Vec<u8>) -> Option<Vec<[f32; 4]>> {
     let lit = lit.unwrap_or_else(|| {
         let mut all = Vec::new();
         lighting(key, source, &mut |_, _, vectors| all.extend_from_slice(vectors));

@@ -9,13 +9,13 @@ use glam::Mat4;
 use num::{BufferId, word_bytes};
 
 use crate::gl::card::device::Card;
-use crate::gl::geometry::pack::{Drawn, Packing};
+use crate::gl::geometry::pack::{DrawInput, Packing};
 use crate::gl::geometry::primitive::{Class, class_of, points_and_lines, triangles};
 use crate::gl::geometry::summary::Summary;
 use crate::gl::geometry::vertex::Vertex;
 
 /// Bytes that two buffers take beside their contents, about.
-const BESIDE: u64 = 512;
+const BUFFER_OVERHEAD: u64 = 512;
 
 /// Consecutive primitives of a list that become points, that become lines, or that become triangles.
 pub struct Geometry {
@@ -30,11 +30,11 @@ pub struct Geometry {
     /// Whether it was the whole of a draw when it was last joined with its neighbours.
     pub alone: Cell<bool>,
     summary: OnceCell<Summary>,
-    on_card: RefCell<Vec<OnCard>>,
+    on_card: RefCell<Vec<ListBuffers>>,
 }
 
 /// Its buffers for draws of one kind.
-struct OnCard {
+struct ListBuffers {
     packing: Rc<Packing>,
     buffers: [BufferId; 2],
     bytes: u64,
@@ -117,7 +117,7 @@ impl Card {
     /// Frees the card's buffers of a list's primitive.
     pub fn free_geometry(&mut self, geometry: &Geometry) {
         for kept in geometry.on_card.take() {
-            self.kept_bytes -= kept.bytes;
+            self.on_card_bytes -= kept.bytes;
             let [vertices, indices] = kept.buffers;
             self.condemn(vertices, kept.bytes);
             self.condemn(indices, 0);
@@ -125,21 +125,21 @@ impl Card {
     }
 
     /// The buffers of a primitive for draws of one kind, and the number of its indices; made once.
-    pub fn kept(&mut self, geometry: &Geometry, packing: &Rc<Packing>) -> ([BufferId; 2], u32) {
+    pub fn list_buffers(&mut self, geometry: &Geometry, packing: &Rc<Packing>) -> ([BufferId; 2], u32) {
         let mut on_card = geometry.on_card.borrow_mut();
         if let Some(known) = on_card.iter().find(|known| known.packing.is_like(packing)) {
             return (known.buffers, known.count);
         }
         let (mut vertices, mut indices) = (Vec::new(), Vec::new());
-        let drawn = Drawn { vertices: &geometry.vertices, indices: &geometry.indices() };
+        let drawn = DrawInput { vertices: &geometry.vertices, indices: &geometry.indices() };
         packing.write(drawn, &Mat4::IDENTITY, false, &mut vertices, &mut indices);
         let count = indices.len() as u32;
         let indices = word_bytes(&indices);
-        let bytes = BESIDE + (vertices.len() + indices.len()) as u64;
+        let bytes = BUFFER_OVERHEAD + (vertices.len() + indices.len()) as u64;
         let buffers = [("list", &vertices), ("list-indices", &indices)]
             .map(|(label, bytes)| self.recorder.create_buffer_init(label, bytes));
-        self.kept_bytes += bytes;
-        on_card.push(OnCard { packing: packing.clone(), buffers, bytes, count });
+        self.on_card_bytes += bytes;
+        on_card.push(ListBuffers { packing: packing.clone(), buffers, bytes, count });
         (buffers, count)
     }
 }

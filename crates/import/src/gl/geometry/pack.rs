@@ -10,7 +10,7 @@ use glam::Mat4;
 use trace::record::vertex_buffer;
 
 use crate::gl::geometry::clip::{between, visible};
-use crate::gl::geometry::primitive::{Class, Sent};
+use crate::gl::geometry::primitive::{Class, SentAttributes};
 use crate::gl::geometry::summary::Summary;
 use crate::gl::geometry::vertex::Vertex;
 use crate::gl::matrix;
@@ -37,7 +37,7 @@ pub fn float_format(components: usize) -> VertexFormat {
 type Attribute = (u32, usize, fn(&Vertex, u32) -> [f32; 4]);
 
 /// Attributes of a key: location, components, and where they are in a vertex.
-fn layout(key: &ShaderKey, summary: &Summary, sent: Option<Sent>) -> Vec<Attribute> {
+fn layout(key: &ShaderKey, summary: &Summary, sent: Option<SentAttributes>) -> Vec<Attribute> {
     let mut list: Vec<Attribute> = Vec::new();
     let least = |slot: usize| sent.map_or(2, |sent| sent.least(slot));
     let has = |slot: usize| sent.is_some_and(|sent| sent.has(slot));
@@ -103,7 +103,7 @@ fn append(vertex: &Vertex, &(location, count, get): &Attribute, bytes: &mut Vec<
 
 impl Packing {
     /// The layout for draws with this key, whose vertices have this summary.
-    pub fn new(key: &ShaderKey, summary: &Summary, class: Class, sent: Option<Sent>) -> Packing {
+    pub fn new(key: &ShaderKey, summary: &Summary, class: Class, sent: Option<SentAttributes>) -> Packing {
         let both_ends = key.both_ends();
         let layout = layout(key, summary, if both_ends { None } else { sent });
         let mut attributes: Vec<(u32, VertexFormat)> = layout.iter().map(|&(at, count, _)| (at, float_format(count))).collect();
@@ -139,7 +139,7 @@ impl Packing {
 
     /// Appends vertices as the card reads them: interleaved, or as one array for each attribute if `streams` is set. Indices count from the
     /// first of them. `clip` (the matrix to clip space) and `flat` (whether shading is flat) serve to clip lines that become triangles.
-    pub fn write(&self, of: Drawn<'_>, clip: &Mat4, flat: bool, bytes: &mut Vec<u8>, indices: &mut Vec<u32>) {
+    pub fn write(&self, of: DrawInput<'_>, clip: &Mat4, flat: bool, bytes: &mut Vec<u8>, indices: &mut Vec<u32>) {
         if self.expand != Expand::No {
             return self.expand(of, clip, flat, bytes, indices);
         }
@@ -171,7 +171,7 @@ impl Packing {
     }
 
     /// Points and lines as two triangles each. Lines are clipped to the view volume: they end where their middle leaves it.
-    fn expand(&self, of: Drawn<'_>, clip: &Mat4, flat: bool, bytes: &mut Vec<u8>, indices: &mut Vec<u32>) {
+    fn expand(&self, of: DrawInput<'_>, clip: &Mat4, flat: bool, bytes: &mut Vec<u8>, indices: &mut Vec<u32>) {
         let smooth = self.expand == Expand::SmoothLine;
         let mut count = 0;
         let mut quad = |bytes: &mut Vec<u8>, corners: [(&Vertex, Option<&Vertex>); 4]| {
@@ -207,7 +207,7 @@ impl Packing {
 
 /// Primitives of one draw.
 #[derive(Clone, Copy)]
-pub struct Drawn<'a> {
+pub struct DrawInput<'a> {
     /// Vertices.
     pub vertices: &'a [Vertex],
     /// Indices of points, lines or triangles.

@@ -9,7 +9,7 @@ use crate::gl::geometry::vertex::Vertex;
 
 /// Quadrilaterals at the end of a batch that Mesa draws together: those of consecutive calls of Begin and End.
 #[derive(Clone, Debug)]
-pub struct Run {
+pub struct QuadRun {
     /// Their indices in the batch, six each.
     pub indices: Range<usize>,
     /// Whether the diagonals begin at first vertices.
@@ -43,14 +43,14 @@ pub struct Elements {
     /// For each vertex of the draw, its index in `vertices`.
     pub numbers: Vec<u32>,
     /// Attributes that are sent.
-    pub sent: Sent,
+    pub sent: SentAttributes,
     /// Whether the program sends indices.
     pub indexed: bool,
 }
 
 /// Attributes that a draw sends even if they do not differ between vertices, each in its own array.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Sent {
+pub enum SentAttributes {
     /// Vertices between Begin and End: all attributes that the shader reads, with all components, as ATTILA's driver does.
     Read,
     /// The program's arrays, whether the shader reads them or not.
@@ -62,18 +62,18 @@ pub enum Sent {
     },
 }
 
-impl Sent {
+impl SentAttributes {
     /// Whether the program has an array at a slot.
     pub fn has(self, slot: usize) -> bool {
-        matches!(self, Sent::Arrays { slots, .. } if slots & 1 << slot != 0)
+        matches!(self, SentAttributes::Arrays { slots, .. } if slots & 1 << slot != 0)
     }
 
     /// The least number of components of an attribute with up to four.
     pub fn least(self, slot: usize) -> usize {
         match self {
-            Sent::Read => 4,
-            Sent::Arrays { position, .. } if slot == 0 => position.max(2),
-            Sent::Arrays { .. } => 2,
+            SentAttributes::Read => 4,
+            SentAttributes::Arrays { position, .. } if slot == 0 => position.max(2),
+            SentAttributes::Arrays { .. } => 2,
         }
     }
 }
@@ -96,9 +96,9 @@ pub struct Batch {
     /// Whether the triangles that the card assembles have the reverse winding.
     pub turned: bool,
     /// Attributes that are sent; none: those that differ between vertices.
-    pub sent: Option<Sent>,
+    pub sent: Option<SentAttributes>,
     /// The quadrilaterals at its end.
-    pub quads: Option<Run>,
+    pub quads: Option<QuadRun>,
 }
 
 /// The primitive type that a mode becomes.

@@ -130,8 +130,8 @@ impl Summary {
 
 #[cfg(test)]
 mod tests {
-    use crate::gl::state::server::State;
     use super::*;
+    use crate::gl::state::server::State;
 
     #[test]
     fn what_differs_and_what_it_needs_is_found_in_shared_and_own_attributes() {

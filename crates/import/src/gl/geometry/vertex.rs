@@ -10,7 +10,7 @@ const OWN: usize = 2;
 
 /// Attributes that most programs never change. Vertices share them.
 #[derive(Clone, Debug, PartialEq)]
-struct More {
+struct SharedAttributes {
     /// Texture coordinates of the other units.
     texture: [[f32; 4]; UNITS - OWN],
     /// Generic attributes.
@@ -32,7 +32,7 @@ pub struct Vertex {
     pub fog: f32,
     /// Texture coordinates of the first units.
     own: [[f32; 4]; OWN],
-    more: Rc<More>,
+    more: Rc<SharedAttributes>,
     /// Whether an edge of a polygon begins here.
     pub edge: bool,
     /// Depth offset of the polygon whose edge or corner it is.
@@ -50,7 +50,7 @@ impl Default for Vertex {
             secondary: [0.0; 3],
             fog: 0.0,
             own: [black; OWN],
-            more: Rc::new(More { texture: [black; UNITS - OWN], generic: [black; GENERICS] }),
+            more: Rc::new(SharedAttributes { texture: [black; UNITS - OWN], generic: [black; GENERICS] }),
             edge: true,
             offset: 0.0,
         }

@@ -8,7 +8,7 @@ use std::rc::Rc;
 use num::{Limits, NumberMap};
 
 use crate::gl::call::{Arg, Call, Function};
-use crate::gl::reader::chunks::{Broken, Chunks, Input, Stop};
+use crate::gl::reader::chunks::{Chunks, Input, ReadError, Stop};
 
 /// The newest version that is read.
 const VERSION_MAX: u64 = 6;
@@ -49,7 +49,7 @@ pub struct Apitrace {
     current: u64,
     ended: bool,
     /// See [`super::Reader::cut`].
-    pub cut: Option<Broken>,
+    pub cut: Option<ReadError>,
 }
 
 /// Maximum number of argument lists kept for reuse.
@@ -106,7 +106,7 @@ fn broken<T>(reason: impl Into<String>) -> Result<T, Stop> {
 
 impl Apitrace {
     /// Reads the header; `start` is the file's first two bytes, which have been read.
-    pub fn open(file: Input, start: [u8; 2], limits: &Limits) -> Result<Apitrace, Broken> {
+    pub fn open(file: Input, start: [u8; 2], limits: &Limits) -> Result<Apitrace, ReadError> {
         let bytes = Chunks::apitrace(file, start, limits);
         let mut reader = Apitrace {
             bytes,
@@ -131,12 +131,12 @@ impl Apitrace {
         }
     }
 
-    fn broken(&self, stop: Stop) -> Broken {
+    fn broken(&self, stop: Stop) -> ReadError {
         let reason = match stop {
             Stop::End => "the recording ends inside a call or its header".into(),
-            Stop::Broken(failure) => failure.reason,
+            Stop::ReadError(failure) => failure.reason,
         };
-        Broken { call: self.current, place: self.bytes.offset(), reason }
+        ReadError { call: self.current, place: self.bytes.offset(), reason }
     }
 
     fn header(&mut self) -> Result<(), Stop> {
@@ -154,10 +154,10 @@ impl Apitrace {
     }
 
     /// The next call; none at the end of the recording.
-    pub fn next(&mut self) -> Result<Option<Call>, Broken> {
+    pub fn next(&mut self) -> Result<Option<Call>, ReadError> {
         match self.step() {
             Ok(call) => Ok(call),
-            Err(Stop::Broken(failure)) if !failure.cut => Err(self.broken(Stop::Broken(failure))),
+            Err(Stop::ReadError(failure)) if !failure.cut => Err(self.broken(Stop::ReadError(failure))),
             Err(stop) => {
                 // A call that was not entered as a whole is not run.
                 self.cut = Some(self.broken(stop));
@@ -200,7 +200,7 @@ impl Apitrace {
         let call = self.unreturned();
         if let (Some(call), None) = (&call, &self.cut) {
             let reason = format!("the program ended inside this call of {}", call.function.name);
-            self.cut = Some(Broken { call: call.number, place: call.place, reason });
+            self.cut = Some(ReadError { call: call.number, place: call.place, reason });
         }
         Ok(call)
     }

@@ -73,7 +73,7 @@ pub enum Stop {
     /// The file ends here.
     End,
     /// It cannot be read or expanded.
-    Broken(Box<Failure>),
+    ReadError(Box<Failure>),
 }
 
 /// Why a file cannot be read further.
@@ -89,13 +89,13 @@ impl Stop {
     /// The reason why a file is damaged.
     #[cold]
     pub fn broken(reason: impl Into<String>) -> Stop {
-        Stop::Broken(Box::new(Failure { reason: reason.into(), cut: false }))
+        Stop::ReadError(Box::new(Failure { reason: reason.into(), cut: false }))
     }
 
     /// How the end of a file is cut.
     #[cold]
     pub fn cut(reason: impl Into<String>) -> Stop {
-        Stop::Broken(Box::new(Failure { reason: reason.into(), cut: true }))
+        Stop::ReadError(Box::new(Failure { reason: reason.into(), cut: true }))
     }
 }
 
@@ -393,7 +393,7 @@ mod tests {
             match chunks.byte() {
                 Ok(byte) => bytes.push(byte),
                 Err(Stop::End) => return (bytes, false),
-                Err(Stop::Broken(failure)) => {
+                Err(Stop::ReadError(failure)) => {
                     assert!(failure.cut, "{}", failure.reason);
                     return (bytes, true);
                 }
@@ -447,7 +447,7 @@ mod tests {
             match chunks.byte() {
                 Ok(_) => {}
                 Err(Stop::End) => panic!("the checksum is wrong"),
-                Err(Stop::Broken(failure)) => break failure,
+                Err(Stop::ReadError(failure)) => break failure,
             }
         };
         assert!(!wrong.cut, "{}", wrong.reason);
@@ -456,7 +456,7 @@ mod tests {
 
 /// What is wrong with a recording, and where.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Broken {
+pub struct ReadError {
     /// The number of the call, from 0.
     pub call: u64,
     /// The byte of the expanded stream, or the line of the text.

@@ -9,7 +9,7 @@ use num::{Limits, NameMap, NumberMap};
 
 use crate::gl::call::{Arg, Call, Function, Scalar, core_name, shape};
 use crate::gl::names;
-use crate::gl::reader::chunks::{Broken, Chunks, Input, Stop};
+use crate::gl::reader::chunks::{Chunks, Input, ReadError, Stop};
 
 /// Maximum number of bytes of one call.
 const CALL_MAX: usize = 64 << 20;
@@ -94,12 +94,12 @@ pub struct GliText {
     /// The size of the window, where a comment states it.
     pub window: Option<[u32; 2]>,
     /// See [`super::Reader::cut`].
-    pub cut: Option<Broken>,
+    pub cut: Option<ReadError>,
 }
 
 impl GliText {
     /// Reads the first line; `start` is the file's first two bytes, which have been read.
-    pub fn open(file: Input, start: [u8; 2], memory: Memory, limits: &Limits) -> Result<GliText, Broken> {
+    pub fn open(file: Input, start: [u8; 2], memory: Memory, limits: &Limits) -> Result<GliText, ReadError> {
         let bytes = Chunks::text(file, start, limits);
         let functions = NameMap::new();
         let mut reader = GliText { bytes, memory, hexadecimal: false, functions, next: 0, line: 0, window: None, cut: None };
@@ -112,12 +112,12 @@ impl GliText {
         Ok(reader)
     }
 
-    fn broken(&self, stop: Stop) -> Broken {
+    fn broken(&self, stop: Stop) -> ReadError {
         let reason = match stop {
             Stop::End => "the recording ends inside a call".into(),
-            Stop::Broken(failure) => failure.reason,
+            Stop::ReadError(failure) => failure.reason,
         };
-        Broken { call: self.next, place: self.line, reason }
+        ReadError { call: self.next, place: self.line, reason }
     }
 
     /// A line with its end; none at the end of the text.
@@ -140,13 +140,13 @@ impl GliText {
     }
 
     /// The next call; none at the end of the text.
-    pub fn next(&mut self) -> Result<Option<Call>, Broken> {
+    pub fn next(&mut self) -> Result<Option<Call>, ReadError> {
         if self.cut.is_some() {
             return Ok(None);
         }
         match self.step() {
             Ok(call) => Ok(call),
-            Err(Stop::Broken(failure)) if !failure.cut => Err(self.broken(Stop::Broken(failure))),
+            Err(Stop::ReadError(failure)) if !failure.cut => Err(self.broken(Stop::ReadError(failure))),
             Err(stop) => {
                 self.cut = Some(self.broken(stop));
                 Ok(None)

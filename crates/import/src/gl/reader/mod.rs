@@ -6,7 +6,7 @@ pub mod gli;
 
 use crate::gl::call::Call;
 use crate::gl::reader::apitrace::Apitrace;
-use crate::gl::reader::chunks::Broken;
+use crate::gl::reader::chunks::ReadError;
 use crate::gl::reader::gli::GliText;
 
 /// A recording that is being read.
@@ -19,7 +19,7 @@ pub enum Reader {
 
 impl Reader {
     /// The next call; none at the end of the recording.
-    pub fn next(&mut self) -> Result<Option<Call>, Broken> {
+    pub fn next(&mut self) -> Result<Option<Call>, ReadError> {
         match self {
             Reader::Apitrace(reader) => reader.next(),
             Reader::Gli(reader) => reader.next(),
@@ -34,7 +34,7 @@ impl Reader {
     }
 
     /// How the recording's end is cut, if it has been read to there. The program crashed or was killed: the calls before are whole.
-    pub fn cut(&self) -> Option<&Broken> {
+    pub fn cut(&self) -> Option<&ReadError> {
         match self {
             Reader::Apitrace(reader) => reader.cut.as_ref(),
             Reader::Gli(reader) => reader.cut.as_ref(),

@@ -41,7 +41,7 @@ pub fn switch_of(cap: u32) -> Option<u8> {
 
 /// A parsed program, and the number of its text among all distinct texts.
 #[derive(Clone)]
-pub struct Loaded {
+pub struct NumberedProgram {
     /// Its number.
     pub number: u32,
     /// The program.
@@ -54,7 +54,7 @@ pub struct Object {
     /// Its parameters.
     pub local: Vec<[f32; 4]>,
     /// The program of its text, or the error in it.
-    pub text: Option<Result<Loaded, String>>,
+    pub text: Option<Result<NumberedProgram, String>>,
 }
 
 /// The programs that a context has bound, and the parameters that all of them read.
@@ -128,7 +128,7 @@ impl ProgramObjects {
 /// The programs of all texts.
 #[derive(Default)]
 pub struct ProgramTexts {
-    texts: [NameMap<Result<Loaded, String>>; 2],
+    texts: [NameMap<Result<NumberedProgram, String>>; 2],
     /// Numbers given to programs so far.
     numbers: u32,
 }
@@ -141,10 +141,10 @@ impl ProgramTexts {
     }
 
     /// The program of a text, or the error in it.
-    pub fn load(&mut self, stage: Stage, text: &str) -> Result<Loaded, String> {
+    pub fn load(&mut self, stage: Stage, text: &str) -> Result<NumberedProgram, String> {
         let number = self.number();
         let load = || match parse(text, stage) {
-            Ok(program) => Ok(Loaded { number, program: Rc::new(program) }),
+            Ok(program) => Ok(NumberedProgram { number, program: Rc::new(program) }),
             Err(wrong) => Err(wrong.to_string()),
         };
         self.texts[stage as usize - 1].get_or_insert_with(text, load).clone()
@@ -152,7 +152,7 @@ impl ProgramTexts {
 }
 
 /// A program that a draw uses, and the values of its parameters.
-pub struct Active {
+pub struct ActiveProgram {
     /// Its number.
     pub number: u32,
     /// The program.

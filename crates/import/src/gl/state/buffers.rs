@@ -6,8 +6,8 @@ use std::rc::Rc;
 
 use num::{BufferId, NumberMap};
 
-use crate::gl::call::{Fault, INVALID_VALUE, Outcome, Scalar};
-use crate::gl::card::device::{Card, KEPT_MAX};
+use crate::gl::call::{Fault, GlResult, INVALID_VALUE, Scalar};
+use crate::gl::card::device::{Card, ON_CARD_MAX};
 use crate::gl::elements::Element;
 
 /// Separate ranges that the card lacks at most; more are joined.
@@ -122,7 +122,7 @@ impl BufferObject {
     ///
     /// # Errors
     /// If these are pixels that were read back: a recording does not have them.
-    pub fn bytes(&self) -> Outcome<&Rc<[u8]>> {
+    pub fn bytes(&self) -> GlResult<&Rc<[u8]>> {
         if self.read_back {
             return Err(Fault::Unsupported("reading of a buffer object into which pixels were read back".into()));
         }
@@ -135,7 +135,7 @@ impl BufferObject {
     }
 
     /// Writes bytes at an offset.
-    pub fn write(&mut self, at: usize, bytes: &[u8], card: &mut Card) -> Outcome {
+    pub fn write(&mut self, at: usize, bytes: &[u8], card: &mut Card) -> GlResult {
         let end = at.checked_add(bytes.len()).filter(|&end| end <= self.bytes.len()).ok_or(INVALID_VALUE)?;
         Rc::make_mut(&mut self.bytes)[at..end].copy_from_slice(bytes);
         self.read_back &= bytes.len() < self.bytes.len();
@@ -264,7 +264,7 @@ impl Card {
 
     /// Whether a draw of `count` vertices reads a conversion of `bytes` bytes from the card's memory. It is kept there once `least` vertices
     /// were drawn with it, so that it costs no more than what it saves if the buffer object changes often.
-    pub fn keeps(&self, object: &BufferObject, conversion: Conversion, [count, least, bytes]: [u64; 3]) -> bool {
+    pub fn keeps_conversion(&self, object: &BufferObject, conversion: Conversion, [count, least, bytes]: [u64; 3]) -> bool {
         let mut all = object.converted.borrow_mut();
         let known = match all.iter_mut().position(|known| known.conversion == conversion) {
             Some(at) => &mut all[at],
@@ -272,7 +272,7 @@ impl Card {
             None => return false,
         };
         known.drawn = known.drawn.saturating_add(count);
-        known.copy.is_some() || known.drawn >= least && self.kept_bytes.saturating_add(bytes) <= KEPT_MAX
+        known.copy.is_some() || known.drawn >= least && self.on_card_bytes.saturating_add(bytes) <= ON_CARD_MAX
     }
 
     /// The copy of a conversion that [`Card::keeps`]; made once.
@@ -288,7 +288,7 @@ impl Card {
         }
         let bytes = make(&object.bytes);
         let copy = self.recorder.create_buffer_init("converted", &bytes);
-        self.kept_bytes += bytes.len() as u64;
+        self.on_card_bytes += bytes.len() as u64;
         // The trace keeps them even if the card does not.
         self.bytes += bytes.len() as u64;
         known.copy = Some((copy, bytes.len() as u64));
@@ -308,7 +308,7 @@ impl Card {
     /// Frees the conversions of a buffer object that changes.
     fn free_converted(&mut self, object: &mut BufferObject) {
         for (copy, bytes) in object.converted.get_mut().drain(..).filter_map(|known| known.copy) {
-            self.kept_bytes -= bytes;
+            self.on_card_bytes -= bytes;
             self.condemn(copy, bytes);
         }
     }

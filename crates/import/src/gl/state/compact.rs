@@ -6,7 +6,7 @@ use crate::gl::call::{Arg, Call};
 
 /// A call whose arguments are numbers in single precision, the last one possibly an array. The numbers are stored in a separate list.
 #[derive(Clone, Copy, Debug)]
-pub struct Compact {
+pub struct CompactCall {
     /// The number of its function.
     pub function: u32,
     /// Its number in the recording.
@@ -21,18 +21,18 @@ pub struct Compact {
 /// The value of `elements` if there is no array.
 const NONE: u8 = u8::MAX;
 
-impl Compact {
+impl CompactCall {
     /// Appends the arguments of a call, if they have this form.
-    pub fn of(call: &Call, numbers: &mut Vec<f32>) -> Option<Compact> {
+    pub fn of(call: &Call, numbers: &mut Vec<f32>) -> Option<CompactCall> {
         let start = numbers.len();
-        let compact = Compact::put(call, numbers);
+        let compact = CompactCall::put(call, numbers);
         if compact.is_none() {
             numbers.truncate(start);
         }
         compact
     }
 
-    fn put(call: &Call, numbers: &mut Vec<f32>) -> Option<Compact> {
+    fn put(call: &Call, numbers: &mut Vec<f32>) -> Option<CompactCall> {
         let exact = |value: f64| Some(value as f32).filter(|&short| f64::from(short) == value);
         let at = u32::try_from(numbers.len()).ok()?;
         let (scalars, array) = match call.args.split_last() {
@@ -47,7 +47,7 @@ impl Compact {
             numbers.push(exact(value)?);
         }
         let few = |count: usize| u8::try_from(count).ok().filter(|&count| count < NONE);
-        Some(Compact {
+        Some(CompactCall {
             function: call.function.id,
             number: u32::try_from(call.number).ok()?,
             at,
@@ -85,8 +85,8 @@ impl Compact {
 
 #[cfg(test)]
 mod tests {
-    use crate::gl::call::Function;
     use super::*;
+    use crate::gl::call::Function;
 
     #[test]
     fn calls_come_back_as_they_were_and_what_does_not_fit_is_left() {
@@ -100,15 +100,15 @@ mod tests {
             vec![Arg::Num(1032.0), Arg::Num(-0.0), Arg::Nums([0.25, 1.0, f64::INFINITY].into())],
             vec![Arg::Nums([].into())],
         ];
-        let compact: Vec<Compact> =
-            fits.iter().map(|args| Compact::of(&call(args.clone()), &mut numbers).expect("it fits")).collect();
+        let compact: Vec<CompactCall> =
+            fits.iter().map(|args| CompactCall::of(&call(args.clone()), &mut numbers).expect("it fits")).collect();
         for (compact, args) in compact.iter().zip(fits) {
             let mut back = call(vec![Arg::Null]);
             back.number = 0;
             compact.fill(&numbers, &mut back);
             assert_eq!((compact.function, back.number, &back.args), (7, 9, &args));
             // Into arguments like them; what others hold of these stays as it was.
-            let (before, other) = (back.args.clone(), Compact { at: compact.at + 1, ..*compact });
+            let (before, other) = (back.args.clone(), CompactCall { at: compact.at + 1, ..*compact });
             other.fill(&[&numbers[..], &[7.0]].concat(), &mut back);
             assert_eq!(before, args);
             compact.fill(&numbers, &mut back);
@@ -121,7 +121,7 @@ mod tests {
             vec![Arg::Nums([1.0].into()), Arg::Num(1.0)],
             vec![Arg::Blob([1].into())],
         ] {
-            assert!(Compact::of(&call(args), &mut numbers).is_none() && numbers.len() == length);
+            assert!(CompactCall::of(&call(args), &mut numbers).is_none() && numbers.len() == length);
         }
     }
 }

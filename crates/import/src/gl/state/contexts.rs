@@ -11,7 +11,7 @@ use std::rc::Rc;
 
 use num::NumberMap;
 
-use crate::gl::call::{Fault, Outcome};
+use crate::gl::call::{Fault, GlResult};
 use crate::gl::card::device::Card;
 use crate::gl::geometry::vertex::Vertex;
 use crate::gl::state::arb::{ProgramBindings, ProgramObjects};
@@ -22,7 +22,7 @@ use crate::gl::state::evaluator::Maps;
 use crate::gl::state::framebuffers::{Framebuffers, RenderMode, Renderbuffer};
 use crate::gl::state::glsl::GlslObjects;
 use crate::gl::state::lists::List;
-use crate::gl::state::materials::{Given, Tracked};
+use crate::gl::state::materials::{ChangingMaterial, MaterialTracking};
 use crate::gl::state::saved::Saved;
 use crate::gl::state::server::State;
 use crate::gl::state::texture::{SamplerBindings, Texture};
@@ -71,15 +71,15 @@ pub struct Context {
     /// Evaluators.
     pub maps: Maps,
     /// Between Begin and End: the mode and the vertices.
-    pub begun: Option<(u32, Vec<Vertex>)>,
+    pub open_primitive: Option<(u32, Vec<Vertex>)>,
     /// How vertices get materials that change between Begin and End, if one has changed.
-    pub tracked: Option<Tracked>,
+    pub changing_material: Option<ChangingMaterial>,
     /// The materials that `glMaterial` has set, for colour material.
-    pub given: Given,
+    pub material_tracking: MaterialTracking,
     /// `GL_RENDER`, `GL_FEEDBACK` or `GL_SELECT`.
     pub render_mode: RenderMode,
     /// Whether it has been current with a window of a known size, which gave it its first viewport.
-    pub sized: bool,
+    pub has_size: bool,
 }
 
 /// The objects of a share group.
@@ -152,7 +152,7 @@ struct Group {
 
 /// All contexts.
 pub struct Contexts {
-    held: NumberMap<u32, StoredContext>,
+    stored: NumberMap<u32, StoredContext>,
     groups: NumberMap<u32, Group>,
     /// Keys of `held` by the values that the recording calls contexts by.
     handles: NumberMap<u64, u32>,
@@ -175,7 +175,7 @@ pub struct Contexts {
 impl Default for Contexts {
     fn default() -> Self {
         let mut contexts = Contexts {
-            held: NumberMap::new(),
+            stored: NumberMap::new(),
             groups: NumberMap::new(),
             handles: NumberMap::new(),
             threads: NumberMap::new(),
@@ -187,25 +187,25 @@ impl Default for Contexts {
             facts: Vec::new(),
         };
         contexts.groups.insert(0, Group { objects: Box::default(), contexts: 1 });
-        contexts.held.insert(0, StoredContext::new(0, 0));
+        contexts.stored.insert(0, StoredContext::new(0, 0));
         contexts
     }
 }
 
 impl Contexts {
     /// Makes a context that shares the objects of another one, or none.
-    pub fn add(&mut self, call: u64, handle: u64, share: Option<u32>) -> Outcome<u32> {
-        if self.facts.len() >= CONTEXTS_MAX || self.held.len() > ALIVE_MAX {
+    pub fn add(&mut self, call: u64, handle: u64, share: Option<u32>) -> GlResult<u32> {
+        if self.facts.len() >= CONTEXTS_MAX || self.stored.len() > ALIVE_MAX {
             return Err(Fault::Limit(format!("more than {CONTEXTS_MAX} contexts, or {ALIVE_MAX} at once")));
         }
         let key = self.keys;
         self.keys += 1;
-        let shared = share.and_then(|share| self.held.get(share)).map(|held| (held.group, held.number));
+        let shared = share.and_then(|share| self.stored.get(share)).map(|stored| (stored.group, stored.number));
         let group = shared.map_or(key, |(group, _)| group);
         self.groups.get_or_insert_with(group, || Group { objects: Box::default(), contexts: 0 }).contexts += 1;
         let number = self.facts.len();
         self.facts.push(ContextFacts { call, shares: shared.map(|(_, number)| number) });
-        self.held.insert(key, StoredContext::new(group, number));
+        self.stored.insert(key, StoredContext::new(group, number));
         self.handles.insert(handle, key);
         Ok(key)
     }
@@ -217,15 +217,15 @@ impl Contexts {
         }
         let number = self.facts.len();
         self.facts.push(ContextFacts { call, shares: None });
-        if let Some(held) = self.held.get_mut(0) {
-            held.number = number;
+        if let Some(stored) = self.stored.get_mut(0) {
+            stored.number = number;
         }
         self.handles.insert(handle, 0);
         Some(0)
     }
 
     /// Notes what is current in the thread that calls.
-    pub fn set_current(&mut self, to: Current) -> Outcome {
+    pub fn set_current(&mut self, to: Current) -> GlResult {
         if to.context.is_none() {
             self.threads.remove(self.thread);
         } else {
@@ -245,10 +245,10 @@ impl Contexts {
 
     /// Exchanges the state of a context and the objects of its share group with those of the machine.
     pub fn exchange(&mut self, key: u32, state: &mut State, context: &mut Context, objects: &mut Objects) {
-        let Some(held) = self.held.get_mut(key) else { return };
-        std::mem::swap(state, &mut held.state);
-        std::mem::swap(context, &mut held.context);
-        if let Some(group) = self.groups.get_mut(held.group) {
+        let Some(stored) = self.stored.get_mut(key) else { return };
+        std::mem::swap(state, &mut stored.state);
+        std::mem::swap(context, &mut stored.context);
+        if let Some(group) = self.groups.get_mut(stored.group) {
             std::mem::swap(objects, &mut group.objects);
         }
     }
@@ -256,18 +256,18 @@ impl Contexts {
     /// Destroys the context of a handle as soon as it is current in no thread.
     pub fn doom(&mut self, handle: u64) -> Option<u32> {
         let key = self.handles.remove(handle)?;
-        if let Some(held) = self.held.get_mut(key) {
-            held.doomed = true;
+        if let Some(stored) = self.stored.get_mut(key) {
+            stored.doomed = true;
         }
         Some(key)
     }
 
     /// Frees a context that is destroyed and current in no thread. Returns the objects that no context shares any more.
     pub fn free(&mut self, key: u32) -> Option<Objects> {
-        if self.held.get(key).is_none_or(|held| !held.doomed) || self.is_current(key) {
+        if self.stored.get(key).is_none_or(|stored| !stored.doomed) || self.is_current(key) {
             return None;
         }
-        let group = self.held.remove(key)?.group;
+        let group = self.stored.remove(key)?.group;
         let shared = self.groups.get_mut(group)?;
         shared.contexts -= 1;
         if shared.contexts > 0 {
@@ -279,7 +279,7 @@ impl Contexts {
     /// Lets a context share the objects of another one from now on. False if it has objects of its own, which is not supported. No context
     /// is current.
     pub fn share(&mut self, from: u32, with: u32) -> bool {
-        let of = |key| self.held.get(key).map(|held| (held.group, held.number));
+        let of = |key| self.stored.get(key).map(|stored| (stored.group, stored.number));
         let (Some((group, number)), Some((old, other))) = (of(from), of(with)) else { return true };
         if group == old {
             return true;
@@ -291,8 +291,8 @@ impl Contexts {
         if let Some(group) = self.groups.get_mut(group) {
             group.contexts += 1;
         }
-        if let Some(held) = self.held.get_mut(with) {
-            held.group = group;
+        if let Some(stored) = self.stored.get_mut(with) {
+            stored.group = group;
         }
         self.facts[other].shares = Some(number);
         true
@@ -307,8 +307,8 @@ impl Contexts {
     /// The other contexts that share the objects of the current one.
     pub fn sharing(&mut self) -> impl Iterator<Item = &mut StoredContext> {
         // The current one's boxes hold a state without bindings: its state is in the machine.
-        let group = self.now.context.and_then(|now| self.held.get(now)).map(|held| held.group);
-        self.held.values_mut().filter(move |held| Some(held.group) == group)
+        let group = self.now.context.and_then(|now| self.stored.get(now)).map(|stored| stored.group);
+        self.stored.values_mut().filter(move |stored| Some(stored.group) == group)
     }
 
     /// The context of a handle, if it is known.

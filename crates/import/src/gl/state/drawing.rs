@@ -9,7 +9,7 @@ use num::NumberMap;
 use crate::gl::geometry::listed::Geometry;
 use crate::gl::geometry::primitive::{Batch, Elements};
 use crate::gl::geometry::vertex::Vertex;
-use crate::gl::state::prepared::{Packings, Prepared, Source};
+use crate::gl::state::prepared::{Packings, PixelRectangle, Prepared};
 
 /// The draw that is gathered, and what the next ones can use of the last one.
 #[derive(Default)]
@@ -19,17 +19,17 @@ pub struct Drawing {
     /// The vertex memory of the previous primitive, for reuse.
     pub spare: Vec<Vertex>,
     /// The primitives of a list that the batch began with.
-    pub lone: Option<Rc<Geometry>>,
+    pub first_listed: Option<Rc<Geometry>>,
     /// Whether the last draw was one of few vertices of a list from the card's memory, and nothing has changed the state since.
-    pub follows: bool,
+    pub after_small_list: bool,
     /// The last draw, if nothing has changed since that draws are prepared for.
     pub prepared: Option<Box<Prepared>>,
     /// The pixel rectangle that is drawn.
-    pub pixels: Option<Source>,
+    pub pixels: Option<PixelRectangle>,
     /// Whether indices select the vertices of the draw that runs.
     pub indexed: bool,
     /// Whether the vertices that are drawn come from a display list.
-    pub listed: bool,
+    pub from_list: bool,
     /// The instance that is drawn.
     pub instance: u32,
     /// With [`Options::keep_draws`]: what the arrays of the current call send.

@@ -3,7 +3,7 @@
 use gfx::state::*;
 use gl_shader::{COLORS_MAX, consts as e};
 
-use crate::gl::call::{Fault, INVALID_ENUM, Outcome};
+use crate::gl::call::{Fault, GlResult, INVALID_ENUM};
 use crate::gl::names;
 
 /// Stencil state of one side.
@@ -120,7 +120,7 @@ pub fn compare(value: u32) -> Compare {
 }
 
 /// A stencil operation of the card.
-pub fn stencil_operation(op: u32) -> Outcome<StencilOp> {
+pub fn stencil_operation(op: u32) -> GlResult<StencilOp> {
     use gfx::state::StencilOp;
     Ok(match op {
         e::KEEP => StencilOp::Keep,
@@ -136,7 +136,7 @@ pub fn stencil_operation(op: u32) -> Outcome<StencilOp> {
 }
 
 /// A blend factor of the card.
-pub fn blend_factor(factor: u32, alpha: bool) -> Outcome<BlendFactor> {
+pub fn blend_factor(factor: u32, alpha: bool) -> GlResult<BlendFactor> {
     use gfx::state::BlendFactor as F;
     Ok(match factor {
         e::ZERO => F::Zero,
@@ -170,7 +170,7 @@ pub fn blend_factor(factor: u32, alpha: bool) -> Outcome<BlendFactor> {
 }
 
 /// A blend operation of the card.
-pub fn blend_operation(op: u32) -> Outcome<BlendOp> {
+pub fn blend_operation(op: u32) -> GlResult<BlendOp> {
     use gfx::state::BlendOp;
     Ok(match op {
         e::FUNC_ADD => BlendOp::Add,

@@ -4,6 +4,7 @@ use gl_shader::key::Base;
 use gl_shader::{COLORS_MAX, consts as e};
 use num::NumberMap;
 
+use crate::gl::call::{GlResult, INVALID_ENUM};
 use crate::gl::card::device::Card;
 use crate::gl::card::pass::Surface;
 use crate::gl::state::bindings::lose;
@@ -13,7 +14,7 @@ pub const COLORS: usize = 16;
 
 /// What is attached to a frame buffer object.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub enum Attached {
+pub enum Attachment {
     /// Nothing.
     #[default]
     Nothing,
@@ -26,47 +27,101 @@ pub enum Attached {
 /// A frame buffer object.
 #[derive(Clone, Debug)]
 pub struct Framebuffer {
-    pub colors: [Attached; COLORS],
-    pub depth: Attached,
-    pub stencil: Attached,
-    pub draw: [u32; COLORS_MAX],
-    pub read: u32,
+    colors: [Attachment; COLORS],
+    depth: Attachment,
+    stencil: Attachment,
+    draw: [u32; COLORS_MAX],
+    read: u32,
 }
 
 /// Maximum width and height of renderbuffers.
 pub const EDGE_MAX: u32 = 16_384;
 
 /// A list of draw buffers with this one first and `NONE` for the others.
-pub fn alone(buffer: u32) -> [u32; COLORS_MAX] {
+fn alone(buffer: u32) -> [u32; COLORS_MAX] {
     std::array::from_fn(|k| if k == 0 { buffer } else { e::NONE })
 }
 
 impl Framebuffer {
-    fn attached(&mut self) -> impl Iterator<Item = &mut Attached> {
+    fn attached(&mut self) -> impl Iterator<Item = &mut Attachment> {
         self.colors.iter_mut().chain([&mut self.depth, &mut self.stencil])
     }
 
     /// Detaches a texture.
     pub fn detach_texture(&mut self, name: u32) {
-        let attached = self.attached().filter(|at| matches!(at, Attached::Texture(own, ..) if *own == name));
-        attached.for_each(|at| *at = Attached::Nothing);
+        let attached = self.attached().filter(|at| matches!(at, Attachment::Texture(own, ..) if *own == name));
+        attached.for_each(|at| *at = Attachment::Nothing);
     }
 
     /// Detaches a render buffer.
     pub fn detach_renderbuffer(&mut self, name: u32) {
-        let attached = self.attached().filter(|at| matches!(at, Attached::Renderbuffer(own) if *own == name));
-        attached.for_each(|at| *at = Attached::Nothing);
+        let attached = self.attached().filter(|at| matches!(at, Attachment::Renderbuffer(own) if *own == name));
+        attached.for_each(|at| *at = Attachment::Nothing);
+    }
+
+    /// Attaches an image, or nothing, to a point.
+    pub fn attach(&mut self, point: u32, what: Attachment) -> GlResult {
+        match point {
+            e::DEPTH_ATTACHMENT => self.depth = what,
+            e::STENCIL_ATTACHMENT => self.stencil = what,
+            e::DEPTH_STENCIL_ATTACHMENT => (self.depth, self.stencil) = (what, what),
+            _ => {
+                let index = point.wrapping_sub(e::COLOR_ATTACHMENT0) as usize;
+                *self.colors.get_mut(index).ok_or(INVALID_ENUM)? = what;
+            }
+        }
+        Ok(())
+    }
+
+    /// The image that is attached as a colour buffer.
+    pub fn color(&self, buffer: u32) -> Attachment {
+        self.colors.get(buffer.wrapping_sub(e::COLOR_ATTACHMENT0) as usize).copied().unwrap_or_default()
+    }
+
+    /// The depth image.
+    pub fn depth(&self) -> Attachment {
+        self.depth
+    }
+
+    /// The stencil image.
+    pub fn stencil(&self) -> Attachment {
+        self.stencil
+    }
+
+    /// The colour buffers that are drawn to.
+    pub fn draw_buffers(&self) -> &[u32; COLORS_MAX] {
+        &self.draw
+    }
+
+    /// The colour buffer that is read.
+    pub fn read_buffer(&self) -> u32 {
+        self.read
+    }
+
+    /// Sets the colour buffers that are drawn to.
+    pub fn draw_to(&mut self, buffers: [u32; COLORS_MAX]) {
+        self.draw = buffers;
+    }
+
+    /// Sets the single colour buffer that is drawn to.
+    pub fn draw_to_one(&mut self, buffer: u32) {
+        self.draw = alone(buffer);
+    }
+
+    /// Sets the colour buffer that is read.
+    pub fn read_from(&mut self, buffer: u32) {
+        self.read = buffer;
     }
 
     /// Marks attachments of a texture that is deleted and would stay alive as long as it is attached.
     pub fn lose_texture(&mut self, name: u32) {
-        let names = self.attached().filter_map(|at| if let Attached::Texture(name, ..) = at { Some(name) } else { None });
+        let names = self.attached().filter_map(|at| if let Attachment::Texture(name, ..) = at { Some(name) } else { None });
         lose(names, name);
     }
 
     /// Marks attachments of a render buffer that is deleted and would stay alive as long as it is attached.
     pub fn lose_renderbuffer(&mut self, name: u32) {
-        let names = self.attached().filter_map(|at| if let Attached::Renderbuffer(name) = at { Some(name) } else { None });
+        let names = self.attached().filter_map(|at| if let Attachment::Renderbuffer(name) = at { Some(name) } else { None });
         lose(names, name);
     }
 }
@@ -74,7 +129,13 @@ impl Framebuffer {
 impl Default for Framebuffer {
     fn default() -> Self {
         let (draw, read) = (alone(e::COLOR_ATTACHMENT0), e::COLOR_ATTACHMENT0);
-        Framebuffer { colors: [Attached::Nothing; COLORS], depth: Attached::Nothing, stencil: Attached::Nothing, draw, read }
+        Framebuffer {
+            colors: [Attachment::Nothing; COLORS],
+            depth: Attachment::Nothing,
+            stencil: Attachment::Nothing,
+            draw,
+            read,
+        }
     }
 }
 

@@ -7,8 +7,8 @@ use gl_shader::arb::program::Stage;
 use gl_shader::glsl::{Linked, Sources};
 use num::{NameMap, NumberMap};
 
-use crate::gl::call::{INVALID_VALUE, Outcome};
-use crate::gl::state::arb::Loaded;
+use crate::gl::call::{GlResult, INVALID_VALUE};
+use crate::gl::state::arb::NumberedProgram;
 
 /// A shader object.
 #[derive(Clone)]
@@ -79,7 +79,7 @@ impl GlslObjects {
     }
 
     /// A program.
-    pub fn program(&mut self, name: u32) -> Outcome<&mut Object> {
+    pub fn program(&mut self, name: u32) -> GlResult<&mut Object> {
         self.programs.get_mut(name).ok_or(INVALID_VALUE)
     }
 
@@ -117,7 +117,7 @@ pub struct GlslTranslations {
     /// Linked programs by their sources.
     pub linked: BTreeMap<Sources, Result<Rc<Linked>, String>>,
     /// Stages for draws.
-    pub codes: BTreeMap<CodeKey, Result<Loaded, String>>,
+    pub codes: BTreeMap<CodeKey, Result<NumberedProgram, String>>,
 }
 
 impl GlslTranslations {

@@ -8,7 +8,7 @@ use crate::gl::call::Call;
 use crate::gl::card::device::Card;
 use crate::gl::geometry::listed::Geometry;
 use crate::gl::geometry::vertex::Vertex;
-use crate::gl::state::compact::Compact;
+use crate::gl::state::compact::CompactCall;
 use crate::gl::texels::unpack::PixelStore;
 
 /// Limits: calls of all lists together, and the nesting depth of lists (the standard's minimum for `MAX_LIST_NESTING`).
@@ -23,9 +23,9 @@ pub enum Step {
     Color([f32; 4]),
     Texture([f32; 4]),
     /// A call with a few numbers.
-    Numbers(Compact),
+    Numbers(CompactCall),
     /// A call that multiplies the current matrix, and by what.
-    Multiply(Compact, Box<Mat4>),
+    Multiply(CompactCall, Box<Mat4>),
     /// A call.
     Call(Box<Call>),
     /// A call that reads pixels, with the pixel storage modes of the moment when the list was compiled.

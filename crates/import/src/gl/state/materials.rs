@@ -26,7 +26,7 @@ pub mod tracks {
 
 /// How vertices between Begin and End get materials that change between them.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub enum Tracked {
+pub enum ChangingMaterial {
     /// One colour of the material changes, as the arguments of `glMaterial` name it: its present value becomes the colour of vertices.
     Color([u32; 2], [f32; 4]),
     /// Vertices are lit when they are sent.
@@ -35,18 +35,18 @@ pub enum Tracked {
 
 /// Which parameters `glMaterial` has set, beside the values themselves. Bits of [`tracks`], for front and back.
 #[derive(Clone, Debug)]
-pub struct Given {
+pub struct MaterialTracking {
     /// Parameters set since the last primitive.
-    pub waiting: [u8; 2],
+    waiting: [u8; 2],
     /// Parameters that keep their value although colour material tracks them, as long as the colour does not change.
-    pub kept: [u8; 2],
+    kept: [u8; 2],
     /// The current colour when the last primitive began.
-    pub color: [f32; 4],
+    color: [f32; 4],
 }
 
-impl Default for Given {
+impl Default for MaterialTracking {
     fn default() -> Self {
-        Given { waiting: [0; 2], kept: [0; 2], color: [1.0; 4] }
+        MaterialTracking { waiting: [0; 2], kept: [0; 2], color: [1.0; 4] }
     }
 }
 
@@ -63,7 +63,7 @@ pub fn bits(name: u32) -> u8 {
 }
 
 /// The parameters that colour material tracks on each side.
-pub fn tracked(state: &State) -> [u8; 2] {
+pub fn tracked_parameters(state: &State) -> [u8; 2] {
     if !state.is(e::COLOR_MATERIAL) {
         return [0; 2];
     }
@@ -71,39 +71,49 @@ pub fn tracked(state: &State) -> [u8; 2] {
     [e::FRONT, e::BACK].map(|side| if face == side || face == e::FRONT_AND_BACK { bits(mode) } else { 0 })
 }
 
-impl Given {
+impl MaterialTracking {
     /// `glMaterial` sets a parameter.
-    pub fn give(&mut self, state: &State, faces: std::ops::Range<usize>, name: u32) {
-        let tracked = tracked(state);
+    pub fn note_set(&mut self, state: &State, faces: std::ops::Range<usize>, name: u32) {
+        let tracked = tracked_parameters(state);
         for side in faces {
             self.waiting[side] |= bits(name) & !tracked[side];
         }
     }
 
     /// Colour material is switched: it sets all that it tracks.
-    pub fn switch(&mut self) {
+    pub fn note_switched(&mut self) {
         self.kept = [0; 2];
     }
 
+    /// What is noted once a primitive begins with this state; and whether that changes which parameters keep their value.
+    pub fn at_primitive(&self, state: &State) -> (MaterialTracking, bool) {
+        let color = state.current.color;
+        let mut kept = self.unchanged(color);
+        for (side, tracked) in tracked_parameters(state).into_iter().enumerate() {
+            kept[side] |= self.waiting[side] & tracked;
+        }
+        (MaterialTracking { waiting: [0; 2], kept, color }, kept != self.kept)
+    }
+
     /// Materials are restored as a whole.
-    pub fn restore(&mut self) {
+    pub fn note_restored(&mut self) {
         (self.waiting, self.kept) = ([0; 2], [0; 2]);
     }
 
     /// Whether any parameters keep their value.
-    pub fn keeps(&self) -> bool {
+    pub fn has_unchanged(&self) -> bool {
         self.kept != [0; 2]
     }
 
     /// The parameters that keep their value with this colour.
-    pub fn kept(&self, color: [f32; 4]) -> [u8; 2] {
+    pub fn unchanged(&self, color: [f32; 4]) -> [u8; 2] {
         if color == self.color { self.kept } else { [0; 2] }
     }
 
     /// Removes from a draw's tracked parameters those that keep their value.
-    pub fn limit(&self, lighting: &mut LightingKey, constant: &Vertex, summary: &Summary) {
+    pub fn untrack_unchanged(&self, lighting: &mut LightingKey, constant: &Vertex, summary: &Summary) {
         if !summary.varying.color {
-            let kept = self.kept(constant.color);
+            let kept = self.unchanged(constant.color);
             for (tracked, kept) in lighting.color_material.iter_mut().zip(kept) {
                 *tracked &= !kept;
             }

@@ -9,7 +9,7 @@ use crate::gl::call::Scalar;
 use crate::gl::geometry::pack::{STREAMS_MAX, float_format};
 use crate::gl::geometry::summary::Summary;
 use crate::gl::geometry::vertex::Vertex;
-use crate::gl::state::arrays::{GENERIC, Ready};
+use crate::gl::state::arrays::{ArrayView, GENERIC};
 use crate::gl::state::buffers::Conversion;
 
 /// Maximum number of bytes between two vertices that the card reads.
@@ -46,7 +46,7 @@ pub struct Attribute {
 
 impl Attribute {
     /// The attribute of an array at a location.
-    fn new(location: u32, array: &Ready, buffer: u32) -> Attribute {
+    fn new(location: u32, array: &ArrayView, buffer: u32) -> Attribute {
         let (offset, stride, size) = (array.start as u64, array.stride as u64, array.data.len() as u64);
         let fits = |format: &VertexFormat| (u64::from(format.bytes())..=STRIDE_MAX).contains(&stride);
         if let Some(format) = format_of(array).filter(fits) {
@@ -78,7 +78,7 @@ pub enum Indices {
 }
 
 /// Attributes that one vertex buffer has.
-pub struct Group {
+pub struct VertexStream {
     pub buffer: u32,
     pub converted: Option<Conversion>,
     pub stride: u64,
@@ -87,23 +87,23 @@ pub struct Group {
 }
 
 /// Where the attributes of a draw are.
-pub struct Placed {
+pub struct VertexStreams {
     /// Layouts of the vertex buffers.
     pub layouts: Vec<VertexBufferLayout>,
-    pub groups: Vec<Group>,
+    pub groups: Vec<VertexStream>,
 }
 
-impl Placed {
+impl VertexStreams {
     /// Attributes of interleaved arrays share a vertex buffer.
-    fn new(attributes: impl Iterator<Item = Attribute>) -> Placed {
-        let mut groups: Vec<Group> = Vec::new();
+    fn new(attributes: impl Iterator<Item = Attribute>) -> VertexStreams {
+        let mut groups: Vec<VertexStream> = Vec::new();
         for attribute in attributes {
             let Attribute { buffer, converted, stride, .. } = attribute;
-            let joined = |group: &Group| {
+            let joined = |group: &VertexStream| {
                 let bytes = attribute.bytes();
                 group.bytes.start.min(bytes.start)..group.bytes.end.max(bytes.end)
             };
-            let fits = |group: &&mut Group| {
+            let fits = |group: &&mut VertexStream| {
                 let bytes = joined(group);
                 let same = (group.buffer, group.converted, group.stride) == (buffer, None, stride);
                 same && converted.is_none() && bytes.end - bytes.start <= stride
@@ -115,11 +115,11 @@ impl Placed {
                 }
                 None => {
                     let bytes = attribute.bytes();
-                    groups.push(Group { buffer, converted, stride, bytes, attributes: vec![attribute] });
+                    groups.push(VertexStream { buffer, converted, stride, bytes, attributes: vec![attribute] });
                 }
             }
         }
-        let layout = |group: &Group| {
+        let layout = |group: &VertexStream| {
             let place = |of: &Attribute| VertexAttribute {
                 format: of.format,
                 offset: of.offset - group.bytes.start,
@@ -128,7 +128,7 @@ impl Placed {
             let attributes = group.attributes.iter().map(place).collect();
             VertexBufferLayout { stride: group.stride, step: StepMode::Vertex, attributes }
         };
-        Placed { layouts: groups.iter().map(layout).collect(), groups }
+        VertexStreams { layouts: groups.iter().map(layout).collect(), groups }
     }
 }
 
@@ -147,12 +147,12 @@ fn location_of(slot: usize) -> Option<u32> {
 }
 
 /// Whether integers of an array are normalised.
-fn is_normalized(array: &Ready) -> bool {
+fn is_normalized(array: &ArrayView) -> bool {
     matches!(array.slot, 1..=3) || array.slot >= GENERIC && array.normalized
 }
 
 /// The format in which the card reads the elements of an array, if it has one.
-fn format_of(array: &Ready) -> Option<VertexFormat> {
+fn format_of(array: &ArrayView) -> Option<VertexFormat> {
     use VertexFormat::*;
     let normalized = is_normalized(array);
     let formats = match array.element.scalar {
@@ -171,13 +171,13 @@ fn format_of(array: &Ready) -> Option<VertexFormat> {
 
 impl Resident {
     /// Where the attributes with these locations are.
-    pub fn placed(&self, attributes: &[(u32, VertexFormat)]) -> Placed {
+    pub fn streams(&self, attributes: &[(u32, VertexFormat)]) -> VertexStreams {
         let find = |&(location, _): &(u32, VertexFormat)| self.attributes.iter().find(|of| of.location == location).copied();
-        Placed::new(attributes.iter().filter_map(find))
+        VertexStreams::new(attributes.iter().filter_map(find))
     }
 
     /// The attributes of arrays, if all are in buffer objects, and positions among them.
-    pub fn attributes(ready: &[Ready]) -> Option<(Vec<Attribute>, Attribute)> {
+    pub fn attributes(ready: &[ArrayView]) -> Option<(Vec<Attribute>, Attribute)> {
         let mut attributes: Vec<Attribute> = Vec::new();
         for array in ready {
             let (Some(location), buffer) = (location_of(array.slot), array.buffer?) else { continue };
@@ -191,7 +191,7 @@ impl Resident {
             attributes.push(Attribute::new(location, array, buffer));
         }
         let positions = *attributes.iter().find(|of| of.location == location::POSITION)?;
-        let groups = Placed::new(attributes.iter().copied()).groups.len();
+        let groups = VertexStreams::new(attributes.iter().copied()).groups.len();
         (groups <= STREAMS_MAX).then_some((attributes, positions))
     }
 }

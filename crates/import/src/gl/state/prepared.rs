@@ -6,12 +6,12 @@ use gfx::state::*;
 use gl_shader::key::*;
 use num::*;
 
-use crate::gl::card::pass::{Fixed, Layouts, Target};
+use crate::gl::card::pass::{Layouts, PipelineState, Target};
 use crate::gl::geometry::pack::Packing;
-use crate::gl::geometry::primitive::{Class, Sent};
+use crate::gl::geometry::primitive::{Class, SentAttributes};
 use crate::gl::geometry::summary::Summary;
-use crate::gl::state::arb::Active;
-use crate::gl::state::placement::Placed;
+use crate::gl::state::arb::ActiveProgram;
+use crate::gl::state::placement::VertexStreams;
 
 /// What uniforms hold of how a texture is sampled.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -24,20 +24,20 @@ pub struct Sampling {
 
 /// A prepared draw.
 pub struct Prepared {
-    pub likeness: Likeness,
+    pub draw_key: DrawKey,
     /// Whether other draws may use it.
-    pub lasts: bool,
+    pub reusable: bool,
     pub target: Target,
     /// The key of its shader.
     pub key: ShaderKey,
-    pub programs: [Option<Active>; 2],
+    pub programs: [Option<ActiveProgram>; 2],
     pub sampling: Vec<Sampling>,
     /// The layout of its vertices.
     pub packing: Rc<Packing>,
     /// The vertex buffers of a draw from buffer objects.
-    pub placed: Option<Placed>,
+    pub streams: Option<VertexStreams>,
     /// The state of its pipeline.
-    pub fixed: Fixed,
+    pub fixed: PipelineState,
     /// The buffers that it may write, as [`crate::gl::card::pass::writes`] has them.
     pub writes: u8,
     /// Its pipeline, once it is made.
@@ -60,27 +60,27 @@ pub struct Prepared {
 
 /// The key of a prepared draw: all that it depends on, except state whose change discards it.
 #[derive(Debug, PartialEq)]
-pub struct Likeness {
+pub struct DrawKey {
     pub class: Class,
     pub polygon: Option<bool>,
     pub topology: Option<Topology>,
     pub turned: bool,
-    pub sent: Option<Sent>,
+    pub sent: Option<SentAttributes>,
     pub summary: Summary,
     /// Whether the modelview matrix computes a w.
     pub projective: bool,
     /// Whether the texture matrix of a unit of the key is not the identity, and whether it computes a q: a bit each.
     pub matrices: [u8; 2],
     /// Whether colour material leaves materials as `glMaterial` set them, as long as the colour is the same: then no other draw is served.
-    pub kept: bool,
+    pub keeps_material: bool,
 }
 
 /// Layouts of vertices: for which summary, class and attributes that are sent; in a buffer; and of the buffers.
-pub type Packings = Vec<((Summary, Class, Option<Sent>), Rc<Packing>, Layouts)>;
+pub type Packings = Vec<((Summary, Class, Option<SentAttributes>), Rc<Packing>, Layouts)>;
 
 /// The colours that the fragments of a rectangle have.
 #[derive(Clone, Copy, Debug)]
-pub struct Source {
+pub struct PixelRectangle {
     /// Texture, view, sampler.
     pub bound: (TextureId, ViewId, SamplerId),
     /// The lower left corner in the window, and the zoom (window pixels for one source pixel); the first pixel of the source, and the

@@ -2,7 +2,7 @@
 
 use gl_shader::consts as e;
 
-use crate::gl::call::{Fault, Outcome};
+use crate::gl::call::{Fault, GlResult};
 
 /// Capabilities: with the program's index, and with the greatest one of the type.
 pub const RESTART: u32 = 0x8f9d;
@@ -31,7 +31,7 @@ impl Restart {
     }
 
     /// Whether `glArrayElement` of an index ends a primitive.
-    pub fn of_element(&self, index: u32) -> Outcome<bool> {
+    pub fn of_element(&self, index: u32) -> GlResult<bool> {
         if self.fixed && [0xff, 0xffff, u32::MAX].contains(&index) {
             return Err(Fault::Unsupported("glArrayElement with GL_PRIMITIVE_RESTART_FIXED_INDEX".into()));
         }

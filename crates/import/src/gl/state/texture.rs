@@ -7,12 +7,12 @@ use gl_shader::{IMAGES, consts as e};
 use num::*;
 use trace::command::*;
 
-use crate::gl::call::{Fault, Outcome};
-use crate::gl::card::copy_key::{CopyKey, From, Map, Meet, SAME, one_image};
+use crate::gl::call::{Fault, GlResult};
+use crate::gl::card::copy_key::{Combine, CopyKey, CopySource, Map, SAME, one_image};
 use crate::gl::card::device::Card;
 use crate::gl::card::pass::Surface;
 use crate::gl::names;
-use crate::gl::texels::image::Kept;
+use crate::gl::texels::image::StoredFormat;
 
 /// One image of a texture.
 #[derive(Clone, Debug)]
@@ -102,7 +102,7 @@ pub struct Texture {
 }
 
 /// A texture as a draw binds it.
-pub struct Bound {
+pub struct BoundTexture {
     /// Texture, view, sampler.
     pub bound: (TextureId, ViewId, SamplerId),
     /// Base format.
@@ -326,7 +326,7 @@ impl Texture {
         from_target: FromTarget,
         from: [i32; 2],
         size: [u32; 2],
-    ) -> Outcome {
+    ) -> GlResult {
         if size.contains(&0) {
             return Ok(());
         }
@@ -353,7 +353,7 @@ impl Texture {
         (source, extent, upward): FromTarget,
         from: [i32; 2],
         size: [u32; 2],
-    ) -> Outcome {
+    ) -> GlResult {
         let refused = || Fault::Unsupported("copies into a level of a texture before its first one".into());
         let after = level.checked_sub(self.range[0]).ok_or_else(refused)?;
         let first = self.levels.get((0, self.range[0])).ok_or_else(refused)?;
@@ -381,7 +381,7 @@ impl Texture {
     }
 
     /// One image on the card, to be drawn to or read; none if it does not exist.
-    pub fn surface(&mut self, card: &mut Card, layer: u32, level: u32) -> Outcome<Option<Surface>> {
+    pub fn surface(&mut self, card: &mut Card, layer: u32, level: u32) -> GlResult<Option<Surface>> {
         let base_level = self.range[0];
         let (Some(first), Some(after)) = (self.levels.get((0, base_level)), level.checked_sub(base_level)) else {
             return Ok(None);
@@ -411,7 +411,7 @@ impl Texture {
     }
 
     /// Prepares the texture for sampling; none if it is not complete, which disables its unit.
-    pub fn bind(&mut self, card: &mut Card) -> Outcome<Option<Bound>> {
+    pub fn bind(&mut self, card: &mut Card) -> GlResult<Option<BoundTexture>> {
         let Some(count) = self.complete() else { return Ok(None) };
         let kind = self.kind;
         let kept = if card.all_levels { self.chain() } else { 0 };
@@ -458,11 +458,11 @@ impl Texture {
         // As in Mesa, whatever the wrap modes are.
         let face_edges = kind == Kind::Cube && linear;
         let (bias, swizzle) = (self.bias, self.swizzle);
-        Ok(Some(Bound { bound, border, bias, base, clamp, mirror, levels, depth, swizzle, face_edges }))
+        Ok(Some(BoundTexture { bound, border, bias, base, clamp, mirror, levels, depth, swizzle, face_edges }))
     }
 
     /// Its sampler, and the border colour in the format of the texels if the card does not support that colour.
-    fn sampler(&self) -> Outcome<(SamplerDesc, Option<[f32; 4]>)> {
+    fn sampler(&self) -> GlResult<(SamplerDesc, Option<[f32; 4]>)> {
         let filter = |linear: bool| if linear { FilterMode::Linear } else { FilterMode::Nearest };
         let linear = matches!(self.min, e::LINEAR | e::LINEAR_MIPMAP_NEAREST | e::LINEAR_MIPMAP_LINEAR);
         let between = matches!(self.min, e::NEAREST_MIPMAP_LINEAR | e::LINEAR_MIPMAP_LINEAR);
@@ -563,7 +563,8 @@ fn upload(card: &mut Card, native: &Native, level: u32, origin: [u32; 3], size: 
     card.recorder.write_texture(from, layout, size, "depths", bytes);
     let view = card.recorder.create_view_of(native.id, one_image(level, origin[2], Aspect::All));
     let image = Surface { texture: native.id, view, format: native.format, level, layer: origin[2], narrow: None };
-    let key = CopyKey { from: From::Color, result: "c.r", format: native.format.name(), meet: Meet::Replace, mask: 15 };
+    let key =
+        CopyKey { from: CopySource::Color, result: "c.r", format: native.format.name(), combine: Combine::Replace, mask: 15 };
     let map = Map { to: [origin[0] as f32, origin[1] as f32], ..SAME };
     let area = Rect { x: origin[0], y: origin[1], width: size[0], height: size[1] };
     card.copy_pixels(key, native.format, source, image, map, 0.0, area);

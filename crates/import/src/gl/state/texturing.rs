@@ -3,7 +3,7 @@
 use gl_shader::key::*;
 use gl_shader::{TARGETS, UNITS, consts as e};
 
-use crate::gl::call::{Fault, INVALID_ENUM, Outcome};
+use crate::gl::call::{Fault, GlResult, INVALID_ENUM};
 use crate::gl::names;
 
 /// Generation of one texture coordinate.
@@ -135,7 +135,7 @@ pub fn kind_of(target: usize) -> Kind {
 /// Targets of textures that came after OpenGL 1.5: arrays, buffers, several samples, external images.
 const LATER_TARGETS: [u32; 7] = [0x8c18, 0x8c1a, 0x9009, 0x8c2a, 0x9100, 0x9102, 0x8d65];
 
-pub fn target_of(target: u32) -> Outcome<usize> {
+pub fn target_of(target: u32) -> GlResult<usize> {
     if LATER_TARGETS.contains(&target) {
         return Err(Fault::Unsupported(format!("textures of target {}", names::name(target))));
     }

@@ -6,7 +6,7 @@ use gl_shader::consts as e;
 use gl_shader::key::{Base, Channels, Width};
 use gl_shader::narrow::Narrow;
 
-use crate::gl::call::{Fault, Outcome};
+use crate::gl::call::{Fault, GlResult};
 use crate::gl::names;
 
 /// A value in [0, 1] as eight bits.
@@ -21,7 +21,7 @@ pub fn from_half(bits: u32) -> f32 {
 }
 
 /// The base format of an image whose texels a program gives so: Mesa keeps packed ones of few bits as they are.
-pub fn base_of(internal: u32, format: u32, kind: u32) -> Outcome<Base> {
+pub fn base_of(internal: u32, format: u32, kind: u32) -> GlResult<Base> {
     match (internal, format, kind) {
         (e::RGB, e::RGB, e::UNSIGNED_SHORT_5_6_5) => Ok(Base::Narrow(Narrow::R5G6B5)),
         (e::RGBA, e::RGBA, e::UNSIGNED_SHORT_4_4_4_4) => Ok(Base::Narrow(Narrow::Rgba4)),
@@ -33,22 +33,22 @@ pub fn base_of(internal: u32, format: u32, kind: u32) -> Outcome<Base> {
 const BGRA8: u32 = 0x93a1;
 
 /// How texels of a base format are stored.
-pub trait Kept: Sized {
+pub trait StoredFormat: Sized {
     /// The base format of an internal format.
-    fn of(internal: u32) -> Outcome<Self>;
+    fn of(internal: u32) -> GlResult<Self>;
 
     /// The format in which texels are stored.
     fn format(self) -> Format;
 
     /// Converts texels to the stored format.
-    fn keep(self, texels: &[[u8; 4]]) -> Vec<u8>;
+    fn encode(self, texels: &[[u8; 4]]) -> Vec<u8>;
 
     /// Converts floating-point texels to the stored format.
-    fn keep_floats(self, texels: &[[f32; 4]]) -> Vec<u8>;
+    fn encode_floats(self, texels: &[[f32; 4]]) -> Vec<u8>;
 }
 
-impl Kept for Base {
-    fn of(internal: u32) -> Outcome<Base> {
+impl StoredFormat for Base {
+    fn of(internal: u32) -> GlResult<Base> {
         Ok(match internal {
             e::R3_G3_B2 => Base::Narrow(Narrow::R3G3B2),
             e::RGB4 => Base::Narrow(Narrow::Rgb4),
@@ -118,12 +118,12 @@ impl Kept for Base {
         }
     }
 
-    fn keep(self, texels: &[[u8; 4]]) -> Vec<u8> {
+    fn encode(self, texels: &[[u8; 4]]) -> Vec<u8> {
         match self {
             Base::Alpha => texels.iter().map(|t| t[3]).collect(),
             Base::Rg => texels.iter().map(|t| [t[0], t[1]]).collect::<Vec<_>>().into_flattened(),
-            Base::Float(..) => self.keep_floats(&wide(texels)),
-            Base::Narrow(narrow) => narrow.plain().keep(&texels.iter().map(|&texel| narrow.given(texel)).collect::<Vec<_>>()),
+            Base::Float(..) => self.encode_floats(&wide(texels)),
+            Base::Narrow(narrow) => narrow.plain().encode(&texels.iter().map(|&texel| narrow.given(texel)).collect::<Vec<_>>()),
             Base::Luminance | Base::Intensity | Base::Red => texels.iter().map(|t| t[0]).collect(),
             Base::LuminanceAlpha => texels.iter().map(|t| [t[0], t[3]]).collect::<Vec<_>>().into_flattened(),
             Base::Rgb | Base::Srgb => texels.iter().map(|t| [t[0], t[1], t[2], 255]).collect::<Vec<_>>().into_flattened(),
@@ -131,7 +131,7 @@ impl Kept for Base {
         }
     }
 
-    fn keep_floats(self, texels: &[[f32; 4]]) -> Vec<u8> {
+    fn encode_floats(self, texels: &[[f32; 4]]) -> Vec<u8> {
         let format = self.format();
         let bytes = format.block_bytes() as usize;
         let mut out = Vec::with_capacity(texels.len() * bytes);

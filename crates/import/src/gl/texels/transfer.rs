@@ -2,7 +2,7 @@
 
 use gl_shader::consts as e;
 
-use crate::gl::call::{Fault, INVALID_ENUM, Outcome};
+use crate::gl::call::{Fault, GlResult, INVALID_ENUM};
 use crate::gl::texels::image;
 use crate::gl::texels::unpack::{FLOAT_AND_STENCIL, PixelStore, UNSIGNED_INT_24_8};
 
@@ -74,7 +74,7 @@ impl PixelMaps {
 
 /// The values of one-component pixels, rows from the bottom. If `normalized`, integers are divided by their greatest value. Of pixels with a
 /// depth and a stencil value, the lowest eight bits are the stencil value, and the others are those of the depth.
-pub fn values(store: &PixelStore, size: [u32; 3], kind: u32, bytes: &[u8], normalized: bool) -> Outcome<Vec<f64>> {
+pub fn values(store: &PixelStore, size: [u32; 3], kind: u32, bytes: &[u8], normalized: bool) -> GlResult<Vec<f64>> {
     let count = size.iter().map(|&edge| u64::from(edge)).product::<u64>();
     if count > VALUES_MAX {
         return Err(Fault::Limit(format!("{count} pixels in one call, at most {VALUES_MAX}")));

@@ -3,7 +3,7 @@
 use gl_shader::consts as e;
 use gl_shader::key::Base;
 
-use crate::gl::call::{Fault, INVALID_ENUM, INVALID_OPERATION, Outcome};
+use crate::gl::call::{Fault, GlResult, INVALID_ENUM, INVALID_OPERATION};
 use crate::gl::names;
 use crate::gl::texels::image::{byte, from_half};
 
@@ -79,7 +79,7 @@ fn packed(kind: u32) -> Option<(usize, [(u32, u32); 4])> {
 }
 
 /// Whether pixels of a format may have a type. Mesa decides so for textures and for pixels that are drawn.
-pub fn can_have(format: u32, kind: u32) -> Outcome {
+pub fn can_have(format: u32, kind: u32) -> GlResult {
     let plain = match kind {
         e::UNSIGNED_BYTE | e::BYTE | e::UNSIGNED_SHORT | e::SHORT | e::UNSIGNED_INT | e::INT => true,
         e::FLOAT | e::HALF_FLOAT | e::HALF_FLOAT_OES => true,
@@ -104,7 +104,7 @@ pub fn can_have(format: u32, kind: u32) -> Outcome {
 }
 
 /// Places of red, green, blue and alpha among the components of a format; 4: zero, 5: one.
-fn places(format: u32) -> Outcome<(usize, [usize; 4])> {
+fn places(format: u32) -> GlResult<(usize, [usize; 4])> {
     Ok(match format {
         e::RED => (1, [0, 4, 4, 5]),
         RG => (2, [0, 1, 4, 5]),
@@ -131,7 +131,7 @@ fn places(format: u32) -> Outcome<(usize, [usize; 4])> {
 }
 
 /// Bytes of a component.
-fn component_bytes(kind: u32) -> Outcome<usize> {
+fn component_bytes(kind: u32) -> GlResult<usize> {
     Ok(match kind {
         e::UNSIGNED_BYTE | e::BYTE => 1,
         e::UNSIGNED_SHORT | e::SHORT | e::HALF_FLOAT | e::HALF_FLOAT_OES => 2,
@@ -225,7 +225,7 @@ impl Rows {
     }
 
     /// Does something with the bytes of each row.
-    fn each(&self, bytes: &[u8], mut what: impl FnMut(&[u8])) -> Outcome {
+    fn each(&self, bytes: &[u8], mut what: impl FnMut(&[u8])) -> GlResult {
         let Rows { size: [width, height, depth], pixel, start, step: [row, rows] } = *self;
         for z in 0..depth {
             for y in 0..height {
@@ -247,7 +247,7 @@ impl Rows {
 }
 
 /// Refuses a rectangle of more texels than one call may have.
-fn verify(size: [u32; 3]) -> Outcome {
+fn verify(size: [u32; 3]) -> GlResult {
     let count = size.iter().map(|&edge| u64::from(edge)).product::<u64>();
     if count > TEXELS_MAX {
         return Err(Fault::Limit(format!("{count} texels in one call, at most {TEXELS_MAX}")));
@@ -256,7 +256,7 @@ fn verify(size: [u32; 3]) -> Outcome {
 }
 
 /// Red, green, blue and alpha of each pixel of a rectangle, rows from the bottom.
-pub fn unpack<T: Component>(store: &PixelStore, size: [u32; 3], format: u32, kind: u32, bytes: &[u8]) -> Outcome<Vec<[T; 4]>> {
+pub fn unpack<T: Component>(store: &PixelStore, size: [u32; 3], format: u32, kind: u32, bytes: &[u8]) -> GlResult<Vec<[T; 4]>> {
     // Bytes are converted by a table, since most pixels are bytes.
     let of_byte: [T; 256] = std::array::from_fn(|code| T::of(code as f64 / 255.0));
     let [zero, one] = T::ENDS;
@@ -339,7 +339,7 @@ pub fn stored(
     format: u32,
     kind: u32,
     bytes: &[u8],
-) -> Option<Outcome<Vec<u8>>> {
+) -> Option<GlResult<Vec<u8>>> {
     let components = match (base, format) {
         (Base::Luminance | Base::Intensity | Base::Red, e::LUMINANCE | e::RED) | (Base::Alpha, e::ALPHA) => 1,
         (Base::LuminanceAlpha, e::LUMINANCE_ALPHA) | (Base::Rg, RG) => 2,
@@ -358,7 +358,7 @@ pub fn stored(
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::gl::texels::image::Kept;
+    use crate::gl::texels::image::StoredFormat;
 
     #[test]
     fn rows_are_padded_to_the_alignment() {
@@ -487,7 +487,7 @@ mod tests {
             for format in FORMATS {
                 let texels = unpack::<u8>(&store, size, format, e::UNSIGNED_BYTE, &bytes).expect("rows");
                 if let Some(stored) = stored(&store, size, base, format, e::UNSIGNED_BYTE, &bytes) {
-                    assert_eq!(stored.expect("rows"), base.keep(&texels), "{base:?} {format:x}");
+                    assert_eq!(stored.expect("rows"), base.encode(&texels), "{base:?} {format:x}");
                     some += 1;
                 }
                 assert!(stored(&store, size, base, format, e::UNSIGNED_SHORT, &bytes).is_none());

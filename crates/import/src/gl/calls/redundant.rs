@@ -3,12 +3,12 @@
 
 use gl_shader::{TARGETS, consts as e};
 
-use crate::gl::machine::{Gl, Idle};
+use crate::gl::machine::{Gl, IsRedundant};
 use crate::gl::state::server::capability;
 use crate::gl::state::texturing::target_of;
 
 /// The test for a function, by its name; none: it always changes something.
-pub fn test(core: &str) -> Option<Idle> {
+pub fn test(core: &str) -> Option<IsRedundant> {
     Some(match core {
         "ActiveTexture" => |_, call| Ok(call.image_unit(0).is_ok()),
         "AlphaFunc" => |gl, call| Ok((call.u32(0)?, call.f32(1)?) == gl.state.color.alpha_test),
