@@ -4,9 +4,11 @@ use fillrate::num::BufferId;
 use fillrate::trace::command::{Command, Object};
 use fillrate::trace::{Reading, Trace, TraceError};
 
-use super::gl_features::{BLACK, BLUE, GREEN, RED, Shown, imported, imported_with, last_of, shown};
+use super::gl_scenes::{
+    BLACK, BLUE, GREEN, ORTHO, RED, Shown, floats, imported, imported_with, last_of, recorded, shown, with_errors,
+};
 
-const ORTHO: &str =
+const POSITIONS: &str =
     "glMatrixMode(GL_PROJECTION)\nglOrtho(0,16,0,16,-1,1)\nglMatrixMode(GL_MODELVIEW)\nglEnableClientState(GL_VERTEX_ARRAY)\n";
 const SWAP: &str = "wglSwapBuffers(1)\nglClear(GL_COLOR_BUFFER_BIT | GL_DEPTH_BUFFER_BIT)\n";
 const DRAW: &str = "glDrawArrays(GL_TRIANGLE_STRIP,0,4)\n";
@@ -56,10 +58,6 @@ fn copies(trace: &Trace) -> Copies {
     copies
 }
 
-fn floats(values: &[f32]) -> Vec<u8> {
-    values.iter().flat_map(|value| value.to_le_bytes()).collect()
-}
-
 /// Corners of a rectangle for a triangle strip.
 fn corners(x: f32, y: f32) -> Vec<u8> {
     floats(&[x, y, x + 4.0, y, x, y + 4.0, x + 4.0, y + 4.0])
@@ -72,7 +70,7 @@ fn object(name: u32, source: u32) -> String {
 
 #[test]
 fn a_buffer_object_that_does_not_change_is_uploaded_once() {
-    let calls = format!("{ORTHO}{}{DRAW}{SWAP}{DRAW}{SWAP}glColor3f(0,1,0)\n{DRAW}", object(1, 1));
+    let calls = format!("{POSITIONS}{}{DRAW}{SWAP}{DRAW}{SWAP}glColor3f(0,1,0)\n{DRAW}", object(1, 1));
     let (trace, _) = imported(&calls, &[&corners(2.0, 2.0)], 0..u64::MAX);
     let Copies { made, freed, uploads, draws, others, .. } = copies(&trace);
     assert_eq!((made.len(), freed, uploads, draws, others), (1, 0, vec![(0, 32)], 3, 0));
@@ -89,7 +87,7 @@ fn a_buffer_object_that_does_not_change_is_uploaded_once() {
 #[test]
 fn of_a_changed_buffer_object_only_the_change_is_uploaded() {
     let change = format!("glBufferSubDataARB({TARGET},16,16,*2)\n");
-    let calls = format!("{ORTHO}{}{DRAW}{SWAP}{change}{DRAW}", object(1, 1));
+    let calls = format!("{POSITIONS}{}{DRAW}{SWAP}{change}{DRAW}", object(1, 1));
     let (trace, _) = imported(&calls, &[&corners(2.0, 2.0), &corners(2.0, 6.0)[16..]], 0..u64::MAX);
     let Copies { made, uploads, draws, .. } = copies(&trace);
     assert_eq!((made.len(), uploads, draws), (1, vec![(0, 32), (16, 16)], 2));
@@ -118,7 +116,7 @@ fn draws_before_a_change_keep_the_vertices_that_they_had() {
     let part = |k: u32| format!("glBufferSubDataARB({TARGET},0,16,*{k})\nglBufferSubDataARB({TARGET},16,16,*{})\n", k + 3);
     for (change, copied) in [(&sub as &dyn Fn(u32) -> String, 3), (&all, 3), (&part, 3)] {
         let [a, b, c] = colors;
-        let calls = format!("{ORTHO}{}{a}{DRAW}{}{b}{DRAW}{}{c}{DRAW}", object(1, 1), change(2), change(3));
+        let calls = format!("{POSITIONS}{}{a}{DRAW}{}{b}{DRAW}{}{c}{DRAW}", object(1, 1), change(2), change(3));
         let sources = [&first[..], &second, &third, &first[16..], &second[16..], &third[16..]];
         let (trace, _) = imported(&calls, &sources, 0..u64::MAX);
         let image = last_of(&trace);
@@ -129,7 +127,7 @@ fn draws_before_a_change_keep_the_vertices_that_they_had() {
     // A change of other bytes than those that were drawn needs no second copy.
     let both = [first, second].concat();
     let calls = format!(
-        "{ORTHO}glBindBufferARB({TARGET},1)\nglBufferDataARB({TARGET},64,U0x0,35044)\nglVertexPointer(2,GL_FLOAT,0,0)\n\
+        "{POSITIONS}glBindBufferARB({TARGET},1)\nglBufferDataARB({TARGET},64,U0x0,35044)\nglVertexPointer(2,GL_FLOAT,0,0)\n\
          glBufferSubDataARB({TARGET},0,32,*1)\nglColor3f(1,0,0)\n{DRAW}glBufferSubDataARB({TARGET},32,32,*2)\nglColor3f(0,1,0)\n\
          glDrawArrays(GL_TRIANGLE_STRIP,4,4)"
     );
@@ -139,7 +137,7 @@ fn draws_before_a_change_keep_the_vertices_that_they_had() {
     assert_eq!([last_of(&trace).at(1, 1), last_of(&trace).at(9, 1)], [RED, GREEN]);
     // A change of a part that was drawn: the next draw takes its vertices along, and the copy follows in the next frame.
     let calls = format!(
-        "{ORTHO}{}glColor3f(1,0,0)\n{DRAW}glBufferSubDataARB({TARGET},16,16,*2)\nglColor3f(0,1,0)\nglTranslatef(8,0,0)\n{DRAW}",
+        "{POSITIONS}{}glColor3f(1,0,0)\n{DRAW}glBufferSubDataARB({TARGET},16,16,*2)\nglColor3f(0,1,0)\nglTranslatef(8,0,0)\n{DRAW}",
         object(1, 1)
     );
     let sources = [&both[..32], &corners(0.0, 8.0)[16..]];
@@ -155,7 +153,7 @@ fn draws_before_a_change_keep_the_vertices_that_they_had() {
 
 #[test]
 fn a_deleted_buffer_object_leaves_the_card_and_its_name_can_be_given_again() {
-    let calls = format!("{ORTHO}{}glColor3f(1,0,0)\n{DRAW}glDeleteBuffersARB(1,{{1}})\n", object(1, 1));
+    let calls = format!("{POSITIONS}{}glColor3f(1,0,0)\n{DRAW}glDeleteBuffersARB(1,{{1}})\n", object(1, 1));
     let again = format!("{}glColor3f(0,1,0)\n{DRAW}", object(1, 2));
     let (trace, _) = imported(&format!("{calls}{again}"), &[&corners(0.0, 0.0), &corners(8.0, 8.0)], 0..u64::MAX);
     let image = last_of(&trace);
@@ -173,7 +171,7 @@ fn buffer_objects_that_change_in_each_frame_do_not_pile_up() {
     };
     for frames in [0..u64::MAX, 99..100] {
         let calls: String = (0..100).map(|k| frame(k, 32 + k)).collect();
-        let (trace, _) = imported(&format!("{ORTHO}{}{calls}{DRAW}", object(1, 1)), &sources, frames.clone());
+        let (trace, _) = imported(&format!("{POSITIONS}{}{calls}{DRAW}", object(1, 1)), &sources, frames.clone());
         let Copies { most, made, freed, .. } = copies(&trace);
         assert!(most <= 4 * 132, "{most} bytes of copies in frames {frames:?}");
         assert!(made.len() - freed <= 2);
@@ -182,20 +180,20 @@ fn buffer_objects_that_change_in_each_frame_do_not_pile_up() {
             format!("glBufferDataARB({TARGET},32,*{},35040)\n{DRAW}{}", k % 2 + 1, if k.is_multiple_of(4) { SWAP } else { "" })
         };
         let calls: String = (0..400).map(anew).collect();
-        let (trace, _) = imported(&format!("{ORTHO}{}{calls}", object(1, 1)), &sources, frames.clone());
+        let (trace, _) = imported(&format!("{POSITIONS}{}{calls}", object(1, 1)), &sources, frames.clone());
         let Copies { most, made, freed, .. } = copies(&trace);
         assert!(most <= 5 * 32, "{most} bytes of copies in frames {frames:?}");
         assert!(made.len() - freed <= 2);
     }
     // A frame in which more is replaced than may wait for one pass: first many small copies, then few large ones.
     let anew: String = (0..3000).map(|k| format!("glBufferDataARB({TARGET},32,*{},35040)\n{DRAW}", k % 2 + 1)).collect();
-    let (trace, _) = imported(&format!("{ORTHO}{}{anew}", object(1, 1)), &sources, 0..u64::MAX);
+    let (trace, _) = imported(&format!("{POSITIONS}{}{anew}", object(1, 1)), &sources, 0..u64::MAX);
     let Copies { most, draws, .. } = copies(&trace);
     assert!(most <= 1100 * 32 && draws == 3000, "{most} bytes of copies, {draws} draws");
     let size = 3 << 20;
     let big = vec![0; size];
     let anew = format!("glBufferDataARB({TARGET},{size},*1,35040)\n{DRAW}").repeat(40);
-    let (trace, _) = imported(&format!("{ORTHO}{}{anew}", object(1, 2)), &[&big, sources[0]], 0..u64::MAX);
+    let (trace, _) = imported(&format!("{POSITIONS}{}{anew}", object(1, 2)), &[&big, sources[0]], 0..u64::MAX);
     let most = copies(&trace).most;
     assert!(most <= 68 << 20, "{most} bytes of copies");
 }
@@ -229,7 +227,7 @@ impl Source {
     /// The pictures of the calls, with draws joined and as the program called them.
     fn shown(&self, calls: &str) -> ([Shown; 2], Copies) {
         let sources: Vec<&[u8]> = self.buffers.iter().map(|bytes| &bytes[..]).collect();
-        let calls = format!("{ORTHO}glEnable(GL_DEPTH_TEST)\n{}{calls}", self.calls);
+        let calls = format!("{POSITIONS}glEnable(GL_DEPTH_TEST)\n{}{calls}", self.calls);
         let (trace, _) = imported(&calls, &sources, 0..u64::MAX);
         let kept = imported_with(&calls, &sources, 0..u64::MAX, &Reading { keep_draws: true, ..Reading::default() }).0;
         ([last_of(&trace), last_of(&kept)], copies(&trace))
@@ -325,7 +323,7 @@ fn interleaved_arrays_share_a_vertex_buffer_and_others_have_their_own() {
     let vertices: Vec<u8> = corners(2.0, 2.0).chunks(8).flat_map(|place| [&[0, 255, 0, 255], place].concat()).collect();
     let both = [&vertices[..], &corners(2.0, 2.0)].concat();
     let setup = format!(
-        "{ORTHO}glEnableClientState(GL_COLOR_ARRAY)\nglBindBufferARB({TARGET},1)\nglBufferDataARB({TARGET},80,*1,35044)\n\
+        "{POSITIONS}glEnableClientState(GL_COLOR_ARRAY)\nglBindBufferARB({TARGET},1)\nglBufferDataARB({TARGET},80,*1,35044)\n\
          glColorPointer(4,GL_UNSIGNED_BYTE,12,0)\n"
     );
     for (positions, slots) in [("glVertexPointer(2,GL_FLOAT,12,4)", vec![0]), ("glVertexPointer(2,GL_FLOAT,0,48)", vec![0, 1])]
@@ -394,7 +392,7 @@ fn a_conversion_is_made_once_and_freed_when_its_buffer_object_changes() {
     let shorts = |x: i16| -> Vec<u8> { [x, 0, x + 4, 0, x + 4, 4, x, 4].iter().flat_map(|v| v.to_le_bytes()).collect() };
     let (left, right) = (shorts(0), shorts(8));
     let setup = format!(
-        "{ORTHO}glBindBufferARB({TARGET},1)\nglBufferDataARB({TARGET},16,*1,35044)\nglVertexPointer(2,GL_SHORT,0,0)\nglRotatef(1,0,0,1)\n"
+        "{POSITIONS}glBindBufferARB({TARGET},1)\nglBufferDataARB({TARGET},16,*1,35044)\nglVertexPointer(2,GL_SHORT,0,0)\nglRotatef(1,0,0,1)\n"
     );
     let frame = format!("glDrawArrays(GL_QUADS,0,4)\n{SWAP}");
     let change = format!("glBufferSubDataARB({TARGET},0,16,*2)\n");
@@ -418,7 +416,7 @@ fn a_conversion_is_made_once_and_freed_when_its_buffer_object_changes() {
     // A large buffer object of which little is drawn is not converted.
     let big = vec![0; 16_384];
     let calls = format!(
-        "{ORTHO}glBindBufferARB({TARGET},1)\nglBufferDataARB({TARGET},16384,*1,35044)\nglVertexPointer(2,GL_SHORT,0,0)\n"
+        "{POSITIONS}glBindBufferARB({TARGET},1)\nglBufferDataARB({TARGET},16384,*1,35044)\nglVertexPointer(2,GL_SHORT,0,0)\n"
     );
     let (trace, _) = imported(&format!("{calls}{}", format!("{change}{frame}").repeat(30)), &[&big, &right], 0..u64::MAX);
     assert_eq!(copies(&trace).made, []);
@@ -434,6 +432,48 @@ fn elements_behind_the_end_of_a_buffer_object_are_zeros() {
     );
     assert_eq!(([image.at(1, 1), image.at(9, 9)], copies.draws), ([[255; 3], BLACK], 1));
     // Consecutive vertices are checked when a trace is read.
-    let calls = format!("{ORTHO}{}glDrawArrays(GL_TRIANGLES,2,3)", object(1, 1));
+    let calls = format!("{POSITIONS}{}glDrawArrays(GL_TRIANGLES,2,3)", object(1, 1));
     assert_eq!(shown(&calls, &[&corners(8.0, 0.0)]).at(6, 2), [255; 3]);
+}
+
+#[test]
+fn buffer_objects_into_which_pixels_were_read_are_not_drawn_from() {
+    let read = "glBindBuffer(GL_PIXEL_PACK_BUFFER,7)\nglBufferData(GL_PIXEL_PACK_BUFFER,4,*1,GL_STREAM_READ)\n\
+        glReadPixels(0,0,1,1,GL_RGBA,GL_UNSIGNED_BYTE,U0x0)\nglBindBuffer(GL_PIXEL_PACK_BUFFER,0)\n";
+    let drawn = "glBindBuffer(GL_PIXEL_UNPACK_BUFFER,7)\nglWindowPos2i(2,2)\nglDrawPixels(1,1,GL_RGBA,GL_UNSIGNED_BYTE,0)\n";
+    let refusal = |calls: &str| recorded(calls, &[&[0, 255, 0, 255]], 0..u64::MAX, &Reading::default()).1.refusal();
+    assert_eq!(refusal(read), None);
+    let what = refusal(&format!("{read}{drawn}"));
+    assert!(
+        what.as_ref().is_some_and(|what| what.starts_with("reading of a buffer object into which pixels were read back")),
+        "{what:?}"
+    );
+    // Unless its contents are given anew.
+    let again = "glBindBuffer(GL_PIXEL_UNPACK_BUFFER,7)\nglBufferSubData(GL_PIXEL_UNPACK_BUFFER,0,4,*1)\n";
+    assert_eq!(refusal(&format!("{read}{again}{drawn}")), None);
+}
+
+#[test]
+fn buffer_objects_are_copied_in_parts() {
+    let corners = floats(&[0.0, 0.0, 16.0, 0.0, 0.0, 16.0]);
+    let calls = format!(
+        "{ORTHO}glEnableClientState(GL_VERTEX_ARRAY)\nglBindBufferARB(36662,1)\nglBufferStorage(36662,24,*1,0)\nglBindBufferARB(34962,2)\n\
+         glBufferDataARB(34962,32,*2,35044)\nglVertexPointer(2,GL_FLOAT,0,8)\n"
+    );
+    let copy = "glCopyBufferSubData(36662,34962,0,8,24)\n";
+    let image = |more: &str| {
+        let (image, errors) = with_errors(&format!("{calls}{more}glDrawArrays(GL_TRIANGLES,0,3)"), &[&corners, &[0; 32]]);
+        (image.lit().len(), errors)
+    };
+    assert_eq!(image(""), (0, 0));
+    let (lit, errors) = image(copy);
+    assert!(lit > 100 && errors == 0);
+    // Beyond the end, of overlapping parts, and of negative places; storage stays as it is.
+    let wrong = "glCopyBufferSubData(36662,34962,1,8,24)\nglCopyBufferSubData(34962,34962,0,8,16)\nglCopyBufferSubData(36662,34962,-4,8,4)\n\
+        glBufferDataARB(36662,24,*2,35044)\nglBufferStorage(36662,0,*2,0)\nglBufferSubDataARB(36662,0,8,*2)\n";
+    assert_eq!(image(&format!("{wrong}{copy}")), (lit, 6));
+    let written =
+        calls.replace("*1,0)", "*1,256)") + "glBufferSubDataARB(36662,0,24,*2)\n" + copy + "glDrawArrays(GL_TRIANGLES,0,3)";
+    let (image, errors) = with_errors(&written, &[&corners, &[0; 32]]);
+    assert_eq!((image.lit().len(), errors), (0, 0), "storage that may be written");
 }

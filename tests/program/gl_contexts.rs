@@ -8,7 +8,7 @@ use fillrate::picture::picture;
 use fillrate::run::replay::{Fidelity, Options, replay};
 use fillrate::trace::{Reading, Trace};
 
-use super::gl_features::{BLACK, BLUE, GREEN, RED};
+use super::gl_scenes::{BLACK, BLUE, GREEN, RED};
 
 #[path = "../../crates/import/tests/import/recorder.rs"]
 pub(super) mod recorder;

@@ -3,9 +3,52 @@
 use fillrate::trace::TraceError;
 use fillrate::trace::command::{Command, Object};
 
-use super::gl_features::{BLACK, BLUE, GREEN, QUAD, RED, Shown, imported, last_of, shown};
+use super::gl_scenes::{BLACK, BLUE, GREEN, ORTHO, QUAD, RED, Shown, floats, imported, last_of, refused, shown, tolerated};
 
-const ORTHO: &str = "glMatrixMode(GL_PROJECTION)\nglOrtho(0,16,0,16,-1,1)\nglMatrixMode(GL_MODELVIEW)\n";
+#[test]
+fn draws_of_instances_are_errors_in_lists() {
+    let corners = floats(&[0.0, 0.0, 16.0, 0.0, 0.0, 16.0]);
+    let arrays = "glEnableClientState(GL_VERTEX_ARRAY)\nglVertexPointer(2,GL_FLOAT,0,*1)\n";
+    let (image, errors) = tolerated(
+        &format!(
+            "{ORTHO}{arrays}glNewList(1,GL_COMPILE_AND_EXECUTE)\nglDrawArraysInstanced(GL_TRIANGLES,0,3,1)\n\
+             glDrawElementsInstancedBaseVertex(GL_TRIANGLES,2,GL_UNSIGNED_INT,U0x0,3,0)\nglEndList()\nglCallList(1)"
+        ),
+        &[&corners],
+    );
+    assert_eq!(image.lit(), []);
+    let names = ["glDrawArraysInstanced", "glDrawElementsInstancedBaseVertex"];
+    assert_eq!(errors, names.map(|name| format!("{name}: GL_INVALID_OPERATION")));
+    // A recorder gives as many elements as there are vertices: the fourth instance has none.
+    let few = "glEnableVertexAttribArray(3)\nglVertexAttribDivisor(3,1)\nglVertexAttribPointer(3,2,GL_FLOAT,0,0,*1)\n";
+    let draw = |instances: u32| {
+        refused(&format!("{ORTHO}{arrays}{few}glDrawArraysInstanced(GL_TRIANGLES,0,3,{instances})"), &[&corners])
+    };
+    assert_eq!(draw(3), "");
+    assert!(draw(4).starts_with("elements of instances in memory"), "{}", draw(4));
+}
+
+#[test]
+fn primitives_of_lists_between_begin_and_end_are_dropped() {
+    let corners = floats(&[0.0, 0.0, 16.0, 0.0, 0.0, 16.0]);
+    let whole = "glVertex2f(0,0)\nglVertex2f(16,0)\nglVertex2f(0,16)\n";
+    let lists = format!(
+        "{ORTHO}glEnableClientState(GL_VERTEX_ARRAY)\nglVertexPointer(2,GL_FLOAT,0,*1)\nglNewList(1,GL_COMPILE)\nglDrawArrays(GL_TRIANGLES,0,3)\nglEndList()\n\
+         glNewList(2,GL_COMPILE)\nglBegin(GL_TRIANGLES)\nglColor3f(1,0,0)\n{whole}glEnd()\nglEndList()\n\
+         glNewList(3,GL_COMPILE)\nglBegin(GL_TRIANGLES)\nglVertex2f(0,0)\nglColor3f(1,0,0)\nglVertex2f(16,0)\nglVertex2f(0,16)\nglEnd()\nglEndList()\n\
+         glNewList(4,GL_COMPILE)\nglVertex2f(0,16)\nglEndList()\nglColor3f(0,1,0)\n"
+    );
+    for list in 1..4 {
+        let (image, errors) = tolerated(&format!("{lists}glBegin(GL_TRIANGLES)\nglCallList({list})\nglEnd()"), &[&corners]);
+        assert_eq!((image.lit(), errors.len()), (vec![], 1), "{list}");
+        // The open primitive goes on.
+        let around = format!(
+            "{lists}glBegin(GL_TRIANGLES)\nglVertex2f(0,0)\nglVertex2f(16,0)\nglCallList({list})\nglCallList(4)\nglEnd()"
+        );
+        let (image, errors) = tolerated(&around, &[&corners]);
+        assert_eq!((image.at(2, 2), errors), (GREEN, vec!["glBegin: GL_INVALID_OPERATION".to_owned()]), "{list}");
+    }
+}
 
 /// 64 quadrilaterals of a pixel each, 8 per row, in one primitive; `first` comes before its first vertex.
 fn field(first: &str) -> String {

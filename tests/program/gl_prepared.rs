@@ -2,7 +2,7 @@
 
 use fillrate::trace::TraceError;
 
-use super::gl_features::imported;
+use super::gl_scenes::imported;
 
 /// A scene with most of what shaders depend on: two textures, light, fog, tests, blending. The batch ends with each line of a list.
 const SCENE: &str = "glMatrixMode(GL_PROJECTION)\nglOrtho(0,16,0,16,-8,8)\nglMatrixMode(GL_MODELVIEW)\n\
