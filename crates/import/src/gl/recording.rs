@@ -53,9 +53,11 @@ pub fn described(trace: Trace, report: Option<&Report>) -> Trace {
 
 /// A recording in a file.
 pub struct Recording {
+    /// Its file.
     pub path: PathBuf,
     apitrace: bool,
     links: Links,
+    /// What is known of it.
     pub reading: Reading,
     frames: Range<u64>,
     /// Bytes of the file.
@@ -72,6 +74,7 @@ impl Recording {
         Recording { path: path.to_path_buf(), apitrace, links, reading: *reading, frames, length, origin }
     }
 
+    /// The bytes of commands that may stay in memory.
     pub fn in_memory(&self) -> u64 {
         self.reading.in_memory.unwrap_or(IN_MEMORY)
     }
@@ -83,6 +86,7 @@ impl Recording {
         }
     }
 
+    /// Runs its calls.
     pub fn import(&self, delivery: Delivery<'_>) -> Result<(Option<Trace>, Option<Report>), TraceError> {
         let Recording { path, apitrace, links, reading, frames, .. } = self;
         let fail = |reason: String| TraceError::new(path, reason);

@@ -12,7 +12,7 @@ use crate::gl::calls::{
 use crate::gl::draw::quads;
 use crate::gl::machine::{CallClass, Gl, Handler, Immediate, Run};
 
-pub fn immediate(core: &str, stem: Option<&str>) -> Immediate {
+fn immediate(core: &str, stem: Option<&str>) -> Immediate {
     match (core, stem) {
         ("Begin", _) => Immediate::Begin,
         ("End", _) => Immediate::End,

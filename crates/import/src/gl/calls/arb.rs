@@ -10,7 +10,7 @@ use crate::gl::state::arb::{FRAGMENT_PROGRAM, VERTEX_PROGRAM};
 
 const PROGRAM_FORMAT_ASCII: u32 = 0x8875;
 
-pub fn stage(target: u32) -> GlResult<Stage> {
+fn stage(target: u32) -> GlResult<Stage> {
     match target {
         VERTEX_PROGRAM => Ok(Stage::Vertex),
         FRAGMENT_PROGRAM => Ok(Stage::Fragment),

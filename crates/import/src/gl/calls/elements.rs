@@ -12,6 +12,7 @@ use crate::gl::state::selection::{Selection, Selector};
 /// Maximum number of vertices of one draw.
 const VERTICES_MAX: u32 = 1 << 22;
 
+/// Checks the number of vertices of a draw.
 pub fn bounded(count: u32) -> GlResult {
     if count > VERTICES_MAX {
         return Err(Fault::Limit(format!("{count} vertices in one draw, at most {VERTICES_MAX}")));
@@ -99,6 +100,7 @@ pub fn indexed(gl: &mut Gl, mode: u32, parts: &[Selection]) -> GlResult {
     outcome
 }
 
+/// The vertices that indices of a type select.
 pub fn indices(gl: &Gl, count: u32, kind: u32, data: &Arg) -> GlResult<Selection> {
     bounded(count)?;
     let (scalar, bytes) =

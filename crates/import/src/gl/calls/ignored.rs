@@ -3,6 +3,7 @@
 use crate::gl::call::{Call, GlResult, Shape};
 use crate::gl::machine::Gl;
 
+/// Does nothing.
 pub fn nothing(_: &mut Gl, _: &Call, _: Shape) -> GlResult {
     Ok(())
 }

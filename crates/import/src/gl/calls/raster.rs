@@ -15,7 +15,7 @@ use crate::gl::state::server::capability;
 use crate::gl::texels::transfer::values;
 use crate::gl::{matrix, names};
 
-pub fn set(gl: &mut Gl, cap: u32, on: bool) -> GlResult {
+fn set(gl: &mut Gl, cap: u32, on: bool) -> GlResult {
     if cap == e::COLOR_MATERIAL && on != gl.state.is(cap) {
         gl.settle_color_material()?;
         gl.context.material_tracking.note_switched();
@@ -99,7 +99,7 @@ pub fn provoking_vertex(gl: &mut Gl, call: &Call, _: Shape) -> GlResult {
     Ok(())
 }
 
-pub fn color(values: &[f64], shape: Shape) -> GlResult<[f32; 4]> {
+fn color(values: &[f64], shape: Shape) -> GlResult<[f32; 4]> {
     let float = matches!(shape.scalar, Scalar::Float | Scalar::Double);
     let values = values.get(..4).ok_or_else(|| Fault::Damaged("a colour of fewer than 4 numbers".into()))?;
     Ok(std::array::from_fn(|k| if float { values[k] as f32 } else { shape.scalar.normalized(values[k]) }))

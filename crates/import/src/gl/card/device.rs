@@ -26,6 +26,9 @@ const BLOCK_ALIGN: usize = 64;
 /// What a group of textures binds.
 type GroupKey = Vec<(ViewId, SamplerId)>;
 
+/// Maximum number of bytes that stay on the card: primitives of lists, and conversions of buffer objects.
+pub const ON_CARD_MAX: u64 = 64 << 20;
+
 /// The card.
 pub struct Card {
     /// The recorder of the commands.
@@ -49,6 +52,7 @@ pub struct Card {
     pipeline_layouts: NumberMap<u32, PipelineLayoutId>,
     groups: BTreeMap<GroupKey, (BindGroupId, Vec<TextureId>)>,
     samplers: Vec<(SamplerDesc, SamplerId)>,
+    /// Pipelines that compute images from images.
     pub copies: Vec<(CopyKey, (RenderPipelineId, BindGroupLayoutId))>,
     /// Shaders that are not generated from a key, by name.
     plain_shaders: NameMap<ShaderId>,
@@ -122,6 +126,7 @@ impl Card {
         self.destroy(surface.texture, &[surface.view]);
     }
 
+    /// Copies an image to another one of the same size.
     pub fn copy_surface(&mut self, from: Surface, to: Surface, size: [u32; 2]) {
         let end =
             |of: Surface| TextureEnd { texture: of.texture, level: of.level, origin: [0, 0, of.layer], aspect: Aspect::All };
@@ -509,6 +514,3 @@ impl Card {
         *self.plain_shaders.get_or_insert_with(label, || recorder.create_shader(label, text))
     }
 }
-
-/// Maximum number of bytes that stay on the card: primitives of lists, and conversions of buffer objects.
-pub const ON_CARD_MAX: u64 = 64 << 20;

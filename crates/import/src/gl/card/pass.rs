@@ -12,6 +12,9 @@ use num::*;
 /// Layouts of vertex buffers.
 pub type Layouts = Rc<[VertexBufferLayout]>;
 
+/// Format of the window's colours. If the window has no alpha, alpha stays 1.
+pub const COLOR: Format = Format::Rgba8Unorm;
+
 /// One draw of a pass.
 #[derive(Clone, Debug)]
 pub struct Draw {
@@ -261,6 +264,3 @@ impl PipelineState {
         bits
     }
 }
-
-/// Format of the window's colours. If the window has no alpha, alpha stays 1.
-pub const COLOR: Format = Format::Rgba8Unorm;

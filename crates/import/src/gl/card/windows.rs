@@ -13,7 +13,9 @@ const NAMED_MAX: usize = 64;
 
 /// The images of a framebuffer.
 pub struct Images {
+    /// The back buffer.
     pub back: Surface,
+    /// Depth and stencil.
     pub depth: Surface,
     /// The front buffer, if anything has been drawn to it or read from it.
     pub front: Option<Surface>,
@@ -87,10 +89,12 @@ impl Default for Windows {
 }
 
 impl Windows {
+    /// A drawable, if there is one.
     pub fn get(&self, number: Option<u32>) -> Option<&Window> {
         self.list.get(number? as usize)
     }
 
+    /// A drawable to be changed, if there is one.
     pub fn get_mut(&mut self, number: Option<u32>) -> Option<&mut Window> {
         self.list.get_mut(number? as usize)
     }

@@ -12,6 +12,7 @@ use crate::gl::machine::Gl;
 const BATCH_MAX: usize = 1 << 17;
 
 impl Gl {
+    /// Appends primitives to the batch, or draws them alone where they must be.
     pub fn append(&mut self, class: Class, polygon: Option<bool>, vertices: &[Vertex], indices: &[u32]) -> GlResult {
         if indices.is_empty() {
             return Ok(());

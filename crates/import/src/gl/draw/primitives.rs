@@ -10,6 +10,9 @@ use crate::gl::machine::Gl;
 use crate::gl::state::materials::ChangingMaterial;
 use crate::gl::state::server::capability;
 
+/// Maximum number of vertices between Begin and End.
+const VERTICES_MAX: usize = 1 << 22;
+
 impl Gl {
     /// Draws a primitive of these vertices.
     pub fn primitive(&mut self, mode: u32, vertices: &[Vertex]) -> GlResult {
@@ -54,9 +57,6 @@ impl Gl {
         self.outlines(mode, vertices, &triangles)
     }
 }
-
-/// Maximum number of vertices between Begin and End.
-const VERTICES_MAX: usize = 1 << 22;
 
 impl Gl {
     /// Draws the vertices between Begin and End, or those before a change of material. If their materials differ, colour material gives them.

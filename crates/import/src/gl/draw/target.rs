@@ -69,6 +69,7 @@ impl Gl {
         Ok(image)
     }
 
+    /// The images of a frame buffer object.
     pub fn target_of(&mut self, name: u32) -> GlResult<Target> {
         let object = self.context.framebuffers.objects.get(name).cloned().ok_or(INCOMPLETE)?;
         let mut images = [None; COLORS_MAX];

@@ -16,6 +16,26 @@ const RANGES_MAX: usize = 32;
 /// Conversions of a buffer object's contents that are remembered at most.
 const CONVERSIONS_MAX: usize = 256;
 
+/// Maximum number of mapped buffers.
+pub const MAPPINGS_MAX: usize = 1 << 16;
+
+/// A flag of storage that is written by `glBufferSubData`.
+const DYNAMIC_STORAGE: u32 = 0x100;
+pub const UNIFORM_BUFFER: u32 = 0x8a11;
+
+/// Targets to which a buffer object may be bound to change it: texture, transform feedback, uniform, copy read and write, draw and dispatch
+/// indirect, shader storage, query and atomic counter buffers. What else they serve for is refused where it is used.
+pub const OTHER_TARGETS: [u32; 10] = [0x8c2a, 0x8c8e, UNIFORM_BUFFER, 0x8f36, 0x8f37, BUFFER, 0x90ee, 0x90d2, 0x9192, 0x92c0];
+
+/// Maximum number of a binding of uniform blocks.
+pub const BINDING_MAX: u32 = 1 << 10;
+
+/// Maximum number of times that a vertex array object is searched for a deleted buffer object.
+pub const LOOKS_MAX: u64 = 1 << 26;
+
+/// `GL_DRAW_INDIRECT_BUFFER`.
+pub const BUFFER: u32 = 0x8f3f;
+
 /// A conversion of a buffer object's contents to what the card can read.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Conversion {
@@ -172,6 +192,7 @@ impl BufferObject {
 #[derive(Clone, Copy, Debug)]
 pub struct Mapping {
     /// The buffer object.
+    /// The buffer object.
     pub buffer: u32,
     /// Its target.
     pub target: u32,
@@ -183,24 +204,11 @@ pub struct Mapping {
     pub offset: u64,
 }
 
-/// Maximum number of mapped buffers.
-pub const MAPPINGS_MAX: usize = 1 << 16;
-
-/// A flag of storage that is written by `glBufferSubData`.
-pub const DYNAMIC_STORAGE: u32 = 0x100;
-pub const UNIFORM_BUFFER: u32 = 0x8a11;
-
-/// Targets to which a buffer object may be bound to change it: texture, transform feedback, uniform, copy read and write, draw and dispatch
-/// indirect, shader storage, query and atomic counter buffers. What else they serve for is refused where it is used.
-pub const OTHER_TARGETS: [u32; 10] = [0x8c2a, 0x8c8e, UNIFORM_BUFFER, 0x8f36, 0x8f37, BUFFER, 0x90ee, 0x90d2, 0x9192, 0x92c0];
-
-/// Maximum number of a binding of uniform blocks.
-pub const BINDING_MAX: u32 = 1 << 10;
-
 /// The part of a buffer object that a uniform block reads.
 #[derive(Clone, Debug)]
 pub struct UniformRange {
     pub buffer: u32,
+    /// Its first byte that is read.
     pub offset: usize,
     /// Bytes; none: up to its end.
     pub size: Option<usize>,
@@ -232,9 +240,6 @@ pub struct Renames {
     /// How often a vertex array object has been searched for a deleted buffer object.
     pub searches: u64,
 }
-
-/// Maximum number of times that a vertex array object is searched for a deleted buffer object.
-pub const LOOKS_MAX: u64 = 1 << 26;
 
 impl Card {
     /// Whether draws may read a buffer object from the card's memory now. They may not if pending draws read bytes of the copy that have
@@ -336,6 +341,3 @@ pub fn float_elements(conversion: Conversion, bytes: &[u8]) -> Vec<u8> {
     }
     out
 }
-
-/// `GL_DRAW_INDIRECT_BUFFER`.
-pub const BUFFER: u32 = 0x8f3f;

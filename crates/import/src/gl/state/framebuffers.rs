@@ -182,6 +182,7 @@ impl RenderMode {
 /// A renderbuffer: its image, its size, its base format.
 #[derive(Clone, Debug, Default)]
 pub struct Renderbuffer {
+    /// Its image, if it has storage: surface, size, base format.
     pub image: Option<(Surface, [u32; 2], Base)>,
 }
 

@@ -54,6 +54,7 @@ pub struct List {
 }
 
 impl List {
+    /// Appends a step.
     pub fn add(&mut self, step: Step) -> Result<(), String> {
         if self.steps.len() >= LIST_MAX {
             return Err(format!("more than {LIST_MAX} calls in a display list"));

@@ -51,7 +51,7 @@ impl Default for MaterialTracking {
 }
 
 /// The bits of a parameter of `glMaterial` or a mode of colour material.
-pub fn bits(name: u32) -> u8 {
+fn bits(name: u32) -> u8 {
     match name {
         e::AMBIENT => tracks::AMBIENT,
         e::DIFFUSE => tracks::DIFFUSE,

@@ -23,7 +23,9 @@ pub struct Resident {
     pub summary: Summary,
     /// Number of indices, or of vertices.
     pub count: u32,
+    /// The attributes that its arrays hold.
     pub attributes: Vec<Attribute>,
+    /// How its vertices are selected.
     pub indices: Indices,
     /// The vertices that it may read.
     pub vertices: Range<u64>,
@@ -40,7 +42,9 @@ pub struct Attribute {
     pub converted: Option<Conversion>,
     /// Size of the buffer.
     pub size: u64,
+    /// Where the attribute of the first vertex is.
     pub offset: u64,
+    /// Bytes from one vertex to the next.
     pub stride: u64,
 }
 
@@ -68,6 +72,7 @@ impl Attribute {
     }
 }
 
+/// The indices of a draw.
 pub enum Indices {
     /// None: consecutive vertices, from this one on.
     None(u32),
@@ -79,9 +84,13 @@ pub enum Indices {
 
 /// Attributes that one vertex buffer has.
 pub struct VertexStream {
+    /// The name of the buffer object.
     pub buffer: u32,
+    /// The conversion of its contents that is read in its place.
     pub converted: Option<Conversion>,
+    /// Bytes from one vertex to the next.
     pub stride: u64,
+    /// The bytes of the first vertex.
     pub bytes: Range<u64>,
     attributes: Vec<Attribute>,
 }
@@ -90,6 +99,7 @@ pub struct VertexStream {
 pub struct VertexStreams {
     /// Layouts of the vertex buffers.
     pub layouts: Vec<VertexBufferLayout>,
+    /// What each of them holds.
     pub groups: Vec<VertexStream>,
 }
 

@@ -24,13 +24,17 @@ pub struct Sampling {
 
 /// A prepared draw.
 pub struct Prepared {
+    /// What it depends on.
     pub draw_key: DrawKey,
     /// Whether other draws may use it.
     pub reusable: bool,
+    /// What it draws to.
     pub target: Target,
     /// The key of its shader.
     pub key: ShaderKey,
+    /// Its vertex and its fragment program.
     pub programs: [Option<ActiveProgram>; 2],
+    /// How its textures are sampled.
     pub sampling: Vec<Sampling>,
     /// The layout of its vertices.
     pub packing: Rc<Packing>,
@@ -61,11 +65,17 @@ pub struct Prepared {
 /// The key of a prepared draw: all that it depends on, except state whose change discards it.
 #[derive(Debug, PartialEq)]
 pub struct DrawKey {
+    /// Points, lines or triangles.
     pub class: Class,
+    /// See [`crate::gl::geometry::primitive::Batch::polygon`].
     pub polygon: Option<bool>,
+    /// How the card assembles vertices.
     pub topology: Option<Topology>,
+    /// Whether the winding is reversed.
     pub turned: bool,
+    /// Attributes that are sent in any case.
     pub sent: Option<SentAttributes>,
+    /// Which attributes vary.
     pub summary: Summary,
     /// Whether the modelview matrix computes a w.
     pub projective: bool,

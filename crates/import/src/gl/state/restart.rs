@@ -5,8 +5,8 @@ use gl_shader::consts as e;
 use crate::gl::call::{Fault, GlResult};
 
 /// Capabilities: with the program's index, and with the greatest one of the type.
-pub const RESTART: u32 = 0x8f9d;
-pub const RESTART_FIXED: u32 = 0x8d69;
+const RESTART: u32 = 0x8f9d;
+const RESTART_FIXED: u32 = 0x8d69;
 
 /// The client state of `NV_primitive_restart`.
 pub const RESTART_CLIENT: u32 = 0x8558;
@@ -16,6 +16,7 @@ pub const RESTART_CLIENT: u32 = 0x8558;
 pub struct Restart {
     on: bool,
     fixed: bool,
+    /// The index that ends primitives, if they are ended by one of the program.
     pub index: u32,
 }
 

@@ -14,6 +14,11 @@ use crate::gl::card::pass::Surface;
 use crate::gl::names;
 use crate::gl::texels::image::StoredFormat;
 
+/// Wrap modes that mirror at 0.
+pub const MIRROR_CLAMP: u32 = 0x8742;
+pub const MIRROR_CLAMP_TO_EDGE: u32 = 0x8743;
+pub const MIRROR_CLAMP_TO_BORDER: u32 = 0x8912;
+
 /// One image of a texture.
 #[derive(Clone, Debug)]
 pub struct Level {
@@ -579,11 +584,6 @@ pub struct SamplerBindings {
     /// The samplers of the units; 0: none.
     pub bound: [u32; IMAGES],
 }
-
-/// Wrap modes that mirror at 0.
-pub const MIRROR_CLAMP: u32 = 0x8742;
-pub const MIRROR_CLAMP_TO_EDGE: u32 = 0x8743;
-pub const MIRROR_CLAMP_TO_BORDER: u32 = 0x8912;
 
 impl Default for SamplerBindings {
     fn default() -> Self {

@@ -6,6 +6,16 @@ use gl_shader::{TARGETS, UNITS, consts as e};
 use crate::gl::call::{Fault, GlResult, INVALID_ENUM};
 use crate::gl::names;
 
+/// Products of two pairs, and their sum (`GL_COMBINE4_NV`), with a fourth argument.
+pub const COMBINE4: u32 = 0x8503;
+
+/// Dot products of `EXT_texture_env_dot3`, which are not scaled.
+pub const DOT3_RGB: u32 = 0x8740;
+pub const DOT3_RGBA: u32 = 0x8741;
+
+/// Targets of textures that came after OpenGL 1.5: arrays, buffers, several samples, external images.
+const LATER_TARGETS: [u32; 7] = [0x8c18, 0x8c1a, 0x9009, 0x8c2a, 0x9100, 0x9102, 0x8d65];
+
 /// Generation of one texture coordinate.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Generation {
@@ -111,13 +121,6 @@ impl Texturing {
     }
 }
 
-/// Products of two pairs, and their sum (`GL_COMBINE4_NV`), with a fourth argument.
-pub const COMBINE4: u32 = 0x8503;
-
-/// Dot products of `EXT_texture_env_dot3`, which are not scaled.
-pub const DOT3_RGB: u32 = 0x8740;
-pub const DOT3_RGBA: u32 = 0x8741;
-
 /// The later name of a function that has two.
 pub fn later(function: u32) -> u32 {
     match function {
@@ -132,9 +135,7 @@ pub fn kind_of(target: usize) -> Kind {
     [Kind::D1, Kind::D2, Kind::Rectangle, Kind::D3, Kind::Cube][target]
 }
 
-/// Targets of textures that came after OpenGL 1.5: arrays, buffers, several samples, external images.
-const LATER_TARGETS: [u32; 7] = [0x8c18, 0x8c1a, 0x9009, 0x8c2a, 0x9100, 0x9102, 0x8d65];
-
+/// The number of a texture target.
 pub fn target_of(target: u32) -> GlResult<usize> {
     if LATER_TARGETS.contains(&target) {
         return Err(Fault::Unsupported(format!("textures of target {}", names::name(target))));

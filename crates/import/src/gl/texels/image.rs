@@ -9,6 +9,46 @@ use gl_shader::narrow::Narrow;
 use crate::gl::call::{Fault, GlResult};
 use crate::gl::names;
 
+const BGRA8: u32 = 0x93a1;
+
+/// Internal formats of few bits.
+const LUMINANCE6_ALPHA2: u32 = 0x8044;
+const RGB5: u32 = 0x8050;
+const RGB8: u32 = 0x8051;
+const RGBA4: u32 = 0x8056;
+const RGB5_A1: u32 = 0x8057;
+const RGBA8: u32 = 0x8058;
+const RGB10_A2: u32 = 0x8059;
+const RGBA12: u32 = 0x805a;
+
+// Internal formats that came after OpenGL 1.5.
+const COMPRESSED_RED: u32 = 0x8225;
+const COMPRESSED_RG: u32 = 0x8226;
+const RG: u32 = 0x8227;
+const R8: u32 = 0x8229;
+const R16: u32 = 0x822a;
+const RG8: u32 = 0x822b;
+const RG16: u32 = 0x822c;
+const R16F: u32 = 0x822d;
+const R32F: u32 = 0x822e;
+const RG16F: u32 = 0x822f;
+const RG32F: u32 = 0x8230;
+const RGB565: u32 = 0x8d62;
+
+/// RGBA, RGB, alpha, intensity, luminance, luminance and alpha of 32 bits; the same of 16 bits.
+const RGBA32F: u32 = 0x8814;
+const RGBA16F: u32 = 0x881a;
+const LUMINANCE_ALPHA16F: u32 = 0x881f;
+const R11F_G11F_B10F: u32 = 0x8c3a;
+const DEPTH_COMPONENT32F: u32 = 0x8cac;
+const DEPTH32F_STENCIL8: u32 = 0x8cad;
+
+/// The standard's error for an invalid internal format.
+const INVALID_VALUE_FORMAT: Fault = Fault::Error("GL_INVALID_VALUE");
+
+/// Format of depth and stencil.
+pub const DEPTH: Format = Format::Depth24PlusStencil8;
+
 /// A value in [0, 1] as eight bits.
 pub fn byte(value: f64) -> u8 {
     (value.clamp(0.0, 1.0) * 255.0 + 0.5) as u8
@@ -29,8 +69,6 @@ pub fn base_of(internal: u32, format: u32, kind: u32) -> GlResult<Base> {
         _ => Base::of(internal),
     }
 }
-
-const BGRA8: u32 = 0x93a1;
 
 /// How texels of a base format are stored.
 pub trait StoredFormat: Sized {
@@ -148,41 +186,6 @@ impl StoredFormat for Base {
     }
 }
 
-/// Internal formats of few bits.
-const LUMINANCE6_ALPHA2: u32 = 0x8044;
-const RGB5: u32 = 0x8050;
-const RGB8: u32 = 0x8051;
-const RGBA4: u32 = 0x8056;
-const RGB5_A1: u32 = 0x8057;
-const RGBA8: u32 = 0x8058;
-const RGB10_A2: u32 = 0x8059;
-const RGBA12: u32 = 0x805a;
-
-// Internal formats that came after OpenGL 1.5.
-const COMPRESSED_RED: u32 = 0x8225;
-const COMPRESSED_RG: u32 = 0x8226;
-const RG: u32 = 0x8227;
-const R8: u32 = 0x8229;
-const R16: u32 = 0x822a;
-const RG8: u32 = 0x822b;
-const RG16: u32 = 0x822c;
-const R16F: u32 = 0x822d;
-const R32F: u32 = 0x822e;
-const RG16F: u32 = 0x822f;
-const RG32F: u32 = 0x8230;
-const RGB565: u32 = 0x8d62;
-
-/// RGBA, RGB, alpha, intensity, luminance, luminance and alpha of 32 bits; the same of 16 bits.
-const RGBA32F: u32 = 0x8814;
-const RGBA16F: u32 = 0x881a;
-const LUMINANCE_ALPHA16F: u32 = 0x881f;
-const R11F_G11F_B10F: u32 = 0x8c3a;
-const DEPTH_COMPONENT32F: u32 = 0x8cac;
-const DEPTH32F_STENCIL8: u32 = 0x8cad;
-
-/// The standard's error for an invalid internal format.
-const INVALID_VALUE_FORMAT: Fault = Fault::Error("GL_INVALID_VALUE");
-
 /// Texels of eight bits as numbers.
 fn wide(texels: &[[u8; 4]]) -> Vec<[f32; 4]> {
     texels.iter().map(|texel| texel.map(|code| f32::from(code) / 255.0)).collect()
@@ -237,6 +240,3 @@ mod tests {
         assert_eq!(half([2, 1, 1], Base::SrgbAlpha, &texels), ([1, 1, 1], vec![188, 0, 255, 100]));
     }
 }
-
-/// Format of depth and stencil.
-pub const DEPTH: Format = Format::Depth24PlusStencil8;
