@@ -104,10 +104,8 @@ pub type GlResult<T = ()> = Result<T, Fault>;
 
 /// The error of an invalid value.
 pub const INVALID_VALUE: Fault = Fault::Error("GL_INVALID_VALUE");
-
 /// The error of an invalid enumerant.
 pub const INVALID_ENUM: Fault = Fault::Error("GL_INVALID_ENUM");
-
 /// The error of a call that is not allowed in this state.
 pub const INVALID_OPERATION: Fault = Fault::Error("GL_INVALID_OPERATION");
 

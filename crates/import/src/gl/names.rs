@@ -4,7 +4,6 @@ use std::sync::OnceLock;
 
 /// One `NAME VALUE` a line, the value in hexadecimal.
 const TEXT: &str = include_str!("names.txt");
-
 /// Suffixes of names that may be omitted.
 const ENDINGS: &[&str] = &["", "_ARB", "_EXT", "_SGIS"];
 

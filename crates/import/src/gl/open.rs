@@ -13,7 +13,7 @@ use crate::gl::report::Report;
 /// Opens a recording of apitrace or GLInterceptor, with the wanted frames. The recording is read up to the last of them. Of earlier frames,
 /// only results that later frames can read are kept. The commands of a long recording are generated again at each reading
 /// (`reading.in_memory`). A recording that has not been read to its end has no report: an unsupported feature then ends its commands with
-/// an error (`TraceError::unsupported`), or is [left out](Origin::left_out) if `reading.lenient` is set.
+/// an error (`TraceError::unsupported`), or is [left out](trace::Origin::left_out) if `reading.lenient` is set.
 ///
 /// # Errors
 /// If it is damaged, or asks for more than a limit allows; with the number of the call and its place.

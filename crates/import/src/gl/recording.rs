@@ -22,10 +22,8 @@ use crate::gl::report::Report;
 
 /// Bytes of GLInterceptor's memory file at most.
 const MEMORY_MAX: u64 = 2 << 30;
-
 /// By default, a recording stays in memory up to this number of bytes of commands and payload.
 const IN_MEMORY: u64 = 16 << 20;
-
 /// The bytes that may stay in memory, divided by the size of a part of a stream.
 const PARTS: u64 = 16;
 
@@ -156,7 +154,7 @@ type Take<'a> = &'a mut dyn FnMut(Part) -> ControlFlow<()>;
 /// Imports a recording that is in memory; messages use `path` as its name. `memory` has the two files that accompany a text recording.
 ///
 /// # Errors
-/// As [`open`].
+/// As [`crate::gl::open()`].
 pub fn import_bytes(path: &Path, bytes: Vec<u8>, memory: [&[u8]; 2], reading: &Reading) -> Result<(Trace, Report), TraceError> {
     import_frames(path, bytes, memory, reading, 0..u64::MAX)
 }
@@ -164,7 +162,7 @@ pub fn import_bytes(path: &Path, bytes: Vec<u8>, memory: [&[u8]; 2], reading: &R
 /// Same as [`import_bytes`], for some frames only.
 ///
 /// # Errors
-/// As [`open`].
+/// As [`crate::gl::open()`].
 pub fn import_frames(
     path: &Path,
     bytes: Vec<u8>,

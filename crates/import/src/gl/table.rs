@@ -44,7 +44,6 @@ fn version(gl: &mut Gl, call: &Call, _: Shape) -> GlResult {
 }
 
 const VERSION: u32 = 0x1f02;
-
 /// Maximum number of versions that are remembered.
 const VERSIONS_MAX: usize = 16;
 

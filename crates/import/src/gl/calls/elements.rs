@@ -67,10 +67,8 @@ pub fn instances(gl: &mut Gl, count: u32, vertices: u32, mut draw: impl FnMut(&m
 
 /// The call has start and end after the mode.
 pub const RANGE: u8 = 1;
-
 /// The call has a number of instances after the indices.
 pub const INSTANCED: u8 = 2;
-
 /// The call's last argument is added to each index.
 pub const BASED: u8 = 4;
 

@@ -12,7 +12,6 @@ const SRC3_RGB: u32 = 0x8583;
 const SRC3_ALPHA: u32 = 0x858b;
 const OPERAND3_RGB: u32 = 0x8593;
 const OPERAND3_ALPHA: u32 = 0x859b;
-
 /// Functions of `ATI_texture_env_combine3`.
 const MODULATE_ADD: u32 = 0x8744;
 const MODULATE_SUBTRACT: u32 = 0x8746;

@@ -5,16 +5,13 @@ use crate::gl::machine::{CallClass, Gl, Handler};
 
 /// Maximum number of objects of each kind, so that a recording cannot use much memory with few calls.
 const NAMES_MAX: usize = 1 << 20;
-
 /// Maximum number of calls that display lists run: this many, and more for each call of the recording. Nested lists cause much work with
 /// few bytes.
 const STEPS_MAX: u64 = 1 << 30;
 const STEPS_A_CALL: u64 = 1 << 14;
-
 /// Maximum number of list calls, nested ones included, that one recorded call runs: the size of the largest list. Without it, one list that
 /// calls itself twice could use up the limit for the whole recording.
 const STEPS_A_LIST: u64 = 1 << 24;
-
 /// Steps between two checks of the numbers of objects: a call makes at most one object.
 const STEPS_A_LOOK: u64 = 64;
 
@@ -33,9 +30,9 @@ impl Gl {
             return (handler.run)(self, call, handler.shape);
         }
         // Some functions change the state for draws of their own.
-        self.drawing.prepared = None;
+        self.drawing.prepared.discard();
         let outcome = (handler.run)(self, call, handler.shape);
-        self.drawing.prepared = None;
+        self.drawing.prepared.discard();
         outcome
     }
 

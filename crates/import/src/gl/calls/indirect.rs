@@ -10,10 +10,8 @@ use crate::gl::state::selection::Selection;
 
 /// Maximum number of draws of one call.
 const DRAWS_MAX: u32 = 1 << 16;
-
 /// The draw has indices.
 pub const INDEXED: u8 = 1;
-
 /// The call has a number of draws, and bytes from one to the next, after the place.
 pub const SEVERAL: u8 = 2;
 

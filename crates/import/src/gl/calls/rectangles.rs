@@ -26,10 +26,8 @@ use crate::gl::texels::unpack::can_have;
 /// Kinds of copies of `NV_copy_depth_to_color`.
 const DEPTH_STENCIL_TO_RGBA: u32 = 0x886e;
 const DEPTH_STENCIL_TO_BGRA: u32 = 0x886f;
-
 /// Maximum width and height of a rectangle.
 const EDGE_MAX: u32 = 16_384;
-
 /// Fragments of drawn pixels that are depths, or bits of stencil values.
 const DEPTH_TEXT: &str = "struct Uniforms { place: vec4f, color: vec4f, terms: vec4f }\n@group(0) @binding(0) var<uniform> u: Uniforms;\n\
     @group(1) @binding(0) var pixels: texture_2d<f32>;\n\

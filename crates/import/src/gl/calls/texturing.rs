@@ -11,9 +11,8 @@ use crate::gl::machine::Gl;
 use crate::gl::names;
 use crate::gl::state::texture::{Level, Texture};
 use crate::gl::state::texturing::{kind_of, target_of};
-use crate::gl::texels::image;
-use crate::gl::texels::image::StoredFormat;
 use crate::gl::texels::image::base_of;
+use crate::gl::texels::image::{self, StoredFormat};
 use crate::gl::texels::s3tc;
 use crate::gl::texels::unpack::can_have;
 

@@ -16,10 +16,8 @@ use crate::gl::card::windows::Windows;
 
 /// A pass ends after this number of bytes of vertices and indices.
 const PASS_BYTES: usize = 64 << 20;
-
 /// Maximum number of buffers that wait to be freed.
 const CONDEMNED_MAX: usize = 1024;
-
 /// Uniform blocks begin at multiples of this.
 const BLOCK_ALIGN: usize = 64;
 

@@ -7,7 +7,6 @@ use crate::gl::card::pass::Surface;
 
 /// Maximum number of drawables of a recording.
 const WINDOWS_MAX: usize = 1 << 12;
-
 /// Maximum number of drawables that a message names.
 const NAMED_MAX: usize = 64;
 

@@ -1,4 +1,10 @@
 //! Draws: what the state says becomes commands of the card.
+//!
+//! Three things are kept for later draws, each as long as what it is made of:
+//!
+//! * Prepared draws ([`prepare`]) are made of the state, and are valid until it changes. Their key has what may differ between draws of one state.
+//! * Buffers of display lists ([`lists`]) are made of a list's vertices and a layout. A list owns them.
+//! * Conversions of buffer objects ([`resident`]) are made of its contents and a format. The buffer object owns them.
 
 pub mod append;
 pub mod arrays;

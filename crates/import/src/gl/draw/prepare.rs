@@ -15,8 +15,7 @@ use crate::gl::call::{Fault, GlResult};
 use crate::gl::card::pass::{Layouts, Surface, Target};
 use crate::gl::draw::key::varying;
 use crate::gl::draw::streams::OnCard;
-use crate::gl::draw::uniforms;
-use crate::gl::draw::uniforms::UniformInputs;
+use crate::gl::draw::uniforms::{self, UniformInputs};
 use crate::gl::draw::viewport::wider;
 use crate::gl::geometry::clip::to_clip;
 use crate::gl::geometry::pack::Packing;
@@ -67,7 +66,7 @@ impl Prepared {
         self.reusable && self.draw_key == DrawKey::of(gl, batch, summary, &self.key.units)
     }
 
-    /// Whether preparing this draw again gives the same. This checks [`Prepared::serves`], and that prepared draws are discarded in time.
+    /// Whether preparing this draw again gives the same. This checks [`Prepared::matches`], and that prepared draws are discarded in time.
     pub fn is_up_to_date(&self, gl: &mut Gl, batch: &mut Batch, constant: &mut Vertex, summary: &mut Summary) -> bool {
         let Ok(Preparation::Ready(again)) = gl.prepare(batch, None, constant, summary) else { return false };
         let uniforms = |of: &Prepared| {

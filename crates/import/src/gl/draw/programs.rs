@@ -7,8 +7,7 @@ use gl_shader::glsl::stage;
 use naga::ScalarKind;
 
 use crate::gl::call::{Fault, GlResult, INVALID_OPERATION};
-use crate::gl::draw::program_values;
-use crate::gl::draw::program_values::state;
+use crate::gl::draw::program_values::{self, state};
 use crate::gl::machine::Gl;
 use crate::gl::state::arb::{ActiveProgram, NumberedProgram};
 use crate::gl::state::glsl::CodeKey;

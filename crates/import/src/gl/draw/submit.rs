@@ -63,7 +63,10 @@ impl Gl {
             None => (batch.vertices[batch.indices[0] as usize].clone(), Summary::of(&batch.vertices)),
         };
         let resident = matches!(on_card, Some(OnCard::Buffers(_)));
-        let known = self.drawing.prepared.take().filter(|known| !resident && known.matches(self, batch, &summary));
+        // They are out of the machine while it is compared with them.
+        let mut all = std::mem::take(&mut self.drawing.prepared);
+        let known = if resident { None } else { all.take(|known| known.matches(self, batch, &summary)) };
+        self.drawing.prepared = all;
         let mut prepared = match known {
             Some(known) => {
                 debug_assert!(known.is_up_to_date(self, batch, &mut constant, &mut summary));
@@ -72,11 +75,11 @@ impl Gl {
             None => match self.prepare(batch, on_card, &mut constant, &mut summary)? {
                 Preparation::Nothing => return Ok(()),
                 Preparation::BySides => return self.draw_sides(batch),
-                Preparation::Ready(prepared) => prepared,
+                Preparation::Ready(prepared) => *prepared,
             },
         };
         self.submit(&mut prepared, batch, on_card, &constant);
-        self.drawing.prepared = Some(prepared).filter(|prepared| prepared.reusable);
+        self.drawing.prepared.put(prepared);
         Ok(())
     }
 
@@ -178,7 +181,7 @@ impl Gl {
                 let vertices = triangle.iter().map(|&index| batch.vertices[index as usize].clone()).collect();
                 let mut one = Batch { class: batch.class, vertices, indices: vec![0, 1, 2], ..Batch::default() };
                 outcome = self.draw(&mut one, None);
-                self.drawing.prepared = None;
+                self.drawing.prepared.discard();
                 if outcome.is_err() {
                     break 'triangles;
                 }

@@ -36,7 +36,7 @@ pub struct UniformInputs<'a> {
     pub upward: bool,
     /// How many times the program's viewport that of points and lines that become triangles is.
     pub wider: [f32; 2],
-    /// The uniforms of a drawn pixel rectangle ([`crate::gl::state::prepared::UniformInputs`]).
+    /// The uniforms of a drawn pixel rectangle ([`crate::gl::state::prepared::PixelRectangle`]).
     pub pixels: [[f32; 4]; 4],
     /// The vertex program.
     pub vertex: Option<&'a ActiveProgram>,

@@ -18,13 +18,10 @@ use crate::gl::matrix;
 /// Corners of an expanded point or line, and the triangles between them.
 const CORNERS: [[f32; 2]; 4] = [[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]];
 const QUAD: [u32; 6] = [0, 1, 2, 0, 2, 3];
-
 /// The triangles of a smooth line. Its coverage is interpolated with perspective, so the choice of the diagonal is visible: it is Mesa's.
 const SMOOTH_QUAD: [u32; 6] = [0, 1, 3, 1, 2, 3];
-
 /// Alignment of attribute arrays in bytes. ATTILA's counts of cache lines show that its arrays begin at cache lines.
 pub const STREAM_ALIGN: usize = 256;
-
 /// Maximum number of vertex buffers of a draw.
 pub const STREAMS_MAX: usize = 8;
 

@@ -12,16 +12,12 @@ use crate::gl::reader::chunks::{Chunks, Input, ReadError, Stop};
 
 /// The newest version that is read.
 const VERSION_MAX: u64 = 6;
-
 /// Maximum nesting depth of arrays and structures.
 const NESTING_MAX: u32 = 32;
-
 /// Maximum number of elements of an array; bulk data are blobs.
 const ELEMENTS_MAX: u64 = 1 << 24;
-
 /// Maximum number of calls that are entered and not left: normally one for each thread of the program.
 const OPEN_MAX: usize = 4096;
-
 /// Maximum numbers of signatures of one kind, and of arguments of a function.
 const SIGNATURES_MAX: u64 = 1 << 20;
 const ARGUMENTS_MAX: u64 = 1 << 10;
@@ -54,7 +50,6 @@ pub struct Apitrace {
 
 /// Maximum number of argument lists kept for reuse.
 const SPARE_MAX: usize = 8;
-
 /// Arrays up to this length (vectors and matrices) are read at once.
 const FEW: usize = 16;
 

@@ -11,7 +11,6 @@ use num::Limits;
 
 /// Maximum number of expanded bytes of a Snappy chunk. apitrace writes chunks of 1 MiB.
 const CHUNK_MAX: usize = 64 << 20;
-
 /// Bytes per read if the file has no chunks.
 const PIECE: usize = 256 << 10;
 

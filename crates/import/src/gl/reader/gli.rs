@@ -13,7 +13,6 @@ use crate::gl::reader::chunks::{Chunks, Input, ReadError, Stop};
 
 /// Maximum number of bytes of one call.
 const CALL_MAX: usize = 64 << 20;
-
 /// Functions that take floats, or doubles, and whose names have no type suffix.
 const FLOATS: &[&str] = &[
     "ClearColor",

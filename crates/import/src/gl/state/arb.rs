@@ -12,7 +12,6 @@ pub const VERTEX_PROGRAM: u32 = 0x8620;
 pub const FRAGMENT_PROGRAM: u32 = 0x8804;
 const VERTEX_PROGRAM_POINT_SIZE: u32 = 0x8642;
 const VERTEX_PROGRAM_TWO_SIDE: u32 = 0x8643;
-
 /// The first program matrix, as an argument of `glMatrixMode`.
 pub const MATRIX0: u32 = 0x88c0;
 

@@ -12,18 +12,14 @@ use crate::gl::state::bindings::lose;
 use crate::gl::state::restart::Restart;
 
 /// Slots of arrays: position, normal, colour, secondary colour, fog coordinate, edge flag, texture coordinates from 8 on, generic attributes
-/// from 16 on. The bits are those of [`Vertex::over`].
+/// from 16 on. The bits are those of [`crate::gl::geometry::vertex::Vertex::over`].
 const SLOTS: usize = GENERIC + GENERICS;
-
 /// The slot of the first generic attribute.
 pub const GENERIC: usize = 8 + UNITS;
-
 /// The slot of colour indices, which have no effect.
 const INDEX: usize = 6;
-
 /// The size of an array whose elements are colours with blue first.
 pub const BLUE_FIRST: usize = e::BGRA as usize;
-
 /// Maximum number of vertex array objects.
 const OBJECTS_MAX: usize = 1 << 16;
 

@@ -12,27 +12,20 @@ use crate::gl::elements::Element;
 
 /// Separate ranges that the card lacks at most; more are joined.
 const RANGES_MAX: usize = 32;
-
 /// Conversions of a buffer object's contents that are remembered at most.
 const CONVERSIONS_MAX: usize = 256;
-
 /// Maximum number of mapped buffers.
 pub const MAPPINGS_MAX: usize = 1 << 16;
-
 /// A flag of storage that is written by `glBufferSubData`.
 const DYNAMIC_STORAGE: u32 = 0x100;
 pub const UNIFORM_BUFFER: u32 = 0x8a11;
-
 /// Targets to which a buffer object may be bound to change it: texture, transform feedback, uniform, copy read and write, draw and dispatch
 /// indirect, shader storage, query and atomic counter buffers. What else they serve for is refused where it is used.
 pub const OTHER_TARGETS: [u32; 10] = [0x8c2a, 0x8c8e, UNIFORM_BUFFER, 0x8f36, 0x8f37, BUFFER, 0x90ee, 0x90d2, 0x9192, 0x92c0];
-
 /// Maximum number of a binding of uniform blocks.
 pub const BINDING_MAX: u32 = 1 << 10;
-
 /// Maximum number of times that a vertex array object is searched for a deleted buffer object.
 pub const LOOKS_MAX: u64 = 1 << 26;
-
 /// `GL_DRAW_INDIRECT_BUFFER`.
 pub const BUFFER: u32 = 0x8f3f;
 
@@ -280,7 +273,7 @@ impl Card {
         known.copy.is_some() || known.drawn >= least && self.on_card_bytes.saturating_add(bytes) <= ON_CARD_MAX
     }
 
-    /// The copy of a conversion that [`Card::keeps`]; made once.
+    /// The copy of a conversion that [`Card::keeps_conversion`]; made once.
     pub fn converted(
         &mut self,
         object: &mut BufferObject,

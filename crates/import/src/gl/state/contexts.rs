@@ -32,10 +32,8 @@ use crate::gl::texels::unpack::PixelStore;
 
 /// Maximum number of contexts of a recording.
 const CONTEXTS_MAX: usize = 1 << 16;
-
 /// Maximum number of contexts at once: each has some ten thousand bytes of state.
 const ALIVE_MAX: usize = 1 << 10;
-
 /// Maximum number of threads in which a context is current at once.
 const THREADS_MAX: usize = 1 << 12;
 

@@ -9,7 +9,7 @@ use num::NumberMap;
 use crate::gl::geometry::listed::Geometry;
 use crate::gl::geometry::primitive::{Batch, Elements};
 use crate::gl::geometry::vertex::Vertex;
-use crate::gl::state::prepared::{Packings, PixelRectangle, Prepared};
+use crate::gl::state::prepared::{Packings, PixelRectangle, PreparedDraws};
 
 /// The draw that is gathered, and what the next ones can use of the last one.
 #[derive(Default)]
@@ -22,8 +22,8 @@ pub struct Drawing {
     pub first_listed: Option<Rc<Geometry>>,
     /// Whether the last draw was one of few vertices of a list from the card's memory, and nothing has changed the state since.
     pub after_small_list: bool,
-    /// The last draw, if nothing has changed since that draws are prepared for.
-    pub prepared: Option<Box<Prepared>>,
+    /// Draws that are prepared for the present state.
+    pub prepared: PreparedDraws,
     /// The pixel rectangle that is drawn.
     pub pixels: Option<PixelRectangle>,
     /// Whether indices select the vertices of the draw that runs.
@@ -32,7 +32,7 @@ pub struct Drawing {
     pub from_list: bool,
     /// The instance that is drawn.
     pub instance: u32,
-    /// With [`Options::keep_draws`]: what the arrays of the current call send.
+    /// With [`crate::gl::machine::Options::keep_draws`]: what the arrays of the current call send.
     pub elements: Option<Elements>,
     /// Layouts of vertices, by shader.
     pub packings: NumberMap<num::ShaderId, Packings>,

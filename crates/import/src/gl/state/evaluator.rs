@@ -2,7 +2,6 @@
 
 /// The greatest order.
 pub const ORDER_MAX: usize = 30;
-
 /// Components of the points of maps, from `GL_MAP1_COLOR_4` (or `GL_MAP2_COLOR_4`) on.
 pub const COMPONENTS: [usize; 9] = [4, 1, 3, 1, 2, 3, 4, 3, 4];
 pub const COLOR: usize = 0;

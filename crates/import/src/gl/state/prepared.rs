@@ -62,6 +62,42 @@ pub struct Prepared {
     pub block: Vec<u8>,
 }
 
+/// Maximum number of draws that are prepared for one state. Programs alternate between primitives that differ in the attributes that vary.
+const DRAWS_MAX: usize = 4;
+
+/// The draws that are prepared for the present state, the last one at the end.
+#[derive(Default)]
+pub struct PreparedDraws(Vec<Prepared>);
+
+impl PreparedDraws {
+    /// Discards all: something has changed that draws are prepared for.
+    pub fn discard(&mut self) {
+        self.0.clear();
+    }
+
+    /// Discards the uniforms of lighting: materials have changed.
+    pub fn change_materials(&mut self) {
+        self.0.iter_mut().for_each(|prepared| prepared.lit = None);
+    }
+
+    /// Takes out a draw, if one matches.
+    pub fn take(&mut self, matches: impl Fn(&Prepared) -> bool) -> Option<Prepared> {
+        let at = self.0.iter().rposition(matches)?;
+        Some(self.0.remove(at))
+    }
+
+    /// Puts back a draw. One that no other draw may use discards all.
+    pub fn put(&mut self, prepared: Prepared) {
+        if !prepared.reusable {
+            return self.discard();
+        }
+        if self.0.len() == DRAWS_MAX {
+            self.0.remove(0);
+        }
+        self.0.push(prepared);
+    }
+}
+
 /// The key of a prepared draw: all that it depends on, except state whose change discards it.
 #[derive(Debug, PartialEq)]
 pub struct DrawKey {

@@ -7,7 +7,6 @@ use crate::gl::call::{Fault, GlResult};
 /// Capabilities: with the program's index, and with the greatest one of the type.
 const RESTART: u32 = 0x8f9d;
 const RESTART_FIXED: u32 = 0x8d69;
-
 /// The client state of `NV_primitive_restart`.
 pub const RESTART_CLIENT: u32 = 0x8558;
 

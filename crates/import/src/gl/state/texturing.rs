@@ -8,11 +8,9 @@ use crate::gl::names;
 
 /// Products of two pairs, and their sum (`GL_COMBINE4_NV`), with a fourth argument.
 pub const COMBINE4: u32 = 0x8503;
-
 /// Dot products of `EXT_texture_env_dot3`, which are not scaled.
 pub const DOT3_RGB: u32 = 0x8740;
 pub const DOT3_RGBA: u32 = 0x8741;
-
 /// Targets of textures that came after OpenGL 1.5: arrays, buffers, several samples, external images.
 const LATER_TARGETS: [u32; 7] = [0x8c18, 0x8c1a, 0x9009, 0x8c2a, 0x9100, 0x9102, 0x8d65];
 

@@ -10,7 +10,6 @@ use crate::gl::call::{Fault, GlResult};
 use crate::gl::names;
 
 const BGRA8: u32 = 0x93a1;
-
 /// Internal formats of few bits.
 const LUMINANCE6_ALPHA2: u32 = 0x8044;
 const RGB5: u32 = 0x8050;
@@ -34,7 +33,6 @@ const R32F: u32 = 0x822e;
 const RG16F: u32 = 0x822f;
 const RG32F: u32 = 0x8230;
 const RGB565: u32 = 0x8d62;
-
 /// RGBA, RGB, alpha, intensity, luminance, luminance and alpha of 32 bits; the same of 16 bits.
 const RGBA32F: u32 = 0x8814;
 const RGBA16F: u32 = 0x881a;
@@ -42,10 +40,8 @@ const LUMINANCE_ALPHA16F: u32 = 0x881f;
 const R11F_G11F_B10F: u32 = 0x8c3a;
 const DEPTH_COMPONENT32F: u32 = 0x8cac;
 const DEPTH32F_STENCIL8: u32 = 0x8cad;
-
 /// The standard's error for an invalid internal format.
 const INVALID_VALUE_FORMAT: Fault = Fault::Error("GL_INVALID_VALUE");
-
 /// Format of depth and stencil.
 pub const DEPTH: Format = Format::Depth24PlusStencil8;
 

@@ -15,14 +15,11 @@ const INTEGERS_LAST: u32 = 0x8d9d;
 pub const UNSIGNED_INT_24_8: u32 = 0x84fa;
 const PACKED_FLOATS: u32 = 0x8c3b;
 const SHARED_EXPONENT: u32 = 0x8c3e;
-
 /// A depth in single precision, and a word whose lowest byte is a stencil value.
 pub const FLOAT_AND_STENCIL: u32 = 0x8dad;
-
 /// Formats of extensions: alpha first; luminance and differences of colours.
 const ABGR: u32 = 0x8000;
 const YCBCR: u32 = 0x8757;
-
 /// Maximum number of texels or pixels of a rectangle.
 const TEXELS_MAX: u64 = 1 << 28;
 
