@@ -49,5 +49,5 @@ fn build(config: &Config) -> Result<Built, String> {
     let triangles = machine.clip_in_place(primitives);
     let set_up = machine.setup(triangles, false);
     machine.pipelines_with_early_tests(set_up, Territory::Tiles);
-    Ok(machine.finish())
+    machine.finish()
 }

@@ -47,12 +47,12 @@ fn build(config: &Config) -> Result<Built, String> {
     let mut machine = Builder::new(config, shape, (pipelines, pipelines))?;
     let segments = machine.command();
     let batches = machine.deal(segments);
-    let runs = batches.into_iter().map(FetchInput::Runs).collect();
+    let runs = batches.all().into_iter().map(FetchInput::Runs).collect();
     let primitives = machine.vertices(runs, Mode::Runs { marks: true, counts: true });
     let triangles = machine.clip_in_place(primitives);
     let set_up = machine.setup(triangles, true);
     machine.pipelines_sorting_fragments(set_up);
-    Ok(machine.finish())
+    machine.finish()
 }
 
 /// A pipeline that tests against what it has drawn itself keeps that.

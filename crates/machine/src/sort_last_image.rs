@@ -47,13 +47,13 @@ fn build(config: &Config) -> Result<Built, String> {
     let mut machine = Builder::new(config, shape, (pipelines, pipelines))?;
     let segments = machine.command();
     let batches = machine.deal(segments);
-    let runs = batches.into_iter().map(FetchInput::Runs).collect();
+    let runs = batches.all().into_iter().map(FetchInput::Runs).collect();
     let primitives = machine.vertices(runs, Mode::Runs { marks: false, counts: true });
     let triangles = machine.clip_in_place(primitives);
     let set_up = machine.setup(triangles, false);
     machine.pipelines_with_early_tests(set_up, Territory::Copy);
     machine.compose();
-    Ok(machine.finish())
+    machine.finish()
 }
 
 /// Each pipeline has copies of its own.

@@ -49,7 +49,7 @@ fn build(config: &Config) -> Result<Built, String> {
     let tiles = triangles.into_iter().flat_map(|triangles| machine.bin(triangles)).collect();
     let set_up = machine.setup(tiles, true);
     machine.pipelines_with_early_tests(set_up, Territory::Bins(config.bin.tile / BLOCK));
-    Ok(machine.finish())
+    machine.finish()
 }
 
 /// The caches on the chip must hold a tile.

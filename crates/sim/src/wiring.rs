@@ -67,6 +67,11 @@ impl Wiring {
         std::mem::replace(&mut self.channels[input.0 as usize].consumer, to)
     }
 
+    /// The name and number of a unit, as messages have them.
+    pub fn label(&self, unit: UnitId) -> String {
+        self.units[usize::from(unit.0)].to_string()
+    }
+
     /// A probe that watches these units, in state 0.
     pub fn stall_probe(&mut self, units: &[UnitId]) -> StallProbe {
         let number = u16::try_from(self.probes.len()).expect("fewer than 65,536 probes");

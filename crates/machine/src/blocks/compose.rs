@@ -9,10 +9,10 @@ impl Builder<'_> {
         let id = self.id.clone();
         let nodes = id.compose.len();
         let (senders, receivers) = self.sort_network(&id.compose, &id.compose);
-        let ends = std::mem::take(&mut self.open.compose).into_iter().zip(senders).zip(receivers);
-        for (node, (((start, done), sender), receiver)) in ends.enumerate() {
+        let (mut start, mut done) = std::mem::take(&mut self.open.compose);
+        for (node, (sender, receiver)) in senders.into_iter().zip(receivers).enumerate() {
             let memory = self.port("compose", node, id.compose[node]);
-            let ports = ComposePorts { start, done, sender, receiver, memory };
+            let ports = ComposePorts { start: start.take(node), done: done.take(node), sender, receiver, memory };
             self.made.compose.push(Compose::new(self.config.compose.clone(), node, nodes, ports));
         }
     }

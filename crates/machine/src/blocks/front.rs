@@ -1,6 +1,6 @@
 //! From the command processor to triangles that are set up.
 
-use super::{Builder, CONTROL, Ends};
+use super::{Both, Builder, CONTROL, Ends};
 use sim::{In, Link, Out, StallProbe};
 use unit::assembly::{Assembly, AssemblyPorts, Mode};
 use unit::bin::{Bin, BinPorts};
@@ -30,8 +30,9 @@ impl Builder<'_> {
         let (computed, from_compute) = self.wiring.channel("workgroups_done", 0, CONTROL, compute, command);
         let (to_resolve, resolve_input) = self.join("resolves", CONTROL, id.resolve.iter().map(|&resolve| (command, resolve)));
         let (resolved, from_resolve) = self.join("resolved", CONTROL, id.resolve.iter().map(|&resolve| (resolve, command)));
-        let (to_scanout, scanout_input) = self.wiring.channel("shown", 0, CONTROL, command, scanout);
-        let (scanned, from_scanout) = self.wiring.channel("scanned", 0, CONTROL, scanout, command);
+        let (mut to_scanout, scanout_input) = self.join("shown", CONTROL, [(command, scanout)]);
+        let (scanned, mut from_scanout) = self.join("scanned", CONTROL, [(scanout, command)]);
+        self.open.scanout = (scanout_input, scanned);
         let acking: Vec<_> = id.color.iter().chain(&id.depth).copied().collect();
         let (mut acks, from_acks) = self.join("acks", CONTROL, acking.into_iter().map(|unit| (unit, command)));
         self.open.depth_acks = acks.split_off(self.pipelines());
@@ -39,7 +40,7 @@ impl Builder<'_> {
 
         let (to_compose, compose_input) = self.join("composes", CONTROL, id.compose.iter().map(|&compose| (command, compose)));
         let (composed, from_compose) = self.join("composed", CONTROL, id.compose.iter().map(|&compose| (compose, command)));
-        self.open.compose = compose_input.into_iter().zip(composed).collect();
+        self.open.compose = (compose_input, composed);
         let distribution: &[_] = if config.command.drain { &id.distribute } else { &[] };
         let (turns, heeded) = self.join("turns", CONTROL, distribution.iter().map(|&distribute| (command, distribute)));
         self.open.turns = heeded;
@@ -56,22 +57,21 @@ impl Builder<'_> {
                 fetch: to_fetch,
                 compute: to_compute,
                 computed: from_compute,
-                resolve: to_resolve,
-                resolved: from_resolve,
-                scanout: to_scanout,
-                scanned: from_scanout,
-                compose: to_compose,
-                composed: from_compose,
-                acks: from_acks,
-                binned: from_bin,
-                turns,
+                resolve: to_resolve.all(),
+                resolved: from_resolve.all(),
+                scanout: to_scanout.take(0),
+                scanned: from_scanout.take(0),
+                compose: to_compose.all(),
+                composed: from_compose.all(),
+                acks: from_acks.all(),
+                binned: from_bin.all(),
+                turns: turns.all(),
                 memory,
                 probe,
             },
         ));
         self.compute(compute_input, computed);
-        self.open.resolve = resolve_input.into_iter().zip(resolved).collect();
-        self.open.scanout.push((scanout_input, scanned));
+        self.open.resolve = (resolve_input, resolved);
         pieces
     }
 
@@ -81,22 +81,22 @@ impl Builder<'_> {
         let compute = id.compute[0];
         let groups = Link::items(config.compute.queue, 1, config.compute.latency);
         let done = Link::items(config.core.output_queue, 1, 1);
-        let (outputs, group_input): Ends<WarpToken> =
+        let (outputs, group_input): Both<WarpToken> =
             self.join("compute_warps", groups, id.core.iter().map(|&core| (compute, core)));
-        let (group_output, finished): Ends<WarpToken> =
+        let (group_output, finished): Both<WarpToken> =
             self.join("computed", done, id.core.iter().map(|&core| (core, compute)));
-        self.open.compute = group_input.into_iter().zip(group_output).collect();
+        self.open.compute = (group_input, group_output);
         let per_pipeline = config.core.per_pipeline as usize;
-        let cores = outputs.into_iter().enumerate().map(|(n, output)| (n / per_pipeline, output)).collect();
+        let cores = outputs.all().into_iter().enumerate().map(|(n, output)| (n / per_pipeline, output)).collect();
         let slots = config.command.workgroup_runs as usize;
-        let ports = ComputePorts { input, cores, finished, ack };
+        let ports = ComputePorts { input, cores, finished: finished.all(), ack };
         let unit = Compute::new(config.compute.clone(), config.core.warp_width, config.core.warps, slots, ports);
         self.made.compute.push(unit);
     }
 
     /// Vertex fetch, shading and assembly: a front for each input. The primitives of front `f` go to the clippers whose number
     /// modulo the number of fronts is `f`.
-    pub fn vertices(&mut self, inputs: Vec<FetchInput>, mode: Mode) -> Vec<In<Run>> {
+    pub fn vertices(&mut self, inputs: Vec<FetchInput>, mode: Mode) -> Ends<In<Run>> {
         let (config, id) = (self.config, self.id.clone());
         let fronts = inputs.len();
         let unified = config.core.unified;
@@ -105,33 +105,27 @@ impl Builder<'_> {
         let to_core = Link::items(config.fetch.queue, 1, config.fetch.latency);
         let done = Link::items(config.core.output_queue, 1, 1);
         let fronts_cores: Vec<_> = shading.iter().enumerate().map(|(n, &core)| (n / per_front, core)).collect();
-        let (to_shading, vertex_input): Ends<WarpToken> =
+        let (mut to_shading, vertex_input): Both<WarpToken> =
             self.join("vertex_warps", to_core, fronts_cores.iter().map(|&(front, core)| (id.fetch[front], core)));
-        let (vertex_output, from_shading): Ends<WarpToken> =
+        let (vertex_output, mut from_shading): Both<WarpToken> =
             self.join("vertices_shaded", done, fronts_cores.iter().map(|&(front, core)| (core, id.assembly[front])));
-        self.open.vertex = vertex_input.into_iter().zip(vertex_output).map(Some).collect();
+        self.open.vertex = (vertex_input, vertex_output);
         let announced = Link::items(config.fetch.announced, 2, 1);
         let batches = Link::items(config.fetch.batches.max(2) + 2, 2, 1);
-        let (to_assembly, from_fetch) = self.chain("vertex_batches", announced, &id.fetch, &id.assembly);
-        let (retired, from_assembly) = self.chain("vertices_retired", batches, &id.assembly, &id.fetch);
-        let (passed, heeded): (Vec<_>, Vec<_>) = if config.fetch.reuse_until == Reuse::Assembled {
-            let (passed, heeded) = self.chain("vertices_passed", CONTROL, &id.assembly, &id.fetch);
-            (passed.into_iter().map(Some).collect(), heeded.into_iter().map(Some).collect())
-        } else {
-            (vec![None; fronts], vec![None; fronts])
-        };
-        let fragments = if config.fetch.deal == VertexDeal::AfterFragments {
-            let ends = self.join("fragments_begun", CONTROL, id.dispatch.iter().map(|&dispatch| (dispatch, id.fetch[0])));
-            self.open.begun = ends.0;
-            ends.1
-        } else {
-            Vec::new()
-        };
-        let mut fragments = Some(fragments);
+        let (mut to_assembly, mut from_fetch) = self.chain("vertex_batches", announced, &id.fetch, &id.assembly);
+        let (mut retired, mut from_assembly) = self.chain("vertices_retired", batches, &id.assembly, &id.fetch);
+        let passes = config.fetch.reuse_until == Reuse::Assembled;
+        let (passing, heeding): (&[_], &[_]) = if passes { (&id.assembly, &id.fetch) } else { (&[], &[]) };
+        let (mut passed, mut heeded) = self.chain("vertices_passed", CONTROL, passing, heeding);
+        let beginning: &[_] = if config.fetch.deal == VertexDeal::AfterFragments { &id.dispatch } else { &[] };
+        let (begun, fragments) =
+            self.join("fragments_begun", CONTROL, beginning.iter().map(|&dispatch| (dispatch, id.fetch[0])));
+        self.open.begun = begun;
+        let mut fragments = fragments.all();
         // What is assembled in a cycle may be parts of several batches of vertices.
         let runs = config.assembly.primitives_per_cycle.div_ceil(2);
         let primitives = Link::items(config.assembly.queue, runs, config.assembly.latency);
-        let (to_clip, clip_input) =
+        let (mut to_clip, clip_input) =
             self.join("primitives", primitives, id.clip.iter().enumerate().map(|(n, &clip)| (id.assembly[n % fronts], clip)));
 
         // A cluster of warps is a pipeline's; vertex cores have one of their own.
@@ -139,59 +133,57 @@ impl Builder<'_> {
         let cluster = |n: usize| if unified { n / per_pipeline } else { config.card.pipelines as usize };
         // Those that route have read the indices.
         let indices = id.route.len();
-        let mut to_shading = to_shading.into_iter().enumerate().map(|(n, output)| (cluster(n), output));
-        let mut from_shading = from_shading.into_iter();
-        let mut geometry: Vec<Vec<_>> = (0..fronts).map(|_| Vec::new()).collect();
-        for (n, output) in to_clip.into_iter().enumerate() {
-            geometry[n % fronts].push(output);
-        }
-        let ends = inputs.into_iter().zip(to_assembly).zip(from_assembly).zip(from_fetch).zip(retired).zip(geometry);
-        let (mut passed, mut heeded) = (passed.into_iter(), heeded.into_iter());
-        for (front, (((((input, batches), from_assembly), from_fetch), retired), geometry)) in ends.enumerate() {
+        for (front, input) in inputs.into_iter().enumerate() {
+            let cores = front * per_front..(front + 1) * per_front;
             let ports = FetchPorts {
                 input,
-                cores: to_shading.by_ref().take(per_front).collect(),
-                batches,
-                retired: from_assembly,
-                passed: heeded.next().flatten(),
-                fragments: fragments.take().unwrap_or_default(),
+                cores: cores.clone().map(|n| (cluster(n), to_shading.take(n))).collect(),
+                batches: to_assembly.take(front),
+                retired: from_assembly.take(front),
+                passed: heeded.take_if_any(front),
+                fragments: std::mem::take(&mut fragments),
                 index: self.port("index", indices + front, id.fetch[front]),
                 vertex: self.port("vertex", front, id.fetch[front]),
                 probe: self.front_probe(front),
             };
             self.made.fetch.push(Fetch::new(config.fetch.clone(), config.core.warp_width, ports));
-            let shaded = from_shading.by_ref().take(per_front).collect();
-            let passed = passed.next().flatten();
-            let ports = AssemblyPorts { batches: from_fetch, shaded, retired, passed, geometry };
+            let ports = AssemblyPorts {
+                batches: from_fetch.take(front),
+                shaded: from_shading.take_all(cores),
+                retired: retired.take(front),
+                passed: passed.take_if_any(front),
+                geometry: (front..id.clip.len()).step_by(fronts).map(|n| to_clip.take(n)).collect(),
+            };
             self.made.assembly.push(Assembly::new(config.assembly.clone(), mode, ports));
         }
         clip_input
     }
 
-    /// Clipping and culling, to the units `to`.
-    fn clip<T: sim::Token>(&mut self, inputs: Vec<In<Run>>, outputs: Vec<Out<Run>>, rest: Vec<In<T>>) -> Vec<In<T>> {
+    /// Clipping and culling, to the distribution units.
+    fn clip(&mut self, mut inputs: Ends<In<Run>>) -> Ends<In<Run>> {
+        let (config, id) = (self.config, self.id.clone());
+        // A run, and the mark behind the one before.
+        let triangles = Link::items(config.clip.queue, 2, config.clip.latency);
+        let (mut outputs, clipped) = self.chain("triangles", triangles, &id.clip, &id.distribute);
         // A unit that routes primitives to several pipelines knows how they end, and counts each once.
-        let counts = self.id.route.is_empty();
-        let unit = |(input, output)| Clip::new(self.config.clip.clone(), counts, input, output);
-        let units = inputs.into_iter().zip(outputs).map(unit);
-        self.made.clip = units.collect();
-        rest
+        let counts = id.route.is_empty();
+        for n in 0..id.clip.len() {
+            self.made.clip.push(Clip::new(config.clip.clone(), counts, inputs.take(n), outputs.take(n)));
+        }
+        clipped
     }
 
     /// Clipping, culling, and distribution of triangles to the rasterisers that own what they touch: for each of these its ways
     /// from all distribution units.
-    pub fn clip_and_distribute(&mut self, inputs: Vec<In<Run>>) -> Vec<Receiver<TriangleToken>> {
+    pub fn clip_and_distribute(&mut self, inputs: Ends<In<Run>>) -> Vec<Receiver<TriangleToken>> {
         let (config, id) = (self.config, self.id.clone());
         let to = if id.bin.is_empty() { &id.setup } else { &id.bin };
-        // A run, and the mark behind the one before.
-        let triangles = Link::items(config.clip.queue, 2, config.clip.latency);
-        let (outputs, clipped) = self.chain("triangles", triangles, &id.clip, &id.distribute);
-        let clipped = self.clip(inputs, outputs, clipped);
+        let mut clipped = self.clip(inputs);
         let (senders, receivers) = self.sort_network(&id.distribute, to);
-        let mut turns = std::mem::take(&mut self.open.turns).into_iter();
-        for (n, (input, network)) in clipped.into_iter().zip(senders).enumerate() {
-            let unit = Distribute::new(config.distribute.clone(), n, input, network);
-            self.made.distribute.push(match turns.next() {
+        let mut turns = std::mem::take(&mut self.open.turns);
+        for (n, network) in senders.into_iter().enumerate() {
+            let unit = Distribute::new(config.distribute.clone(), n, clipped.take(n), network);
+            self.made.distribute.push(match turns.take_if_any(n) {
                 Some(turns) => unit.in_turn(turns),
                 None => unit,
             });
@@ -200,26 +192,24 @@ impl Builder<'_> {
     }
 
     /// Clipping and culling in pipelines whose geometry is their own, each with a way to its own rasteriser.
-    pub fn clip_in_place(&mut self, inputs: Vec<In<Run>>) -> Vec<Receiver<TriangleToken>> {
+    pub fn clip_in_place(&mut self, inputs: Ends<In<Run>>) -> Vec<Receiver<TriangleToken>> {
         let (config, id) = (self.config, self.id.clone());
-        // A run, and the mark behind the one before.
-        let triangles = Link::items(config.clip.queue, 2, config.clip.latency);
-        let (outputs, clipped) = self.chain("triangles", triangles, &id.clip, &id.distribute);
-        let clipped = self.clip(inputs, outputs, clipped);
+        let mut clipped = self.clip(inputs);
         let link = Link::items(config.setup.queue, config.distribute.triangles_per_cycle, 1);
-        let (outputs, inputs) = self.chain("clipped", link, &id.distribute, &id.setup);
-        for (input, output) in clipped.into_iter().zip(outputs) {
-            let network = Sender::direct(vec![output]);
-            self.made.distribute.push(Distribute::new(config.distribute.clone(), 0, input, network));
+        let (mut outputs, inputs) = self.chain("clipped", link, &id.distribute, &id.setup);
+        for n in 0..id.distribute.len() {
+            let network = Sender::direct(vec![outputs.take(n)]);
+            self.made.distribute.push(Distribute::new(config.distribute.clone(), 0, clipped.take(n), network));
         }
-        inputs.into_iter().map(|input| Receiver::direct(vec![input])).collect()
+        inputs.all().into_iter().map(|input| Receiver::direct(vec![input])).collect()
     }
 
     /// Routing of primitives by their bounds, to the fronts of the pipelines that own what they touch.
-    pub fn route(&mut self, inputs: Vec<In<Run>>) -> Vec<FetchInput> {
+    pub fn route(&mut self, mut inputs: Ends<In<Run>>) -> Vec<FetchInput> {
         let (config, id) = (self.config, self.id.clone());
         let (senders, receivers) = self.sort_network(&id.route, &id.gather);
-        for (n, (input, network)) in inputs.into_iter().zip(senders).enumerate() {
+        for (n, network) in senders.into_iter().enumerate() {
+            let input = inputs.take(n);
             let index = self.port("index", n, id.route[n]);
             let position = self.port("position", n, id.route[n]);
             let ports = RoutePorts { input, network, index, position };
@@ -227,19 +217,19 @@ impl Builder<'_> {
             self.made.route.push(Route::new(config.route.clone(), config.distribute.overlap, runs, n as u8, ports));
         }
         let link = Link::items(config.assembly.queue, 2, 1);
-        let (outputs, gathered) = self.chain("gathered", link, &id.gather, &id.fetch);
+        let (mut outputs, gathered) = self.chain("gathered", link, &id.gather, &id.fetch);
         let rate = config.assembly.primitives_per_cycle;
-        for (n, (input, output)) in receivers.into_iter().zip(outputs).enumerate() {
+        for (n, input) in receivers.into_iter().enumerate() {
             let probe = self.probe(n, true, true);
-            self.made.gather.push(Gather::new(rate, config.order.keep, probe, input, output));
+            self.made.gather.push(Gather::new(rate, config.order.keep, probe, input, outputs.take(n)));
         }
         let brought = config.route.mode == Retained::Immediate;
         let input = |input| if brought { FetchInput::Brought(input) } else { FetchInput::Routed(input) };
-        gathered.into_iter().map(input).collect()
+        gathered.all().into_iter().map(input).collect()
     }
 
     /// Dealing of batches to units of all pipelines.
-    pub fn deal(&mut self, input: In<Piece>) -> Vec<In<Run>> {
+    pub fn deal(&mut self, input: In<Piece>) -> Ends<In<Run>> {
         let (config, id) = (self.config, self.id.clone());
         let deal = id.deal[0];
         let link = Link::items(config.assembly.queue, 1, 1);
@@ -249,7 +239,7 @@ impl Builder<'_> {
         let everyone = !id.compose.is_empty();
         let most = most_groups(config.network.receive_queue, config.dispatch.reorder, config.core.warp_width);
         let most = id.route.is_empty().then_some(most);
-        self.made.deal.push(Deal::new(&config.assembly, config.order.keep, everyone, most, input, outputs));
+        self.made.deal.push(Deal::new(&config.assembly, config.order.keep, everyone, most, input, outputs.all()));
         inputs
     }
 
@@ -258,32 +248,33 @@ impl Builder<'_> {
         let (config, id) = (self.config, self.id.clone());
         let bin = id.bin[0];
         let tiles = Link::items(4, 1, 1);
-        let (to_fetch, fetch_input) = self.join("tiles", tiles, id.tile_fetch.iter().map(|&fetch| (bin, fetch)));
-        let (read, from_fetch) = self.join("tiles_read", tiles, id.tile_fetch.iter().map(|&fetch| (fetch, bin)));
+        let (to_fetch, mut fetch_input) = self.join("tiles", tiles, id.tile_fetch.iter().map(|&fetch| (bin, fetch)));
+        let (mut read, from_fetch) = self.join("tiles_read", tiles, id.tile_fetch.iter().map(|&fetch| (fetch, bin)));
         let link = Link::items(config.setup.queue, config.setup.triangles_per_cycle, 1);
-        let (outputs, inputs) = self.chain("binned", link, &id.tile_fetch, &id.setup);
+        let (mut outputs, inputs) = self.chain("binned", link, &id.tile_fetch, &id.setup);
         let memory = self.port("bin", 0, bin);
-        let binned = self.open.binned.pop().expect("one for each bin");
-        let ports = BinPorts { input, tiles: to_fetch, read: from_fetch, binned, memory };
+        let binned = self.open.binned.take(0);
+        let ports = BinPorts { input, tiles: to_fetch.all(), read: from_fetch.all(), binned, memory };
         self.made.bin.push(Bin::new(config.bin.clone(), config.order.keep, config.segments(), ports));
-        for (n, ((input, read), output)) in fetch_input.into_iter().zip(read).zip(outputs).enumerate() {
+        for n in 0..id.tile_fetch.len() {
+            let (input, read, output) = (fetch_input.take(n), read.take(n), outputs.take(n));
             let memory = self.port("tile_fetch", n, id.tile_fetch[n]);
             let probe = self.probe(n, true, true);
             let ports = TileFetchPorts { input, read, output, memory, probe };
             self.made.tile_fetch.push(TileFetch::new(config.bin.clone(), ports));
         }
-        inputs.into_iter().map(|input| Receiver::direct(vec![input])).collect()
+        inputs.all().into_iter().map(|input| Receiver::direct(vec![input])).collect()
     }
 
     /// Triangle setup in each pipeline. With `marks` the order is restored behind it.
-    pub fn setup(&mut self, inputs: Vec<Receiver<TriangleToken>>, marks: bool) -> Vec<In<TriangleToken>> {
+    pub fn setup(&mut self, inputs: Vec<Receiver<TriangleToken>>, marks: bool) -> Ends<In<TriangleToken>> {
         let (config, id) = (self.config, self.id.clone());
         let (setup, keep) = (&config.setup, config.order.keep);
         let link = Link::items(setup.queue, setup.triangles_per_cycle, setup.latency);
-        let (outputs, set_up) = self.chain("set_up", link, &id.setup, &id.traverse);
-        for (n, (input, output)) in inputs.into_iter().zip(outputs).enumerate() {
+        let (mut outputs, set_up) = self.chain("set_up", link, &id.setup, &id.traverse);
+        for (n, input) in inputs.into_iter().enumerate() {
             let probe = if self.behind_network == id.setup { self.probe(n, true, true) } else { StallProbe::default() };
-            self.made.setup.push(Setup::new(setup.clone(), input, marks, keep, probe, output));
+            self.made.setup.push(Setup::new(setup.clone(), input, marks, keep, probe, outputs.take(n)));
         }
         set_up
     }

@@ -2,6 +2,7 @@
 
 mod compose;
 mod cores;
+mod ends;
 mod front;
 mod pixels;
 
@@ -11,6 +12,8 @@ use super::class::Sorted;
 use super::config::Config;
 pub(super) use super::parts::Shape;
 use super::parts::{Banks, Ids, Parts, Stage};
+pub(super) use ends::Ends;
+use ends::{Joint, Untaken, complaint};
 use mem::{Memory, MemoryIds, MemoryPlan, MemoryPort, MemoryUnits};
 use sim::{In, Link, Out, StallProbe, Token, UnitId, Wiring};
 use unit::color::{Color, ColorConfig, ColorPorts};
@@ -18,10 +21,10 @@ use unit::compression::Compression;
 use unit::network::{Names, Network, NetworkMap, NetworkPlan, Receiver, Sender};
 use unit::resolve::Resolve;
 use unit::scanout::Scanout;
-use unit::token::{Ack, GroupToken, Packing, Piece, Turn, WarpToken, bytes};
+use unit::token::{Ack, Packing, Piece, Turn, WarpToken, bytes};
 
-/// Both ends of channels, as they are handed out.
-pub(super) type Ends<T> = (Vec<Out<T>>, Vec<In<T>>);
+/// Both ends of channels.
+type Both<T> = (Ends<Out<T>>, Ends<In<T>>);
 
 /// A machine that is wired.
 pub(super) struct Built {
@@ -41,25 +44,25 @@ pub type Clients = Vec<(&'static str, usize)>;
 struct Open {
     color: Vec<ColorPorts>,
     /// Of each composition unit, from and to the command processor.
-    compose: Vec<(In<Piece>, Out<Ack>)>,
+    compose: (Ends<In<Piece>>, Ends<Out<Ack>>),
     /// Ways of the colour caches.
     color_ways: u32,
-    resolve: Vec<(In<Piece>, Out<Ack>)>,
-    scanout: Vec<(In<Piece>, Out<Ack>)>,
+    resolve: (Ends<In<Piece>>, Ends<Out<Ack>>),
+    scanout: (Ends<In<Piece>>, Ends<Out<Ack>>),
     /// Of each core that shades vertices.
-    vertex: Vec<Option<(In<WarpToken>, Out<WarpToken>)>>,
+    vertex: (Ends<In<WarpToken>>, Ends<Out<WarpToken>>),
     /// Of each core.
-    fragment: Vec<(In<WarpToken>, Out<WarpToken>)>,
-    compute: Vec<(In<WarpToken>, Out<WarpToken>)>,
+    fragment: (Ends<In<WarpToken>>, Ends<Out<WarpToken>>),
+    compute: (Ends<In<WarpToken>>, Ends<Out<WarpToken>>),
     /// Of each dispatch, to vertex fetch, where batches of vertices follow warps of fragments.
-    begun: Vec<Out<Packing>>,
+    begun: Ends<Out<Packing>>,
     /// Of each distribution unit, from the command processor, where draws wait for each other.
-    turns: Vec<In<Turn>>,
+    turns: Ends<In<Turn>>,
     /// Reports of binned segments.
-    binned: Vec<Out<Ack>>,
+    binned: Ends<Out<Ack>>,
     /// To the command processor.
-    color_acks: Vec<Out<Ack>>,
-    depth_acks: Vec<Out<Ack>>,
+    color_acks: Ends<Out<Ack>>,
+    depth_acks: Ends<Out<Ack>>,
 }
 
 /// A machine in the making.
@@ -74,6 +77,7 @@ pub(super) struct Builder<'a> {
     id: Rc<Ids>,
     made: Banks,
     open: Open,
+    untaken: Untaken,
 }
 
 /// A link for groups of quads that carries `quads` quads per cycle.
@@ -103,8 +107,9 @@ impl<'a> Builder<'a> {
         let (Some(&front), Some(&back)) = (front, back) else { return Err("a machine has a memory".to_owned()) };
         let ids = MemoryIds { front, l2: id.l2.clone(), dram: id.dram.clone(), back };
         let memory = MemoryPlan::new(memory, ids)?.translating(config.tlb);
-        let (made, open) = (Banks::default(), Open::default());
-        Ok(Builder { config, wiring, memory, network: Some(network), map: None, behind_network: Vec::new(), id, made, open })
+        let (made, open, untaken) = (Banks::default(), Open::default(), Untaken::default());
+        let network = Some(network);
+        Ok(Builder { config, wiring, memory, network, map: None, behind_network: Vec::new(), id, made, open, untaken })
     }
 
     /// Pipelines.
@@ -166,13 +171,19 @@ impl<'a> Builder<'a> {
     }
 
     /// Joins units pairwise.
-    fn join<T: Token>(&mut self, name: &'static str, link: Link, pairs: impl IntoIterator<Item = (UnitId, UnitId)>) -> Ends<T> {
+    fn join<T: Token>(&mut self, name: &'static str, link: Link, pairs: impl IntoIterator<Item = (UnitId, UnitId)>) -> Both<T> {
         let wiring = &mut self.wiring;
-        pairs.into_iter().enumerate().map(|(index, (from, to))| wiring.channel(name, index, link, from, to)).unzip()
+        let joined = pairs.into_iter().enumerate().map(|(index, (from, to))| {
+            let (joint, (output, input)) = (Joint { name, index, from, to }, wiring.channel(name, index, link, from, to));
+            ((joint, output), (joint, input))
+        });
+        let (outputs, inputs): (Vec<_>, Vec<_>) = joined.unzip();
+        (Ends::new(outputs, &self.untaken), Ends::new(inputs, &self.untaken))
     }
 
     /// Joins the units of two banks one to one.
-    fn chain<T: Token>(&mut self, name: &'static str, link: Link, from: &[UnitId], to: &[UnitId]) -> Ends<T> {
+    fn chain<T: Token>(&mut self, name: &'static str, link: Link, from: &[UnitId], to: &[UnitId]) -> Both<T> {
+        assert_eq!(from.len(), to.len(), "{name} joins banks of as many units");
         self.join(name, link, from.iter().copied().zip(to.iter().copied()))
     }
 
@@ -183,22 +194,20 @@ impl<'a> Builder<'a> {
         bank: &[UnitId],
         name: &'static str,
         link: Link,
-        inputs: Vec<In<T>>,
+        mut inputs: Ends<In<T>>,
         make: impl Fn(&mut Banks, usize, In<T>, Out<T>),
-    ) -> Vec<In<T>> {
+    ) -> Ends<In<T>> {
         if bank.is_empty() {
             return inputs;
         }
         assert_eq!(bank.len(), inputs.len(), "a bank that is put in between has a unit for each channel");
-        let units = bank.iter().zip(inputs).enumerate();
-        units
-            .map(|(n, (&unit, input))| {
-                let behind = self.wiring.redirect(&input, unit);
-                let (output, passed) = self.wiring.channel(name, n, link, unit, behind);
-                make(&mut self.made, n, input, output);
-                passed
-            })
-            .collect()
+        let inputs = inputs.take_all(0..bank.len());
+        let behind: Vec<_> = bank.iter().zip(&inputs).map(|(&unit, input)| (unit, self.wiring.redirect(input, unit))).collect();
+        let (mut outputs, passed) = self.join(name, link, behind);
+        for (n, input) in inputs.into_iter().enumerate() {
+            make(&mut self.made, n, input, outputs.take(n));
+        }
+        passed
     }
 
     /// The network that sorts, between these units.
@@ -219,7 +228,10 @@ impl<'a> Builder<'a> {
     }
 
     /// The machine.
-    pub fn finish(mut self) -> Built {
+    ///
+    /// # Errors
+    /// If a channel has an end that no unit has taken.
+    pub fn finish(mut self) -> Result<Built, String> {
         let config = self.config;
         self.cores();
         for (n, ports) in std::mem::take(&mut self.open.color).into_iter().enumerate() {
@@ -229,29 +241,27 @@ impl<'a> Builder<'a> {
         }
         let c = &config.color;
         let compression = Compression { enabled: c.compression, codec: c.codec, again: c.recompress };
-        for (n, (input, output)) in std::mem::take(&mut self.open.resolve).into_iter().enumerate() {
+        let (mut inputs, mut outputs) = std::mem::take(&mut self.open.resolve);
+        for n in 0..self.id.resolve.len() {
+            let (input, output) = (inputs.take(n), outputs.take(n));
             let memory = self.port("resolve", n, self.id.resolve[n]);
             self.made.resolve.push(Resolve::new(config.resolve.clone(), n as u8, compression, input, output, memory));
         }
-        for (input, output) in std::mem::take(&mut self.open.scanout) {
-            let memory = self.port("scanout", 0, self.id.scanout[0]);
-            self.made.scanout.push(Scanout::new(config.scanout.clone(), config.memory.port_width, input, output, memory));
+        let (input, output) = (self.open.scanout.0.take(0), self.open.scanout.1.take(0));
+        let port = self.port("scanout", 0, self.id.scanout[0]);
+        self.made.scanout.push(Scanout::new(config.scanout.clone(), config.memory.port_width, input, output, port));
+        drop((inputs, outputs));
+        let Builder { mut wiring, memory, map, mut made, open, untaken, .. } = self;
+        drop(open);
+        if let Some(complaint) = complaint(&untaken, &wiring) {
+            return Err(complaint);
         }
-        let Builder { mut wiring, memory, map, mut made, .. } = self;
         let Memory { crossbar, l2, dram, return_path, ideal, clients } = memory.build(&mut wiring);
         made.crossbar.extend(crossbar);
         made.l2.extend(l2);
         made.dram.extend(dram);
         made.return_path.extend(return_path);
         made.ideal.extend(ideal);
-        Built { parts: Parts::new(wiring, made), clients, network: map }
+        Ok(Built { parts: Parts::new(wiring, made), clients, network: map })
     }
-}
-
-/// The two ways from shading to the colour unit of a pipeline.
-pub(super) struct Shaded {
-    /// To the late test.
-    late: In<GroupToken>,
-    /// Straight to the colour unit.
-    color: In<GroupToken>,
 }

@@ -1,6 +1,6 @@
 //! From triangles that are set up to pixels in memory.
 
-use super::{Builder, CONTROL, Ends, Shaded, quads};
+use super::{Both, Builder, CONTROL, Ends, quads};
 use sim::{In, Link, Out, StallProbe};
 use unit::block_cache::BlockCache;
 use unit::color::ColorPorts;
@@ -18,7 +18,7 @@ use work::BLOCK;
 
 impl Builder<'_> {
     /// Pipelines that own what they draw, from traversal to the colour buffer: early and late tests share a depth unit.
-    pub fn pipelines_with_early_tests(&mut self, inputs: Vec<In<TriangleToken>>, territory: Territory) {
+    pub fn pipelines_with_early_tests(&mut self, mut inputs: Ends<In<TriangleToken>>, territory: Territory) {
         let (config, id) = (self.config, self.id.clone());
         // A tile's buffer on the chip has a place for each of its blocks, wherever it lies.
         let on_chip = matches!(territory, Territory::Bins(_));
@@ -27,53 +27,53 @@ impl Builder<'_> {
         let (t, d) = (&config.traverse, &DepthConfig { cache_ways: depth_ways, ..config.depth.clone() });
         let tested = quads(d.output_queue, d.quads_per_cycle, d.output_latency);
         let updates = Link::items(t.hierarchical_queue, 1, t.hierarchical_latency);
-        let (to_depth, early) = self.chain("rasterized", rasterized(t), &id.traverse, &id.depth);
-        let (to_traverse, bounds) = self.chain("depth_bounds", updates, &id.depth, &id.traverse);
-        let (to_interpolate, interpolated) = self.chain("tested_early", tested, &id.depth, &id.interpolate);
+        let (mut to_depth, mut early) = self.chain("rasterized", rasterized(t), &id.traverse, &id.depth);
+        let (mut to_traverse, mut bounds) = self.chain("depth_bounds", updates, &id.depth, &id.traverse);
+        let (mut to_interpolate, interpolated) = self.chain("tested_early", tested, &id.depth, &id.interpolate);
         let (rate, side) = (d.quads_per_cycle, config.bin.tile / BLOCK);
         let interpolated = self.splice(&id.hide, "seen", tested, interpolated, |made, n, input, output| {
             made.hide.push(Hide::new(n as u8, side, rate, input, output));
         });
-        let (to_late, late) = self.chain("to_late_test", self.to_rop(), &id.dispatch, &id.depth);
-        let (to_color, shaded) = self.chain("shaded", self.to_rop(), &id.dispatch, &id.color);
-        let (tested_late, color_tested) = self.chain("tested_late", tested, &id.depth, &id.color);
-        let (end, ended) = self.chain("pass_ends", CONTROL, &id.color, &id.depth);
+        let (mut to_late, mut late) = self.chain("to_late_test", self.to_rop(), &id.dispatch, &id.depth);
+        let (mut to_color, shaded) = self.chain("shaded", self.to_rop(), &id.dispatch, &id.color);
+        let (mut tested_late, color_tested) = self.chain("tested_late", tested, &id.depth, &id.color);
+        let (end, mut ended) = self.chain("pass_ends", CONTROL, &id.color, &id.depth);
 
-        let traverses = inputs.into_iter().zip(bounds).zip(to_depth).enumerate();
-        self.made.traverse = traverses
-            .map(|(n, ((input, bounds), output))| {
-                let unit = Traverse::new(t.clone(), n as u8, territory, input, Some(bounds), output);
-                if t.gather { unit.gathering(config.distribute.overlap, config.card.pipelines as usize) } else { unit }
-            })
-            .collect();
-        let acks = std::mem::take(&mut self.open.depth_acks);
-        let ends = early.into_iter().zip(to_interpolate).zip(late).zip(tested_late).zip(to_traverse).zip(ended).zip(acks);
-        for (n, ((((((early, interpolate), late), color), bounds), end), ack)) in ends.enumerate() {
+        for n in 0..id.traverse.len() {
+            let unit = Traverse::new(t.clone(), n as u8, territory, inputs.take(n), Some(bounds.take(n)), to_depth.take(n));
+            let gathers = t.gather;
+            self.made.traverse.push(if gathers {
+                unit.gathering(config.distribute.overlap, config.card.pipelines as usize)
+            } else {
+                unit
+            });
+        }
+        let mut acks = std::mem::take(&mut self.open.depth_acks);
+        for n in 0..id.depth.len() {
             let ports = DepthPorts {
-                early: Some(TestPorts { input: early, output: interpolate }),
-                late: Some(TestPorts { input: late, output: color }),
+                early: Some(TestPorts { input: early.take(n), output: to_interpolate.take(n) }),
+                late: Some(TestPorts { input: late.take(n), output: tested_late.take(n) }),
                 questions: None,
-                updates: Some((bounds, t.hierarchical_update)),
-                end,
-                ack,
+                updates: Some((to_traverse.take(n), t.hierarchical_update)),
+                end: ended.take(n),
+                ack: acks.take(n),
             };
             let memory = self.rop_port("depth", n, id.depth[n]);
             self.made.depth.push(Depth::new(d.clone(), n as u8, ports, memory));
         }
-        let outlets = to_late.into_iter().zip(to_color).map(|(late, color)| Outlet::Own { late, color });
+        let outlets = (0..id.dispatch.len()).map(|n| Outlet::Own { late: to_late.take(n), color: to_color.take(n) });
         self.shade(interpolated, outlets.collect());
-        let inputs = shaded.into_iter().zip(color_tested).map(|(color, late)| Shaded { late, color }).collect();
-        self.colors(inputs, end);
+        self.colors(shaded, color_tested, end);
     }
 
     /// Pipelines that draw anywhere and send what they have shaded to the ROPs that own the pixels, where it is tested and blended
     /// in order.
-    pub fn pipelines_sorting_fragments(&mut self, inputs: Vec<In<TriangleToken>>) {
+    pub fn pipelines_sorting_fragments(&mut self, mut inputs: Ends<In<TriangleToken>>) {
         let (config, id) = (self.config, self.id.clone());
         let (t, d) = (&config.traverse, &config.depth);
         let tested = quads(d.output_queue, d.quads_per_cycle, d.output_latency);
         let link = rasterized(t);
-        let (from_traverse, rasterized, questions) = if id.early.is_empty() {
+        let (mut from_traverse, rasterized, questions) = if id.early.is_empty() {
             let (outputs, rasterized) = self.chain("rasterized", link, &id.traverse, &id.interpolate);
             (outputs, rasterized, Vec::new())
         } else {
@@ -81,40 +81,45 @@ impl Builder<'_> {
             let (tested, rasterized) = self.chain("tested_early", tested, &id.early, &id.interpolate);
             (outputs, rasterized, self.early_tests(inputs, tested))
         };
-        let (to_late, late) = self.chain("to_late_test", self.to_rop(), &id.order, &id.depth);
-        let (to_color, shaded) = self.chain("shaded", self.to_rop(), &id.order, &id.color);
-        let (tested_late, color_tested) = self.chain("tested_late", tested, &id.depth, &id.color);
-        let (end, ended) = self.chain("pass_ends", CONTROL, &id.color, &id.depth);
+        let (mut to_late, mut late) = self.chain("to_late_test", self.to_rop(), &id.order, &id.depth);
+        let (mut to_color, shaded) = self.chain("shaded", self.to_rop(), &id.order, &id.color);
+        let (mut tested_late, color_tested) = self.chain("tested_late", tested, &id.depth, &id.color);
+        let (end, mut ended) = self.chain("pass_ends", CONTROL, &id.color, &id.depth);
         let (senders, receivers) = self.sort_network(&id.dispatch, &id.order);
         self.open.color_ways = config.color.cache_ways;
 
         // Hierarchical Z would have to know what other pipelines have drawn.
         let blind = TraverseConfig { hierarchical_z: false, ..t.clone() };
-        let traverses = inputs.into_iter().zip(from_traverse).enumerate();
-        self.made.traverse = traverses
-            .map(|(n, (input, output))| Traverse::new(blind.clone(), n as u8, Territory::Screen, input, None, output))
-            .collect();
+        for n in 0..id.traverse.len() {
+            let (input, output) = (inputs.take(n), from_traverse.take(n));
+            self.made.traverse.push(Traverse::new(blind.clone(), n as u8, Territory::Screen, input, None, output));
+        }
         self.shade(rasterized, senders.into_iter().map(Outlet::Owners).collect());
         let rate = config.dispatch.output_quads;
-        for (n, ((input, late), color)) in receivers.into_iter().zip(to_late).zip(to_color).enumerate() {
+        for (n, input) in receivers.into_iter().enumerate() {
             let probe = self.probe(n, false, true);
+            let (late, color) = (to_late.take(n), to_color.take(n));
             self.made.order.push(Order::new(n as u8, rate, config.order.keep, probe, input, late, color));
         }
-        let acks = std::mem::take(&mut self.open.depth_acks);
-        let ends = late.into_iter().zip(tested_late).zip(ended).zip(acks).enumerate();
+        let mut acks = std::mem::take(&mut self.open.depth_acks);
         let mut questions = questions.into_iter();
-        for (n, (((input, output), end), ack)) in ends {
-            let late = Some(TestPorts { input, output });
-            let ports = DepthPorts { early: None, late, questions: questions.next(), updates: None, end, ack };
+        for n in 0..id.depth.len() {
+            let ports = DepthPorts {
+                early: None,
+                late: Some(TestPorts { input: late.take(n), output: tested_late.take(n) }),
+                questions: questions.next(),
+                updates: None,
+                end: ended.take(n),
+                ack: acks.take(n),
+            };
             let memory = self.rop_port("depth", n, id.depth[n]);
             self.made.depth.push(Depth::new(d.clone(), n as u8, ports, memory));
         }
-        let inputs = shaded.into_iter().zip(color_tested).map(|(color, late)| Shaded { late, color }).collect();
-        self.colors(inputs, end);
+        self.colors(shaded, color_tested, end);
     }
 
     /// Early tests of quads whose pixels have other owners; gives for each of these the ways of questions, if they are asked.
-    fn early_tests(&mut self, inputs: Vec<In<GroupToken>>, outputs: Vec<Out<GroupToken>>) -> Vec<QuestionPorts> {
+    fn early_tests(&mut self, mut inputs: Ends<In<GroupToken>>, mut outputs: Ends<Out<GroupToken>>) -> Vec<QuestionPorts> {
         let (o, d) = (&self.config.order, &self.config.depth);
         let id = self.id.clone();
         let rate = EarlyRate { quads_per_cycle: d.quads_per_cycle, queue: o.early_queue, latency: d.latency };
@@ -125,9 +130,9 @@ impl Builder<'_> {
             let back: Vec<_> = id.depth.iter().flat_map(|&depth| id.early.iter().map(move |&early| (depth, early))).collect();
             let (ask, questions) = self.join("depth_questions", link, pairs);
             let (answer, answers) = self.join("depth_answers", link, back);
-            let known = by_first(ask, id.early.len()).zip(by_second(answers, id.early.len()));
+            let known = by_first(ask.all(), id.early.len()).zip(by_second(answers.all(), id.early.len()));
             let known: Vec<_> = known.map(|(questions, answers)| Known::Owners { questions, answers }).collect();
-            let ports = by_second(questions, id.depth.len()).zip(by_first(answer, id.depth.len()));
+            let ports = by_second(questions.all(), id.depth.len()).zip(by_first(answer.all(), id.depth.len()));
             (known, ports.map(|(questions, answers)| QuestionPorts { questions, answers }).collect())
         } else {
             let copy = |n: usize| {
@@ -137,45 +142,46 @@ impl Builder<'_> {
             };
             ((0..id.early.len()).map(copy).collect(), Vec::new())
         };
-        let units = known.into_iter().zip(inputs).zip(outputs).enumerate();
-        self.made.early = units.map(|(n, ((known, input), output))| Early::new(n as u8, rate, input, output, known)).collect();
+        for (n, known) in known.into_iter().enumerate() {
+            self.made.early.push(Early::new(n as u8, rate, inputs.take(n), outputs.take(n), known));
+        }
         ports
     }
 
     /// Interpolation and dispatch to the cores.
-    fn shade(&mut self, inputs: Vec<In<GroupToken>>, outputs: Vec<Outlet>) {
+    fn shade(&mut self, mut inputs: Ends<In<GroupToken>>, outputs: Vec<Outlet>) {
         let (config, id) = (self.config, self.id.clone());
         let (i, p) = (&config.interpolate, &config.dispatch);
         let per_pipeline = config.core.per_pipeline as usize;
-        let (to_dispatch, interpolated) =
+        let (mut to_dispatch, mut interpolated) =
             self.chain("interpolated", quads(i.queue, i.quads_per_cycle, i.latency), &id.interpolate, &id.dispatch);
-        let units = inputs.into_iter().zip(to_dispatch);
-        self.made.interpolate = units.map(|(input, output)| Interpolate::new(i.clone(), input, output)).collect();
+        for n in 0..id.interpolate.len() {
+            self.made.interpolate.push(Interpolate::new(i.clone(), inputs.take(n), to_dispatch.take(n)));
+        }
 
         let warps = Link::items(p.queue, 1, p.latency);
         let done = Link::items(config.core.output_queue, 1, 1);
         let of_core: Vec<_> = id.core.iter().enumerate().map(|(n, &core)| (id.dispatch[n / per_pipeline], core)).collect();
         let back: Vec<_> = of_core.iter().map(|&(dispatch, core)| (core, dispatch)).collect();
-        let (to_cores, fragment_input): Ends<WarpToken> = self.join("fragment_warps", warps, of_core);
-        let (fragment_output, from_cores): Ends<WarpToken> = self.join("fragments_shaded", done, back);
-        self.open.fragment = fragment_input.into_iter().zip(fragment_output).collect();
-        let (mut to_cores, mut from_cores) = (to_cores.into_iter(), from_cores.into_iter());
-        let mut begun = std::mem::take(&mut self.open.begun).into_iter();
-        for (n, (input, output)) in interpolated.into_iter().zip(outputs).enumerate() {
-            let cores = to_cores.by_ref().take(per_pipeline).collect();
-            let shaded = from_cores.by_ref().take(per_pipeline).collect();
+        let (mut to_cores, fragment_input): Both<WarpToken> = self.join("fragment_warps", warps, of_core);
+        let (fragment_output, mut from_cores): Both<WarpToken> = self.join("fragments_shaded", done, back);
+        self.open.fragment = (fragment_input, fragment_output);
+        let mut begun = std::mem::take(&mut self.open.begun);
+        for (n, output) in outputs.into_iter().enumerate() {
+            let own = n * per_pipeline..(n + 1) * per_pipeline;
+            let (cores, shaded) = (to_cores.take_all(own.clone()), from_cores.take_all(own));
             let probe = if matches!(output, Outlet::Owners(_)) { self.probe(n, true, false) } else { StallProbe::default() };
-            let ports = DispatchPorts { input, cores, shaded, output, begun: begun.next(), probe };
+            let (input, begun) = (interpolated.take(n), begun.take_if_any(n));
+            let ports = DispatchPorts { input, cores, shaded, output, begun, probe };
             self.made.dispatch.push(Dispatch::new(p.clone(), n as u8, config.core.warp_width, ports));
         }
     }
 
-    /// What comes to the colour units, and the end of passes that they report.
-    fn colors(&mut self, inputs: Vec<Shaded>, ends: Vec<Out<Ack>>) {
-        let acks = std::mem::take(&mut self.open.color_acks);
-        let ends = inputs.into_iter().zip(ends).zip(acks);
-        let ports = ends.map(|((shaded, end), ack)| ColorPorts { shaded: shaded.color, tested: shaded.late, end, ack });
-        self.open.color = ports.collect();
+    /// What comes to the colour units, from shading or from late tests, and the end of passes that they report.
+    fn colors(&mut self, mut shaded: Ends<In<GroupToken>>, mut tested: Ends<In<GroupToken>>, mut ends: Ends<Out<Ack>>) {
+        let mut acks = std::mem::take(&mut self.open.color_acks);
+        let ports = |n| ColorPorts { shaded: shaded.take(n), tested: tested.take(n), end: ends.take(n), ack: acks.take(n) };
+        self.open.color = (0..self.id.color.len()).map(ports).collect();
     }
 }
 
