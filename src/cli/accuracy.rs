@@ -3,7 +3,7 @@
 use anyhow::{Context, Result};
 
 use super::threads::MOST;
-use super::{Verdict, attila, card, estimates, pareto, runs, scenes, shortcuts, skips};
+use super::{Verdict, attila, card, estimates, knobs, pareto, runs, scenes, shortcuts, skips};
 use crate::accuracy::{self, Outcome, Setting, Size, Target};
 
 /// Measure what a correct model must reproduce: identities, rules of specifications, closed forms
@@ -49,6 +49,7 @@ enum Command {
     Attila(attila::Arguments),
     Card(card::Arguments),
     Estimates(estimates::Arguments),
+    Knobs(knobs::Arguments),
     Pareto(pareto::Arguments),
     Runs(runs::Arguments),
     Scenes(scenes::Arguments),
@@ -71,6 +72,7 @@ pub fn run(arguments: &Arguments) -> Result<Verdict> {
         Some(Command::Attila(arguments)) => return attila::run(arguments),
         Some(Command::Card(arguments)) => return card::run(arguments),
         Some(Command::Estimates(arguments)) => return estimates::run(arguments),
+        Some(Command::Knobs(arguments)) => return knobs::run(arguments),
         Some(Command::Pareto(arguments)) => return pareto::run(arguments),
         Some(Command::Runs(arguments)) => return runs::run(arguments),
         Some(Command::Scenes(arguments)) => return scenes::run(arguments),

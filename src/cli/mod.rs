@@ -28,6 +28,8 @@ mod estimates;
 mod import;
 mod inspect;
 #[cfg(feature = "accuracy")]
+mod knobs;
+#[cfg(feature = "accuracy")]
 mod pareto;
 mod progress;
 mod reading;

@@ -396,6 +396,8 @@ fn what_cannot_be_shown_is_refused_by_name_and_place() {
         let error = refused(Fidelity::Sampled(Sampling::default()), changes);
         assert!(error.contains("scanout.mode=\"free-running\"") && error.contains("use cycle"), "{error}");
     }
-    let error = refused(Fidelity::Bound, &[]);
-    assert!(error.contains("scanout.swap is") && error.contains("use --fidelity cycle"), "{error}");
+    for (changes, knob) in [(&[][..], "scanout.show_last is true"), (&["scanout.show_last=false"], "scanout.swap is")] {
+        let error = refused(Fidelity::Bound, changes);
+        assert!(error.contains(knob) && error.contains("use --fidelity cycle"), "{error}");
+    }
 }

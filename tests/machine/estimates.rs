@@ -4,6 +4,7 @@ use std::ops::Range;
 use std::path::Path;
 
 use fillrate::accuracy::estimates::scene;
+use fillrate::accuracy::knobs::{Answer, changes, compare};
 use fillrate::accuracy::sequences::SEQUENCES;
 use fillrate::gfx::format::Format;
 use fillrate::gfx::state::Topology;
@@ -77,6 +78,22 @@ fn bounds_are_near_the_cycles_that_they_stand_for() {
             assert_eq!(bound.shown, cycle.shown, "{trace}: the picture is that of the trace");
         }
     }
+}
+
+#[test]
+fn estimates_follow_knobs_to_the_ends_of_their_ranges() {
+    // `fillrate accuracy knobs` has all of them, on three traces.
+    let (all, idle) = changes(&Config::built_in("baseline").expect("it is built in"));
+    assert!(all.len() > 500 && idle.len() < 5, "{} changes, and no effect of {idle:?}", all.len());
+    let chosen = all.into_iter().enumerate().filter(|(at, _)| at % 12 == 7).map(|(_, change)| change).collect();
+    let trace = import::open(&Path::new(env!("CARGO_MANIFEST_DIR")).join("traces/torus-rows.zip")).expect("a trace");
+    let found = compare(chosen, &[("torus-rows".to_owned(), trace)]).expect("a replay");
+    for (change, answer) in &found {
+        assert!(!answer.is_missed(), "{}={}: {answer:?}", change.path, change.value);
+    }
+    let count = |is: fn(&Answer) -> bool| found.iter().filter(|(_, answer)| is(answer)).count();
+    assert!(count(|answer| matches!(answer, Answer::Refused(_))) > 4, "{found:?}");
+    assert!(count(|answer| answer.worst().is_some()) > 2, "{found:?}");
 }
 
 /// Scenes by sort class, with how far a bound may be off in cycles and in bytes of DRAM.

@@ -25,6 +25,7 @@ pub mod estimates;
 pub(crate) mod exact;
 pub mod gl;
 mod harness;
+pub mod knobs;
 mod measure;
 mod memory;
 mod page;

@@ -63,6 +63,8 @@ pub enum Values {
     AtLeast(u64),
     /// This number and smaller ones.
     AtMost(u64),
+    /// The first number, the second, and those between.
+    Between(u64, u64),
 }
 
 impl Values {
@@ -72,7 +74,8 @@ impl Values {
             (Values::Is(values), setting) => values.iter().any(|&value| Setting::from(value) == *setting),
             (Values::AtLeast(least), Setting::Number(number)) => *number >= least,
             (Values::AtMost(most), Setting::Number(number)) => *number <= most,
-            (Values::AtLeast(_) | Values::AtMost(_), _) => false,
+            (Values::Between(least, most), Setting::Number(number)) => (least..=most).contains(number),
+            (Values::AtLeast(_) | Values::AtMost(_) | Values::Between(..), _) => false,
         }
     }
 }
@@ -83,6 +86,7 @@ impl fmt::Display for Values {
             Values::Is(values) => write!(f, "{}", values.join(" or ")),
             Values::AtLeast(least) => write!(f, "{least} or more"),
             Values::AtMost(most) => write!(f, "{most} or less"),
+            Values::Between(least, most) => write!(f, "{least} to {most}"),
         }
     }
 }

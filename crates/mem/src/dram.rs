@@ -53,7 +53,7 @@ knob::knobs! {
         /// Cycles of the card from a slice to the queues of its channel, and from the last data of a read back to the slice: controller, PHY and
         /// wires.
         latency: u32 ["cycles", Allowed::Range(1, 1024), "60: an access of DRAM takes 150 cycles more than an L2 hit on Maxwell (357 against 207; Arafa et al. 2019, Jia et al. 2019), 30 of them in the chip"]
-            {estimate: Used, relax: Latency},
+            {estimate: RefusedUnless(AtMost(512), "latencies of a slow memory"), relax: Latency},
         /// Banks of a channel.
         banks: u32 ["banks", Allowed::Range(1, 64), "16 (GDDR5, JESD212)"]
             {estimate: RefusedUnless(AtLeast(8), "conflicts of banks"), relax: Never},
@@ -103,7 +103,8 @@ knob::knobs! {
         refresh: RefreshScope ["", Allowed::Choice(RefreshScope::NAMES), "GDDR5 refreshes all banks (JESD212); LPDDR4, HBM and GDDR6 can refresh one"]
             {estimate: RefusedUnless(Is(&["all-banks"]), "refreshes of single banks"), relax: Never},
         /// Length of a refresh.
-        t_rfc: u32 ["DRAM cycles", Allowed::Range(0, 10000), "65 ns"] {estimate: Used, relax: Never},
+        t_rfc: u32 ["DRAM cycles", Allowed::Range(0, 10000), "65 ns"]
+            {estimate: RefusedUnless(AtMost(625), "long refreshes"), relax: Never},
         /// Refresh to refresh of a bank; 0 for none.
         t_refi: u32 ["DRAM cycles", Allowed::Range(0, 1000000), "1.9 us"] {estimate: Used, relax: Never},
         /// When a row is closed that no request wants.

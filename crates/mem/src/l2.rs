@@ -31,7 +31,7 @@ knob::knobs! {
         line_bytes: u32 ["bytes", Allowed::PowerOfTwo(32, 256), "128 in cards since 2010"] {estimate: Used, relax: Never},
         /// Bytes of a sector, fetched and written by itself.
         sector_bytes: u32 ["bytes", Allowed::PowerOfTwo(16, 256), "32 in cards since 2010"]
-            {estimate: Ignored("cycles hardly depend on it"), relax: Never},
+            {estimate: RefusedUnless(AtMost(64), "long sectors of the second level"), relax: Never},
         /// Lines looked up per cycle.
         lookups_per_cycle: u32 ["lines/cycle", Allowed::Range(1, 16), "assumed: one port"] {estimate: Used, relax: Rate},
         /// Lines with sectors on their way.
@@ -45,7 +45,7 @@ knob::knobs! {
             {estimate: RefusedUnless(AtLeast(4), "waits of the second-level cache"), relax: Room},
         /// Bytes per cycle into a slice, and out of it.
         width: u32 ["bytes/cycle", Allowed::Range(8, 4096), "32 a slice: 512 in all, of which 379 are measured (Jia et al. 2019, table 3.4)"]
-            {estimate: Used, relax: Rate},
+            {estimate: RefusedUnless(AtLeast(16), "narrow ways to the second level"), relax: Rate},
         /// Cycles from the crossbar to a slice, and back.
         latency: u32 ["cycles", Allowed::Range(1, 1024), "assumed: the rest of a hit's 207 cycles (Jia et al. 2019, table 3.1, GM204)"]
             {estimate: Used, relax: Latency},

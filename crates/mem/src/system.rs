@@ -118,7 +118,7 @@ knob::knobs! {
             {estimate: Used, relax: Latency},
         /// Cycles from a depth or colour unit to the crossbar, and from the crossbar back.
         rop_latency: u32 ["cycles", Allowed::Range(1, 1024), "assumed to be short: 16 ROPs and 512 KB of L2 stand at each memory controller of GM204 (NVIDIA 2014, GeForce GTX 980 white paper)"]
-            {estimate: Used, relax: Latency},
+            {estimate: RefusedUnless(AtMost(64), "long ways from ROPs to memory"), relax: Latency},
         /// Requests, and answers, under way on each port.
         port_queue: u32 ["requests", Allowed::Range(2, 4096), "assumed: two per cycle of the latency, so that the port carries its width in halves of lines"]
             {estimate: RefusedUnless(AtLeast(128), "ports that carry less than a request per cycle"), relax: Room},

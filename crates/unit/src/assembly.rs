@@ -46,7 +46,7 @@ knob::knobs! {
         /// Primitives that get one sequence number and go to one geometry unit before the next one's turn.
         batch: u32 ["primitives", Allowed::Range(1, 1024),
             "assumed: GPUs switch geometry engines every 16 to 64 primitives; small enough to balance, large enough to amortise marks"]
-            {estimate: Used, relax: Never},
+            {estimate: RefusedUnless(AtMost(128), "draws of fewer primitives than a batch"), relax: Never},
         /// Whether a batch ends before it has more quads than a pipeline can send on ahead of its turn, and primitives with more than that
         /// go to all pipelines, each of which draws its own tiles of them. Where quads or images are sorted only.
         by_size: bool ["", Allowed::Switch,
@@ -60,7 +60,7 @@ knob::knobs! {
             {estimate: Used, relax: Latency},
         /// Runs of primitives queued before each geometry unit.
         queue: u32 ["runs", Allowed::Range(2, 1024), "assumed: covers the latency at the rate of primitives; ATTILA bGPU.ini AssemblyQueueSize = 32"]
-            {estimate: Used, relax: Room},
+            {estimate: RefusedUnless(AtLeast(4), "short queues in geometry"), relax: Room},
     }
 }
 

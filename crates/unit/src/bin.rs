@@ -50,10 +50,10 @@ knob::knobs! {
             {estimate: Used, relax: Never},
         /// Bytes that are kept of a vertex's position.
         position_bytes: u32 ["bytes", Allowed::Range(1, 64), "assumed: four components of 32 bits"]
-            {estimate: Used, relax: Never},
+            {estimate: RefusedUnless(AtMost(32), "long vertices in lists of tiles"), relax: Never},
         /// Bytes that are kept of each word that a vertex has for the fragment stage.
         word_bytes: u32 ["bytes", Allowed::Range(1, 4), "assumed: 2, packed to 16 bits; 4 without compression"]
-            {estimate: Used, relax: Never},
+            {estimate: RefusedUnless(AtMost(2), "long vertices in lists of tiles"), relax: Never},
         /// Whether entries of lists are stored as differences to the one before: 1 to 5 bytes instead of 4.
         compression: bool ["", Allowed::Switch, "variable-length differences"]
             {estimate: Used, relax: Skip(&[("true", "compressed bins")])},
@@ -77,7 +77,8 @@ knob::knobs! {
         cache_lines: u32 ["lines", Allowed::PowerOfTwo(4, 4096), "assumed: 8 KB, the vertices of a tile and its neighbour"]
             {estimate: RefusedUnless(AtLeast(32), "vertices that tiles read again"), relax: Cache},
         /// Triangles read ahead of their setup, in each pipeline.
-        fifo: u32 ["triangles", Allowed::Range(1, 1024), "assumed: covers the latency of memory"] {estimate: Used, relax: Room},
+        fifo: u32 ["triangles", Allowed::Range(1, 1024), "assumed: covers the latency of memory"]
+            {estimate: RefusedUnless(Between(128, 255), "the time that few reads of lists in flight take"), relax: Room},
     }
 }
 

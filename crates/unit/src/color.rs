@@ -71,10 +71,10 @@ knob::knobs! {
             {estimate: RefusedUnless(Is(&["hashed"]), "sets by position"), relax: Never},
         /// Requests to memory in flight.
         misses: u32 ["requests", Allowed::Range(1, 1024), "assumed: covers the latency of memory"]
-            {estimate: Used, relax: Room},
+            {estimate: RefusedUnless(AtLeast(2), "colours that wait one for the other"), relax: Room},
         /// Groups of quads between lookup and blending.
         fifo: u32 ["groups", Allowed::Range(8, 4096), "assumed: covers the latency of the second level; ATTILA bGPU.ini COLORWRITE FetchQueueSize = 256 stamps"]
-            {estimate: Used, relax: Room},
+            {estimate: RefusedUnless(AtLeast(32), "blending with few quads in flight"), relax: Room},
         /// Cycles from lookup to blending where the block is in the cache.
         latency: u32 ["cycles", Allowed::Range(1, 256), "assumed; ATTILA bGPU.ini BlendALULatency = 2 and the queues before it"]
             {estimate: Used, relax: Latency},
@@ -98,7 +98,7 @@ knob::knobs! {
             {estimate: Used, relax: Skip(&[("true", "fast clears")])},
         /// Blocks whose flags are set per cycle, in each pipeline.
         clears_per_cycle: u32 ["blocks/cycle", Allowed::Range(1, 4096), "assumed; ATTILA bGPU.ini BlocksClearedPerCycle = 1024 for the card"]
-            {estimate: Ignored("cycles hardly depend on it"), relax: Rate},
+            {estimate: RefusedUnless(AtLeast(2), "slow clears of flags"), relax: Rate},
     }
 }
 

@@ -26,7 +26,7 @@ knob::knobs! {
             {estimate: Used, relax: Never},
         /// Warps between packing and leaving in order.
         reorder: u32 ["warps", Allowed::Range(1, 1024), "all warps of four multiprocessors (CUDA, compute capability 5.2: 64 each); ATTILA bGPU.ini ShadedStampQueueSize = 640 stamps, 80 warps of 8"]
-            {estimate: Used, relax: Room},
+            {estimate: RefusedUnless(AtLeast(32), "few warps between dispatch and ROPs"), relax: Room},
         /// Cycles without a further quad after which a warp is started though it is not full.
         patience: u32 ["cycles", Allowed::Range(1, 4096), "assumed: short against a texture access, so that little is lost at the end of work"]
             {estimate: Ignored("cycles hardly depend on it"), relax: Never},
@@ -38,7 +38,7 @@ knob::knobs! {
             {estimate: Used, relax: Latency},
         /// Quads sent on to the ROP per cycle.
         output_quads: u32 ["quads/cycle", Allowed::Range(1, 16), "assumed: four; ATTILA: one (bGPU.ini FRAGMENTSHADER OutputsPerCycle = 4 fragments)"]
-            {estimate: Used, relax: Rate},
+            {estimate: RefusedUnless(AtLeast(2), "a narrow way from cores to ROPs"), relax: Rate},
         /// Cycles from here to the ROP.
         output_latency: u32 ["cycles", Allowed::Range(1, 64), "assumed; ATTILA bGPU.ini FRAGMENTSHADER OutputLatency = 11"]
             {estimate: Used, relax: Latency},

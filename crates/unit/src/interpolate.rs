@@ -23,10 +23,10 @@ knob::knobs! {
             {estimate: UsedBy("config.render_key"), relax: Skip(&[("true", "only varyings that are read")])},
         /// Cycles from here to the cores.
         latency: u32 ["cycles", Allowed::Range(1, 64), "assumed: multiply-add chains and a reciprocal: 8 stages"]
-            {estimate: Used, relax: Latency},
+            {estimate: RefusedUnless(AtMost(32), "long ways through interpolation"), relax: Latency},
         /// Groups of quads queued before the cores.
         queue: u32 ["groups", Allowed::Range(2, 4096), "assumed; ATTILA bGPU.ini ShaderInputQueueSize = 128"]
-            {estimate: Used, relax: Room},
+            {estimate: RefusedUnless(AtLeast(8), "short queues behind interpolation"), relax: Room},
     }
 }
 

@@ -20,10 +20,10 @@ knob::knobs! {
         interval: u32 ["cycles", Allowed::Range(1, 64), "pipelined since the GeForce 256"] {estimate: Used, relax: Interval},
         /// Cycles from here to traversal.
         latency: u32 ["cycles", Allowed::Range(1, 64), "assumed; ATTILA bGPU.ini SetupLatency = 10"]
-            {estimate: Used, relax: Latency},
+            {estimate: RefusedUnless(AtMost(32), "long ways through setup"), relax: Latency},
         /// Triangles queued before traversal.
         queue: u32 ["triangles", Allowed::Range(2, 1024), "assumed; ATTILA bGPU.ini SetupFIFOSize = 32"]
-            {estimate: Used, relax: Room},
+            {estimate: RefusedUnless(AtLeast(8), "short queues before setup"), relax: Room},
     }
 }
 

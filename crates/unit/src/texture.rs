@@ -56,7 +56,7 @@ knob::knobs! {
             {estimate: UsedBy("config.render_key"), relax: Skip(&[("true", "only levels that have a weight")])},
         /// Lines of the first-level cache; a multiple of its ways, or fewer than they are.
         cache_lines: u32 ["lines", Allowed::Range(1, 65536), "48 KB a multiprocessor (NVIDIA 2016, GeForce GTX 1080 white paper); 16 KB is enough for one screen row of bilinear (Hakura and Gupta 1997)"]
-            {estimate: Used, relax: Cache},
+            {estimate: RefusedUnless(AtLeast(4), "texture caches of fewer lines than a request reads"), relax: Cache},
         /// Bytes of a line of the first-level cache, which has one tag. Whatever it is, 64 bytes are looked up at a time: rates of misses compare.
         line_bytes: u32 ["bytes", Allowed::PowerOfTwo(64, 256), "128 on GM204 (Jia et al. 2019, table 3.1); 16 texels of 4 bytes; Hakura and Gupta 1997 vary it from 32 to 256"]
             {estimate: RefusedUnless(Is(&["64", "128"]), "longer lines of textures"), relax: Never},

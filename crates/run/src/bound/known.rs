@@ -1,10 +1,9 @@
 //! Which machines estimates hold for: a configuration with values that they do not know is refused by name.
 //!
 //! The declaration of each knob says what estimates do with it ([`Estimate`]). For a knob that changes cycles and that no estimate reads, it
-//! has the values for which estimates hold. Each was set to both ends of its range on the baseline, and on the class that has it, with `bound`
-//! and with `cycle` (`traces/viewer.zip`, `town.zip`, `layers`, `cube`, `particles`, `spokes-msaa`). If cycles moved by more than 5 % and
-//! the estimate did not, values were halved or doubled until they did so: estimates hold for those before. A knob that moved nothing, or
-//! both alike, is ignored.
+//! has the values for which estimates hold. `fillrate accuracy knobs` sets each to both ends of its range, on the baseline or on a machine that has
+//! it, with `bound` and with `cycle`. If cycles moved by more than 5 % and the estimate did not, values were halved or doubled until it followed:
+//! estimates hold for those. A knob that moved nothing is ignored.
 
 use std::sync::LazyLock;
 
@@ -34,6 +33,10 @@ static LIMITS: LazyLock<Vec<Limit>> = LazyLock::new(|| {
 /// The built-in configurations on which errors are measured (`docs/data/fidelity.md`) although they have values beyond those of [`LIMITS`].
 static MEASURED: LazyLock<[Config; 1]> = LazyLock::new(|| [Config::built_in("tiny").expect("it is built in")]);
 
+/// The cycles of the card that a cycle of DRAM takes at most where estimates hold. With more of them, latencies of memory are longer than what the
+/// estimates of small draws have of them.
+const SLOWEST_DRAM: u32 = 9;
+
 /// The value of a knob; none where it has no effect.
 fn value(config: &Config, path: &str) -> Option<Setting> {
     let (_, setting) = config.knob("", path).expect("a knob of the table");
@@ -46,6 +49,14 @@ fn value(config: &Config, path: &str) -> Option<Setting> {
 /// # Errors
 /// The first knob that has another value.
 pub(super) fn check(config: &Config) -> Result<()> {
+    let dram = &config.dram;
+    if value(config, "memory.dram.clock").is_some() && dram.card_cycles / dram.clock > SLOWEST_DRAM {
+        bail!(
+            "a cycle of memory.dram.clock takes {} cycles of the card, and estimates of the bound fidelity hold where it takes {SLOWEST_DRAM} \
+             or fewer: they know nothing of latencies of a slow memory; use --fidelity cycle",
+            dram.card_cycles / dram.clock
+        );
+    }
     let broken = |limit: &'static Limit| {
         let setting = value(config, &limit.path).filter(|setting| !limit.values.contain(setting))?;
         Some((limit, setting))
@@ -124,6 +135,7 @@ mod tests {
             assert!(taken.iter().any(|setting| !values.contain(setting)), "{path}: no value is refused");
             let known: Vec<Setting> = match values {
                 Values::AtLeast(value) | Values::AtMost(value) => vec![number(value)],
+                Values::Between(least, most) => vec![number(least), number(most)],
                 Values::Is(values) => values.iter().map(|&value| Setting::from(value)).collect(),
             };
             let other = known.iter().find(|setting| !knob.allowed.admits(setting));

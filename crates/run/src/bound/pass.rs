@@ -13,8 +13,10 @@ use machine::config::MemoryKind;
 use mem::{HEADER, REQUEST_BYTES};
 use unit::compression::Codec;
 use unit::fetch::Reuse;
-use unit::interleave::Interleave;
+use unit::interleave::{Interleave, Pattern};
+use unit::network::Topology;
 use unit::phase::PhaseKind;
+use unit::token::bytes;
 use work::profile::{
     AttachmentProfile, BLOCK_CACHES, BUNDLE, Cell, DEALT, DrawProfile, LINES_FOLLOWED, LineProfile, PhaseProfile, REUSE,
 };
@@ -170,9 +172,37 @@ impl Bound<'_> {
         limit = if resolve > most.max(composed.cycles) { "resolve" } else { limit };
         let skipped = draws.is_empty() && resolve == 0.0 && config.command.skip_empty_passes;
         let barrier = if skipped { 0.0 } else { f64::from(config.command.barrier_cycles) };
-        let cycles = most + first_and_last + left + composed.cycles + resolve + barrier;
+        let cleared = self.cleared(*size, color.iter().chain(depth));
+        memory += Traffic { written: cleared, ..Traffic::default() };
+        let clears = cleared / f64::from(config.memory.port_width);
+        let cycles = most + first_and_last + left + composed.cycles + resolve + barrier + clears;
         let (kind, number, label) = (PhaseKind::Pass, *number, label.clone());
         PhaseEstimate { kind, number, label, cycles, limit, units: roofs.units, memory, textures }
+    }
+
+    /// Bytes that a pass clears in memory before it begins: of attachments that it does not load, where clears are not by flag.
+    fn cleared<'p>(&self, size: [u32; 2], attachments: impl Iterator<Item = &'p AttachmentProfile>) -> f64 {
+        if self.config.color.fast_clear {
+            return 0.0;
+        }
+        let blocks = u64::from(size[0].div_ceil(BLOCK)) * u64::from(size[1].div_ceil(BLOCK));
+        attachments.filter(|attachment| !attachment.loads).map(|attachment| (blocks * attachment.block_bytes) as f64).sum()
+    }
+
+    /// Cycles of a triangle on its link to a pipeline, where triangles are sorted.
+    fn link(&self) -> f64 {
+        if self.sorted != Sorted::Triangles || self.binned {
+            return 0.0;
+        }
+        let network = &self.config.network;
+        let links = match network.topology {
+            // One from each sender.
+            Topology::PointToPoint => f64::from(self.config.card.geometry_units),
+            // One for all.
+            Topology::Bus => 1.0 / self.pipelines,
+            Topology::Crossbar | Topology::Ring | Topology::Mesh | Topology::Butterfly => 1.0,
+        };
+        f64::from(bytes::TRIANGLE) / f64::from(network.link_bytes) / links
     }
 
     /// The part of an attachment's raw size that a pass leaves in memory.
@@ -229,8 +259,11 @@ impl Bound<'_> {
         let tile = self.config.owned_tile();
         let mut interleave = Interleave::new(distribute.pattern, self.config.card.pipelines, tile);
         interleave.begin_pass(size[0], size[1]);
-        // Tiles that are smaller than a screen tile share it evenly.
-        let own = |[x, y]: [u16; 2]| (tile >= TILE).then(|| interleave.owner(u32::from(x) * BLOCKS, u32::from(y) * BLOCKS));
+        // Tiles that are smaller than a screen tile share it evenly, unless those of a pipeline lie together.
+        let together = matches!(distribute.pattern, Pattern::Bands | Pattern::Blocks | Pattern::Balanced);
+        let own = |[x, y]: [u16; 2]| {
+            (together || tile >= TILE).then(|| interleave.owner(u32::from(x) * BLOCKS, u32::from(y) * BLOCKS))
+        };
         cells.iter().map(|cell| own(cell.tile)).collect()
     }
 
@@ -322,7 +355,10 @@ impl Bound<'_> {
         let vertices = if own { vertices + again * f64::from(DEALT) / self.batch_of(self.expected(draw)) } else { vertices };
         // Batches of vertices are as short as those of primitives.
         let vertices = if c.fetch.reuse_until == Reuse::Batch { draw.batched_vertices as f64 } else { vertices };
-        let attribute_lines = (draw.vertex_bytes as f64 / LINE as f64).max(draw.attributes.min(1) as f64);
+        // A line that was looked up just before is not looked up again. Between two vertices of one stream lie those of the others.
+        let shared = draw.streams < 2;
+        let bytes = if shared { draw.vertex_bytes } else { draw.stream_lines };
+        let attribute_lines = (bytes as f64 / LINE as f64).max(draw.attributes.min(1) as f64);
         let lookups = vertices * attribute_lines / f64::from(c.fetch.lookups_per_cycle);
         let shading = self.shading(
             &draw.vertex,
@@ -388,7 +424,7 @@ impl Bound<'_> {
             vertex_texture: shading.texture * asking / cores / primitives,
             latency: shading.latency + fragment.latency,
             shaded: fragment.latency,
-            setup: apart(c.setup.triangles_per_cycle, c.setup.interval),
+            setup: apart(c.setup.triangles_per_cycle, c.setup.interval).max(self.link()),
             test: 1.0 / f64::from(c.traverse.tests_per_cycle),
             block: 1.0 / f64::from(c.traverse.blocks_per_cycle),
             group: 4.0 * f64::from(c.traverse.interval) / f64::from(traversed),

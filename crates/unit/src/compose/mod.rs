@@ -48,7 +48,7 @@ knob::knobs! {
     pub struct ComposeConfig {
         /// Which unit sends what to which other. Where the number of pipelines is no power of two, binary swap first composes the surplus in pairs.
         scheme: Scheme ["", Allowed::Choice(Scheme::NAMES), "binary swap (Ma et al. 1994); direct send (Hsu 1993); a chain (PixelFlow: Molnar et al. 1992)"]
-            {estimate: Used, relax: Never},
+            {estimate: RefusedUnless(Is(&["binary-swap", "pipeline"]), "pipelines that receive from all others at once"), relax: Never},
         /// Samples of pixels that a unit composes per cycle.
         samples_per_cycle: u32 ["samples/cycle", Allowed::Range(1, 4096), "assumed: a quad of each of four ROPs"]
             {estimate: Used, relax: Rate},
@@ -60,7 +60,7 @@ knob::knobs! {
             {estimate: Used, relax: Skip(&[("true", "compressed composition")])},
         /// Requests to memory in flight, and blocks between request and use.
         misses: u32 ["requests", Allowed::Range(1, 1024), "assumed: covers the latency of memory"]
-            {estimate: Used, relax: Room},
+            {estimate: RefusedUnless(AtMost(64), "blocks that composition reads far ahead"), relax: Room},
     }
 }
 

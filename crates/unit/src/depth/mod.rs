@@ -57,10 +57,10 @@ knob::knobs! {
             {estimate: RefusedUnless(Is(&["hashed"]), "sets by position"), relax: Never},
         /// Requests to memory in flight.
         misses: u32 ["requests", Allowed::Range(1, 1024), "assumed: covers the latency of memory"]
-            {estimate: Used, relax: Room},
+            {estimate: RefusedUnless(AtLeast(2), "depths that wait one for the other"), relax: Room},
         /// Groups of quads between lookup and test, for the early and for the late tests each.
         fifo: u32 ["groups", Allowed::Range(1, 4096), "assumed: covers the latency of the second level; ATTILA bGPU.ini ZSTENCILTEST FetchQueueSize = 256 stamps"]
-            {estimate: Used, relax: Room},
+            {estimate: RefusedUnless(AtLeast(32), "depth tests with few quads in flight"), relax: Room},
         /// Cycles from lookup to test where the block is in the cache.
         latency: u32 ["cycles", Allowed::Range(1, 256), "assumed; ATTILA bGPU.ini ZALULatency = 2 and the queues before it"]
             {estimate: Used, relax: Latency},
@@ -78,10 +78,11 @@ knob::knobs! {
         recompress: bool ["", Allowed::Switch, "a compressor sees whole blocks; ATTILA's ROPCache writes a block that is uncompressed in memory uncompressed"]
             {estimate: RefusedUnless(Is(&["true"]), "blocks that stay raw"), relax: Never},
         /// Cycles from here to interpolation.
-        output_latency: u32 ["cycles", Allowed::Range(1, 64), "assumed: wires"] {estimate: Used, relax: Latency},
+        output_latency: u32 ["cycles", Allowed::Range(1, 64), "assumed: wires"]
+            {estimate: RefusedUnless(AtMost(32), "long ways behind depth tests"), relax: Latency},
         /// Groups of quads queued before interpolation.
         output_queue: u32 ["groups", Allowed::Range(2, 4096), "assumed; ATTILA bGPU.ini EarlyZTestedStampQueueSize = 32"]
-            {estimate: Used, relax: Room},
+            {estimate: RefusedUnless(AtLeast(4), "short queues behind depth tests"), relax: Room},
     }
 }
 

@@ -140,7 +140,7 @@ knob::knobs! {
             {estimate: Ignored("cycles hardly depend on it"), relax: Room},
         /// Parcels that a receiver has places for, for each sender.
         receive_queue: u32 ["parcels", Allowed::Range(1, 4096), "assumed: raster engines work on several tiles at a time; ATTILA bGPU.ini SetupFIFOSize = 32"]
-            {estimate: Used, relax: Room},
+            {estimate: RefusedUnless(AtLeast(16), "short queues behind the network that sorts"), relax: Room},
         /// Cycles from a receiver that gives places free to the sender that may use them; no matter in a point-to-point network.
         credit_latency: u32 ["cycles", Allowed::Range(2, 256), "assumed: the way back, without queues"]
             {estimate: Ignored("cycles hardly depend on it"), relax: Latency},

@@ -67,7 +67,7 @@ knob::knobs! {
             {estimate: RefusedUnless(Is(&["immediate"]), "frames that wait for a display or are copied to it"), relax: Never},
         /// Free-running: whether the run goes on until the last frame has been shown whole. If not, the display is switched off behind it.
         show_last: bool ["", Allowed::Switch, "assumed: who asks for the time of frames stops the clock with the last one"]
-            {estimate: Ignored("cycles hardly depend on it"), relax: Never},
+            {estimate: RefusedUnless(Is(&["false"]), "the time that the last frame is shown"), relax: Never},
         /// Free-running: bytes between memory and the screen.
         fifo: u32 ["bytes", Allowed::Range(512, 16_777_216), "assumed; ATTILA bGPU.ini DAC BlockRequestQueueSize = 32 blocks of 256 bytes"]
             {estimate: Ignored("cycles hardly depend on it"), relax: Room},

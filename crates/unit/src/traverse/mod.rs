@@ -83,7 +83,7 @@ knob::knobs! {
             {estimate: Used, relax: Latency},
         /// Groups of quads queued before the early depth test.
         queue: u32 ["groups", Allowed::Range(2, 4096), "assumed; ATTILA bGPU.ini EarlyZQueueSize = 256 stamps"]
-            {estimate: Used, relax: Room},
+            {estimate: RefusedUnless(AtLeast(8), "short queues behind traversal"), relax: Room},
         /// Whether blocks are tested against the hierarchical Z buffer.
         hierarchical_z: bool ["", Allowed::Switch, "assumed; ATTILA bGPU.ini DisableHZ = FALSE"]
             {estimate: Used, relax: Skip(&[("true", "hierarchical Z")])},

@@ -51,6 +51,10 @@ pub struct DrawProfile {
     pub vertex_bytes: u64,
     /// Attributes of a vertex.
     pub attributes: u64,
+    /// Streams of attributes: those that lie between each other are one.
+    pub streams: u64,
+    /// Lines that a vertex touches in its streams, if it shares none with the vertex before, in 64ths.
+    pub stream_lines: u64,
     /// Vertices shaded behind a cache of as many as [`REUSE`] says.
     pub shaded_vertices: [u64; REUSE.len()],
     /// Vertices shaded in batches of at most [`BATCH`] vertices and indices.

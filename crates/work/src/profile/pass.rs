@@ -138,6 +138,9 @@ impl OpenPass {
                 streams.push((attribute.address, attribute.stride, attribute.step == StepMode::Instance));
             }
         }
+        // Vertices whose strides do not divide a line may lie across two.
+        let lines =
+            |&(_, stride, _): &(u64, u64, bool)| LINE + if LINE.is_multiple_of(stride) { 0 } else { stride.min(LINE) - 1 };
         let targets = (0..).zip(&draw.targets).filter(|(_, target)| target.as_ref().is_some_and(|t| t.write_mask != 0));
         self.memory.written = targets.map(|(at, _)| at).collect();
         let replaces = |target: &Target| target.blend.is_none() && target.write_mask & 15 == 15;
@@ -155,6 +158,8 @@ impl OpenPass {
         draws.push(DrawProfile {
             number: draw.number,
             attributes: draw.attributes.len() as u64,
+            streams: streams.len() as u64,
+            stream_lines: streams.iter().map(lines).sum(),
             vertex_bytes: streams.iter().map(|s| s.1).sum::<u64>().min(draw.attributes.iter().map(line).sum()),
             registers: StageMap::from_fn(|stage| draw.shape(stage).registers),
             varyings: u64::from(draw.shape(Stage::Fragment).inputs),
