@@ -12,7 +12,7 @@ use crate::accuracy::references::{Manifest, Standing, TOLERANCE as TOLERANCE_OF_
 use crate::host;
 use crate::host::{Links, one_line};
 use crate::machine::config::BUILT_IN;
-use crate::num::Limits;
+use crate::num::{Limits, nearest};
 use crate::picture::{self, Difference, TOLERANCE};
 use crate::report::compare::{self, Banks, Leaves, Size, StatisticDifference};
 use crate::report::owned::check_replaceable;
@@ -125,8 +125,21 @@ fn refuse_ignored(arguments: &Arguments, kind: Kind) -> Result<()> {
     }
 }
 
+/// What is not there is of no kind.
+fn exists(path: &Path) -> Result<()> {
+    if path.exists() || Kind::of(path) != Kind::Image || path.extension().is_some() {
+        return Ok(());
+    }
+    let names = BUILT_IN.iter().map(|(name, _)| *name);
+    let nearest = nearest(names, &path.to_string_lossy()).map_or(String::new(), |name| format!("; {name} is the nearest"));
+    bail!("there is no {}: neither a file or folder nor a built-in configuration{nearest}", path.display());
+}
+
 pub fn run(arguments: &Arguments) -> Result<Verdict> {
     let (a, b) = (arguments.a.as_path(), arguments.b.as_path());
+    for path in [a, b] {
+        exists(path)?;
+    }
     if Kind::of(a) == Kind::of(b) {
         refuse_ignored(arguments, Kind::of(a))?;
     }

@@ -43,6 +43,7 @@ mod scenes;
 mod shortcuts;
 #[cfg(feature = "accuracy")]
 mod skips;
+mod suggest;
 mod sweep;
 mod threads;
 mod why;
@@ -51,7 +52,7 @@ use std::io::{ErrorKind, Write};
 use std::process::{ExitCode, exit};
 
 use anyhow::Result;
-use clap::{Parser, Subcommand};
+use clap::{CommandFactory, Parser, Subcommand};
 
 use crate::host::{Fence, excerpt, is_obeyed};
 use crate::num::OUR_FAULT;
@@ -182,7 +183,8 @@ pub fn main() -> ExitCode {
     let arguments = match Arguments::try_parse() {
         Ok(arguments) => arguments,
         // What is wrong repeats the arguments; help is ours alone.
-        Err(wrong) if wrong.use_stderr() => {
+        Err(mut wrong) if wrong.use_stderr() => {
+            suggest::correct(&mut wrong, &Arguments::command());
             eprintln!("{}", wrong.to_string().trim_end());
             return ExitCode::from(2);
         }

@@ -177,6 +177,20 @@ impl Glossary {
         };
         self.0.iter().filter(|(pattern, ..)| fits(pattern)).find_map(|(.., list)| list.iter().find(|d| d.name == name))
     }
+
+    /// The path in tables that is meant by one that [`Glossary::find`] does not find.
+    pub fn nearest(&self, path: &str) -> Option<String> {
+        // A name that a configuration gives is taken from the path.
+        let named =
+            |(at, step): (usize, &str)| if step == "NAME" { path.split('.').nth(at).unwrap_or(step) } else { step }.to_owned();
+        let path_of = |pattern: &str, name: &str| {
+            let place = pattern.replace("[i]", "");
+            place.split('.').filter(|step| !step.is_empty()).chain([name]).enumerate().map(named).collect::<Vec<_>>().join(".")
+        };
+        let paths: Vec<String> =
+            self.0.iter().flat_map(|(pattern, _, list)| list.iter().map(move |d| path_of(pattern, d.name))).collect();
+        num::nearest(paths.iter().map(String::as_str), path).map(str::to_owned)
+    }
 }
 
 /// `docs/data/statistics.md`

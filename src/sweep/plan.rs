@@ -220,7 +220,8 @@ fn measures(experiment: &Experiment) -> Result<Vec<(String, Formula)>> {
         let formula = Formula::parse(formula).map_err(|reason| anyhow!("the measure `{text}` {reason}"))?;
         for path in formula.reads() {
             if glossary.find(path).is_none() {
-                bail!("the measure `{text}` reads {path}, which is no statistic; docs/data/statistics.md lists them");
+                let nearest = glossary.nearest(path).map_or(String::new(), |nearest| format!("; {nearest} is the nearest"));
+                bail!("the measure `{text}` reads {path}, which is no statistic{nearest}; docs/data/statistics.md lists them");
             }
             // Both are kept whatever else is.
             if !matches!(path, "cycles" | "seconds") && !keep.keeps(path) {

@@ -505,6 +505,31 @@ fn accuracy_lists_its_targets_and_fails_with_a_fault() {
 }
 
 #[test]
+fn a_name_that_is_not_complete_or_misspelt_is_answered_with_the_one_meant() {
+    for (arguments, meant) in [
+        (&["replay", "traces/cube", "--set", "texture.cach=8"][..], "; texture.cache_ways is the nearest"),
+        (&["replay", "traces/cube", "--config", "tinny"], "; tiny is the nearest; built in are baseline"),
+        (&["replay", "traces/cube", "--config", "basel"], "; baseline is the nearest"),
+        (
+            &["compare", "basel", "tiny"],
+            "there is no basel: neither a file or folder nor a built-in configuration; baseline is the",
+        ),
+        (
+            &["sweep", "traces/cube", "--measure", "caches.texture.mis", "--vary", "core.warps=1,2", "--out", "/dev/null/x"],
+            "; caches.texture.misses is the nearest",
+        ),
+        (&["repla"], "a similar subcommand exists: 'replay'"),
+        (&["whi"], "a similar subcommand exists: 'why'"),
+        (&["replay", "traces/cube", "--ot", "out"], "a similar argument exists: '--out'"),
+        (&["replay", "traces/cube", "--time-l", "3s"], "a similar argument exists: '--time-limit'"),
+        (&["replay", "traces/cube", "--fidelity", "func"], "a similar value exists: 'functional'"),
+    ] {
+        let (code, _, message) = run(arguments);
+        assert!(code == 2 && message.contains(meant), "{arguments:?}: {message}");
+    }
+}
+
+#[test]
 fn a_reader_who_goes_away_is_no_error() {
     let (reader, writer) = std::io::pipe().expect("a pipe");
     drop(reader);

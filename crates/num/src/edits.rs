@@ -16,12 +16,15 @@ pub fn edits(a: &str, b: &str) -> usize {
     row[b.len()]
 }
 
-/// The name with the fewest edits from one that is not among them, if they are at most a third of its characters, or one: with more of
-/// them another name is meant, or none.
+/// The name that is meant by one that is not among them: the shortest that begins with at least two given characters. Else the name with the
+/// fewest edits, if they are at most a third of the given characters, or one: with more of them another name is meant, or none.
 pub fn nearest<'a>(names: impl IntoIterator<Item = &'a str>, given: &str) -> Option<&'a str> {
-    let most = (given.chars().count() / 3).max(1);
-    let measured = names.into_iter().map(|name| (edits(name, given), name));
-    measured.filter(|(distance, _)| *distance <= most).min_by_key(|(distance, _)| *distance).map(|(_, name)| name)
+    let length = given.chars().count();
+    let measured = names.into_iter().filter_map(|name| {
+        let (begins, distance) = (length >= 2 && name.starts_with(given), edits(name, given));
+        (begins || distance <= (length / 3).max(1)).then_some((!begins, distance, name))
+    });
+    measured.min_by_key(|&(differs, distance, _)| (differs, distance)).map(|(.., name)| name)
 }
 
 #[cfg(test)]
@@ -38,6 +41,10 @@ mod tests {
         // One edit is always few.
         assert_eq!(nearest(["id"], "ix"), Some("id"));
         assert_eq!(nearest([], "id"), None);
+        // A name that is not complete is no other name.
+        assert_eq!(nearest(["cone", "cache_lines", "cache"], "cac"), Some("cache"));
+        assert_eq!(nearest(["texture.fifo", "texture.cache_lines"], "texture.cach"), Some("texture.cache_lines"));
+        assert_eq!(nearest(["cache"], "c"), None);
         // Characters, not bytes.
         assert_eq!(nearest(["abc"], "äöü"), None);
     }

@@ -63,10 +63,11 @@ pub const BUILT_IN: &[(&str, &str)] = &[
     ("radeon-x700-xt", include_str!("../../../../configs/radeon-x700-xt.ron")),
 ];
 
-/// Their names, as messages list them.
-fn built_in_names() -> String {
+/// What a message about a configuration that is not there ends with: the nearest name, and all names.
+fn built_in_names(given: &str) -> String {
     let names: Vec<&str> = BUILT_IN.iter().map(|(name, _)| *name).collect();
-    names.split_last().map_or(String::new(), |(last, rest)| format!("{} and {last}", rest.join(", ")))
+    let nearest = num::nearest(names.iter().copied(), given).map_or(String::new(), |name| format!("; {name} is the nearest"));
+    names.split_last().map_or(String::new(), |(last, rest)| format!("{nearest}; built in are {} and {last}", rest.join(", ")))
 }
 
 /// What is wrong with a configuration.
@@ -111,7 +112,7 @@ pub enum ConfigError {
         key: String,
     },
     /// The configuration that is extended is not there.
-    #[error("{file}: there is no configuration {name}; built in are {}", built_in_names())]
+    #[error("{file}: there is no configuration {name}{}", built_in_names(name))]
     Unknown {
         /// The file or name that names it.
         file: String,
