@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Result, anyhow, bail};
 use image::DynamicImage;
-use serde_json::Value;
+use serde_json::{Map, Value, json};
 
 use super::reading::Limiting;
 use super::{Verdict, configs};
@@ -15,6 +15,7 @@ use crate::machine::config::BUILT_IN;
 use crate::num::{Limits, nearest};
 use crate::picture::{self, Difference, TOLERANCE};
 use crate::report::compare::{self, Banks, Leaves, Size, StatisticDifference};
+use crate::report::files::changed_json;
 use crate::report::owned::check_replaceable;
 
 /// Bytes of a statistics file at most: hours of frames.
@@ -52,6 +53,9 @@ pub struct Arguments {
     /// Statistics: what makes a change large; the largest come first [default: relative]
     #[arg(long, value_enum, value_name = "SIZE")]
     by: Option<By>,
+    /// Print one JSON document with all differences
+    #[arg(long, conflicts_with = "most")]
+    json: bool,
     #[command(flatten)]
     limiting: Limiting,
     /// Statistics: how many are shown; 0: all [default: 50]
@@ -65,6 +69,11 @@ enum By {
     Relative,
     /// The difference itself
     Absolute,
+}
+
+/// As `println`, where no JSON document is asked for.
+macro_rules! text {
+    ($arguments:expr, $($text:tt)*) => { if !$arguments.json { println!($($text)*) } };
 }
 
 /// What can be compared.
@@ -143,16 +152,18 @@ pub fn run(arguments: &Arguments) -> Result<Verdict> {
     if Kind::of(a) == Kind::of(b) {
         refuse_ignored(arguments, Kind::of(a))?;
     }
+    let mut document = Map::new();
     let same = match (Kind::of(a), Kind::of(b)) {
-        (Kind::Folder, Kind::Folder) => folders(arguments)?,
-        (Kind::Json, Kind::Json) | (Kind::Csv, Kind::Csv) => statistics(a, b, arguments)?,
-        (Kind::Configuration, Kind::Configuration) => configurations(a, b, arguments)?,
+        (Kind::Folder, Kind::Folder) => folders(arguments, &mut document)?,
+        (Kind::Json, Kind::Json) | (Kind::Csv, Kind::Csv) => statistics(a, b, arguments, &mut document)?,
+        (Kind::Configuration, Kind::Configuration) => configurations(a, b, arguments, &mut document)?,
         (Kind::Image, Kind::Image) => {
             if let Some(path) = &arguments.difference {
                 check_replaceable(path, picture::MARK, arguments.force)?;
             }
             let d = difference(a, b, &arguments.limiting.limits()?)?;
-            println!("{}", found(&d));
+            text!(arguments, "{}", found(&d));
+            document.insert("images".into(), json!([image_json(&b.display().to_string(), &d)]));
             if let Some(path) = &arguments.difference {
                 write(path, &d)?;
             }
@@ -160,12 +171,20 @@ pub fn run(arguments: &Arguments) -> Result<Verdict> {
         }
         (Kind::Configuration, Kind::Folder) if a.extension().is_some() => {
             refuse_ignored(arguments, Kind::Manifest)?;
+            if arguments.json {
+                bail!("--json does not apply to {}", Kind::Manifest.name());
+            }
             recordings(a, b, &arguments.limiting.limits()?)?
         }
         (x, y) => {
             bail!("{} is {}, and {} is {}: they are not of one kind", a.display(), x.name(), b.display(), y.name())
         }
     };
+    if arguments.json {
+        let mut whole = json!({ "same": same, "a": a.display().to_string(), "b": b.display().to_string() });
+        whole.as_object_mut().into_iter().for_each(|fields| fields.extend(std::mem::take(&mut document)));
+        super::say_json(&whole)?;
+    }
     Ok(if same { Verdict::Done } else { Verdict::Failed })
 }
 
@@ -221,32 +240,32 @@ fn outputs(folder: &Path) -> Result<Vec<String>> {
 }
 
 /// Two outputs of replay: their configurations, their statistics, and all images.
-fn folders(arguments: &Arguments) -> Result<bool> {
+fn folders(arguments: &Arguments, document: &mut Map<String, Value>) -> Result<bool> {
     let (a, b) = (arguments.a.as_path(), arguments.b.as_path());
     let (in_a, in_b) = (outputs(a)?, outputs(b)?);
     let both = |name: &str| in_a.iter().any(|n| n == name) && in_b.iter().any(|n| n == name);
     let mut same = true;
-    for (folder, names, others) in [(a, &in_a, &in_b), (b, &in_b, &in_a)] {
-        for name in names.iter().filter(|name| !others.contains(name)) {
-            println!("{name} is in {} only", folder.display());
-            same = false;
-        }
+    for (key, folder, names, others) in [("only_in_a", a, &in_a, &in_b), ("only_in_b", b, &in_b, &in_a)] {
+        let only: Vec<&String> = names.iter().filter(|name| !others.contains(name)).collect();
+        only.iter().for_each(|name| text!(arguments, "{name} is in {} only", folder.display()));
+        same &= only.is_empty();
+        document.insert(key.into(), json!(only));
     }
     if both("config.ron") {
-        same &= configurations(&a.join("config.ron"), &b.join("config.ron"), arguments)?;
+        same &= configurations(&a.join("config.ron"), &b.join("config.ron"), arguments, document)?;
     }
     // Both hold the same statistics, the second those of frames only.
     if let Some(name) = ["stats.json", "stats.csv"].into_iter().find(|name| both(name)) {
-        same &= statistics(&a.join(name), &b.join(name), arguments)?;
+        same &= statistics(&a.join(name), &b.join(name), arguments, document)?;
     }
     let limits = arguments.limiting.limits()?;
-    let (mut images, mut different) = (0, 0);
+    let (mut images, mut different) = (Vec::new(), 0);
     for name in in_a.iter().filter(|name| name.ends_with(".png") && both(name)) {
         let d = difference(&a.join(name), &b.join(name), &limits)?;
-        images += 1;
+        images.push(image_json(name, &d));
         if d.different > 0 {
             different += 1;
-            println!("{name}: {}", found(&d));
+            text!(arguments, "{name}: {}", found(&d));
             if let Some(folder) = &arguments.difference {
                 std::fs::create_dir_all(folder).with_context(|| format!("cannot make {}", folder.display()))?;
                 let path = folder.join(name);
@@ -256,7 +275,8 @@ fn folders(arguments: &Arguments) -> Result<bool> {
         }
         same &= fits(&d, arguments);
     }
-    println!("{different} of {images} images differ");
+    text!(arguments, "{different} of {} images differ", images.len());
+    document.insert("images".into(), images.into());
     Ok(same)
 }
 
@@ -273,6 +293,18 @@ fn difference(a: &Path, b: &Path, limits: &Limits) -> Result<Difference> {
     let rgba = |image: DynamicImage| if alpha { image } else { image.into_rgb8().into() }.into_rgba8();
     let images = (rgba(images.0), rgba(images.1));
     picture::compare(&images.0, &images.1).map_err(|reason| anyhow!("{} and {}: {reason}", a.display(), b.display()))
+}
+
+fn image_json(name: &str, d: &Difference) -> Value {
+    json!({
+        "image": name,
+        "pixels": d.pixels,
+        "different": d.different,
+        "off": d.off,
+        "largest": d.largest,
+        // Equal pictures have an infinite ratio, which JSON does not know.
+        "psnr": d.psnr.is_finite().then_some(d.psnr),
+    })
 }
 
 fn found(d: &Difference) -> String {
@@ -298,15 +330,16 @@ fn fits(d: &Difference, arguments: &Arguments) -> bool {
     100.0 * d.off_share() <= arguments.allow.unwrap_or(0.0)
 }
 
-fn configurations(a: &Path, b: &Path, arguments: &Arguments) -> Result<bool> {
+fn configurations(a: &Path, b: &Path, arguments: &Arguments, document: &mut Map<String, Value>) -> Result<bool> {
     let open = |path: &Path| configs::load(path.to_str().with_context(|| format!("{} is not UTF-8", path.display()))?, &[]);
     let mut found = compare::configurations(&open(a)?, &open(b)?);
     found.retain(|d| arguments.only.as_ref().is_none_or(|only| d.path.starts_with(only.as_str())));
     let width = found.iter().map(|d| d.path.len()).max().unwrap_or(0);
     for d in &found {
-        println!("{:<width$}  {} -> {}", d.path, d.a, d.b);
+        text!(arguments, "{:<width$}  {} -> {}", d.path, d.a, d.b);
     }
-    println!("{}", counted(found.len(), "knob"));
+    text!(arguments, "{}", counted(found.len(), "knob"));
+    document.insert("knobs".into(), changed_json(&found));
     Ok(found.is_empty())
 }
 
@@ -315,7 +348,7 @@ fn counted(n: usize, what: &str) -> String {
     if n == 1 { format!("1 {what} differs") } else { format!("{n} {what}s differ") }
 }
 
-fn statistics(a: &Path, b: &Path, arguments: &Arguments) -> Result<bool> {
+fn statistics(a: &Path, b: &Path, arguments: &Arguments, document: &mut Map<String, Value>) -> Result<bool> {
     let open = |path: &Path| -> Result<Leaves> {
         let text = host::read_text(path, TEXT_MAX).with_context(|| format!("cannot read {}", path.display()))?;
         let not = || format!("{} is not a statistics file", path.display());
@@ -343,6 +376,10 @@ fn statistics(a: &Path, b: &Path, arguments: &Arguments) -> Result<bool> {
             Some(By::Absolute) => Size::Absolute,
         },
     );
+    document.insert("statistics".into(), found.iter().map(statistic_json).collect());
+    if arguments.json {
+        return Ok(all == 0);
+    }
     // Frames repeat what is in the total.
     let of_frames = |d: &StatisticDifference| d.path.starts_with("frames[");
     let mut frames = 0;
@@ -361,6 +398,11 @@ fn statistics(a: &Path, b: &Path, arguments: &Arguments) -> Result<bool> {
     }
     println!("{}", counted(all, "statistic"));
     Ok(all == 0)
+}
+
+/// A difference, whose values are null in a file that lacks the statistic.
+fn statistic_json(d: &StatisticDifference) -> Value {
+    json!({ "path": d.path, "a": d.a, "b": d.b, "absolute": d.absolute(), "relative": d.relative() })
 }
 
 /// A line for each difference: path, values, change, relative change.

@@ -39,7 +39,7 @@ pub fn run(arguments: &Arguments) -> Result<Verdict> {
         std::fs::create_dir_all(out).with_context(|| format!("cannot create {}", out.display()))?;
         trace::write(&trace, out).inspect_err(|_| remove(&trace, out, is_new))?;
     }
-    println!("{}", out.display());
+    tell!("{}", out.display());
     Ok(super::reading::verdict(&trace))
 }
 

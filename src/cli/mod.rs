@@ -10,6 +10,11 @@ macro_rules! println {
     ($($text:tt)*) => { $crate::cli::say(format_args!("{}\n", format_args!($($text)*))) };
 }
 
+/// As [`println`], of a summary that `--quiet` leaves out.
+macro_rules! tell {
+    ($($text:tt)*) => { if !$crate::cli::is_quiet() { println!($($text)*) } };
+}
+
 /// As the standard one; what is said comes from others too, and must not steer a terminal.
 macro_rules! eprintln {
     ($($text:tt)*) => { $crate::cli::complain(format_args!($($text)*)) };
@@ -50,6 +55,7 @@ mod why;
 
 use std::io::{ErrorKind, Write};
 use std::process::{ExitCode, exit};
+use std::sync::atomic::{AtomicBool, Ordering};
 
 use anyhow::Result;
 use clap::{CommandFactory, Parser, Subcommand};
@@ -64,6 +70,9 @@ use host::is_guarded;
 struct Arguments {
     #[command(subcommand)]
     command: Command,
+    /// No progress, no summary, no notes and warnings: results and errors only
+    #[arg(short, long, global = true)]
+    quiet: bool,
 }
 
 #[derive(Subcommand)]
@@ -102,6 +111,14 @@ const READER_GONE: i32 = 141;
 /// Bytes of a message at most: one that quotes a file of gigabytes is of no use.
 const MESSAGE_MAX: usize = 16 << 10;
 
+/// Whether `--quiet` is given.
+static QUIET: AtomicBool = AtomicBool::new(false);
+
+/// Whether summaries, progress, notes and warnings are left out.
+fn is_quiet() -> bool {
+    QUIET.load(Ordering::Relaxed)
+}
+
 /// Writes to the standard output, with control characters escaped: labels and file names come from the trace. Where no process
 /// reads on (`fillrate replay … | head`), the program ends without a word.
 fn say(text: std::fmt::Arguments<'_>) {
@@ -136,9 +153,12 @@ fn say_json(value: &impl serde::Serialize) -> Result<()> {
     Ok(())
 }
 
-/// Writes a line to the standard error, with control characters escaped.
+/// Writes a line to the standard error, with control characters escaped. Errors alone if `--quiet` is given.
 fn complain(text: std::fmt::Arguments<'_>) {
     let text = text.to_string();
+    if is_quiet() && ["warning: ", "note: "].iter().any(|kind| text.starts_with(kind)) {
+        return;
+    }
     // There is no other place to report that this fails.
     let _ = Fence::print(std::io::stderr().lock(), format_args!("{}\n", excerpt(&text, MESSAGE_MAX)));
 }
@@ -194,6 +214,7 @@ pub fn main() -> ExitCode {
             return ExitCode::SUCCESS;
         }
     };
+    QUIET.store(arguments.quiet, Ordering::Relaxed);
     let result = run(&arguments.command);
     flush();
     match result {

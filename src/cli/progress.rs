@@ -15,9 +15,9 @@ use crate::run::replay::Ended;
 use crate::trace::command::Command;
 use crate::trace::{Trace, TraceError};
 
-/// A spinner on a terminal, nothing elsewhere.
+/// A spinner on a terminal, nothing elsewhere or with `--quiet`.
 pub fn bar(template: &str) -> ProgressBar {
-    if !std::io::stderr().is_terminal() {
+    if super::is_quiet() || !std::io::stderr().is_terminal() {
         return ProgressBar::hidden();
     }
     let style = ProgressStyle::with_template(template).unwrap_or_else(|_| ProgressStyle::default_spinner());

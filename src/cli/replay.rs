@@ -94,6 +94,9 @@ pub struct Arguments {
     /// Report every draw of a pass: draws.csv, and draws in stats.json (cycle and sampled)
     #[arg(long)]
     per_draw: bool,
+    /// Print one JSON document with all that the report says, and all statistics over the frames
+    #[arg(long)]
+    json: bool,
     /// Which clock drives the units; every statistic is the same under both [default: skip-idle]
     #[arg(long, value_enum)]
     clock: Option<ClockName>,
@@ -379,34 +382,45 @@ pub fn run(arguments: &Arguments) -> Result<Verdict> {
             report::Subject { statistics, picture, config: Some(options.config.clone()), command: Some(report::given()) };
         subject.write(path, Some(&trace), arguments.why)?;
     }
-    if nothing {
-        println!(
+    if arguments.json {
+        let mut document = terminal::json(&done, &mut seen, &options, &about);
+        document["draws_nothing"] = nothing.into();
+        super::say_json(&document)?;
+    } else if nothing {
+        tell!(
             "{name}: nothing is drawn: the trace has no pass and presents nothing, so that there is no picture and nothing to time"
         );
     } else {
-        println!("{name} on {}: {}", options.config.name, terminal::report(&done, &mut seen, &options, &changed));
+        tell!("{name} on {}: {}", options.config.name, terminal::report(&done, &mut seen, &options, &changed));
         if without_picture.is_some_and(|summary| summary.render_passes == 0 && summary.presented.is_none()) {
-            println!("there is no picture: no pass draws, and nothing is presented");
+            tell!("there is no picture: no pass draws, and nothing is presented");
         }
     }
-    if let Some(out) = &arguments.out {
-        println!("written to {}", out.display());
-    }
-    if let Some(path) = &arguments.report {
-        println!("the page: {}", path.display());
-    }
-    if let (Some(path), Some(recorder)) = (&arguments.timeline, &recorder) {
-        println!(
-            "the timeline: {}, read every {} cycles; open it at https://ui.perfetto.dev",
-            path.display(),
-            recorder.interval()
-        );
+    if !arguments.json {
+        written(arguments, recorder.as_ref());
     }
     if let Some(fault) = fault(&options.config, wrong_pixels(&done.total)) {
         eprintln!("error: {fault}");
         return Ok(Verdict::Failed);
     }
     Ok(super::reading::verdict(&trace))
+}
+
+/// Names the files that are left.
+fn written(arguments: &Arguments, recorder: Option<&Timeline>) {
+    if let Some(out) = &arguments.out {
+        tell!("written to {}", out.display());
+    }
+    if let Some(path) = &arguments.report {
+        tell!("the page: {}", path.display());
+    }
+    if let (Some(path), Some(recorder)) = (&arguments.timeline, recorder) {
+        tell!(
+            "the timeline: {}, read every {} cycles; open it at https://ui.perfetto.dev",
+            path.display(),
+            recorder.interval()
+        );
+    }
 }
 
 #[cfg(test)]

@@ -234,7 +234,7 @@ fn write_plots(folder: &Path, plots: &[(String, String)]) -> Result<()> {
         let path = folder.join(format!("{name}.svg"));
         host::write_file(&path, host::printable(svg).as_bytes()).with_context(|| format!("cannot write {}", path.display()))?;
     }
-    println!("{} plots written to {}", plots.len(), folder.display());
+    tell!("{} plots written to {}", plots.len(), folder.display());
     Ok(())
 }
 
@@ -251,7 +251,7 @@ fn sweep(arguments: &Arguments, out: &Path) -> Result<Verdict> {
     if arguments.plots {
         write_plots(folder, &html::plots(&sweep))?;
     }
-    println!("the page: {}", out.display());
+    tell!("the page: {}", out.display());
     Ok(Verdict::Done)
 }
 
@@ -303,6 +303,6 @@ pub fn run(arguments: &Arguments) -> Result<Verdict> {
     if arguments.plots {
         write_plots(folder, &plots::replay(&subject.statistics, subject.config.as_ref()))?;
     }
-    println!("the page: {}", out.display());
+    tell!("the page: {}", out.display());
     Ok(verdict)
 }

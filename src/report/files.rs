@@ -22,19 +22,16 @@ pub struct About {
 }
 
 /// The changed knobs by path, each with its value in the named configuration and in this run.
-fn changed_json(changed: &[KnobDifference]) -> Value {
+pub fn changed_json(changed: &[KnobDifference]) -> Value {
     // Numbers, texts and truth values are the same in RON and in JSON; what is not is kept as text.
     let value = |ron: &str| serde_json::from_str(ron).unwrap_or_else(|_| Value::String(ron.to_owned()));
     let knob = |d: &KnobDifference| (d.path.clone(), json!({ "from": value(&d.a), "to": value(&d.b) }));
     Value::Object(changed.iter().map(knob).collect::<Map<_, _>>())
 }
 
-/// `stats.json` up to its first frame: what it is of, and the statistics over all frames.
-///
-/// # Errors
-/// If it cannot be written as JSON.
-pub fn json_head(about: &About, total: &Tree) -> serde_json::Result<String> {
-    let mut head = serde_json::to_string_pretty(&json!({
+/// What statistics are of, and the statistics over all frames.
+pub fn head(about: &About, total: &Tree) -> Value {
+    json!({
         "version": VERSION,
         "fillrate": env!("CARGO_PKG_VERSION"),
         "trace": about.trace,
@@ -42,7 +39,15 @@ pub fn json_head(about: &About, total: &Tree) -> serde_json::Result<String> {
         "changed_knobs": changed_json(&about.changed),
         "fidelity": about.fidelity,
         "total": total.json(),
-    }))?;
+    })
+}
+
+/// `stats.json` up to its first frame.
+///
+/// # Errors
+/// If it cannot be written as JSON.
+pub fn json_head(about: &About, total: &Tree) -> serde_json::Result<String> {
+    let mut head = serde_json::to_string_pretty(&head(about, total))?;
     // The object goes on.
     head.truncate(head.strip_suffix("\n}").unwrap_or(&head).len());
     head.push_str(",\n  \"frames\": [");

@@ -2,11 +2,15 @@
 
 use std::fmt::Write;
 
+use serde_json::{Value, json};
+
 use super::compare::KnobDifference;
+use super::files::{About, head};
 use super::summary::{self, Phases, Pictures};
 use crate::num::Cycle;
 use crate::run::bound::STATED_ERRORS;
 use crate::run::replay::{Fidelity, Frame, Options, Outcome};
+use crate::run::sample::Margin;
 use crate::work::{FUNNEL, Funnel, Surface};
 
 /// Draws that are listed.
@@ -20,7 +24,14 @@ pub struct Seen {
     phases: Phases,
     pictures: Option<Pictures>,
     /// The draws that took most cycles, those first.
-    draws: Vec<(Cycle, String)>,
+    draws: Vec<Slowest>,
+}
+
+/// One of the draws that took most cycles.
+struct Slowest {
+    cycles: Cycle,
+    line: String,
+    json: Value,
 }
 
 impl Seen {
@@ -36,13 +47,22 @@ impl Seen {
         }
         for phase in &frame.phases {
             for draw in &phase.draws {
-                let place = self.draws.partition_point(|(cycles, _)| *cycles >= draw.cycles);
+                let place = self.draws.partition_point(|other| other.cycles >= draw.cycles);
                 if place < DRAWS && draw.cycles > 0 {
-                    self.draws.insert(place, (draw.cycles, summary::draw(frame.number, &phase.phase, draw)));
+                    let line = summary::draw(frame.number, &phase.phase, draw);
+                    let json = summary::draw_json(frame.number, &phase.phase, draw);
+                    self.draws.insert(place, Slowest { cycles: draw.cycles, line, json });
                     self.draws.truncate(DRAWS);
                 }
             }
         }
+    }
+
+    /// Takes over what limits each phase.
+    fn limit(&mut self, done: &Outcome) {
+        let mut estimated = Phases::default();
+        done.limits.iter().for_each(|phases| estimated.add(phases));
+        self.phases.limit(&estimated);
     }
 
     /// Whether a frame that has left shows a picture.
@@ -80,9 +100,7 @@ pub fn report(done: &Outcome, seen: &mut Seen, options: &Options, changed: &[Kno
         return out + &format!("host: {all:.3} s in all");
     };
     if !seen.phases.is_empty() {
-        let mut estimated = Phases::default();
-        done.limits.iter().for_each(|phases| estimated.add(phases));
-        seen.phases.limit(&estimated);
+        seen.limit(done);
         let mut text = seen.phases.text(12);
         if seen.phases.limited() {
             text.push_str("  limit: the unit that takes longest by estimate; `fillrate why` proves what holds a frame back\n");
@@ -93,7 +111,7 @@ pub fn report(done: &Outcome, seen: &mut Seen, options: &Options, changed: &[Kno
         section("Where the cycles went, one phase after another", &text);
     }
     if !seen.draws.is_empty() {
-        let lines: Vec<&str> = seen.draws.iter().map(|(_, line)| line.as_str()).collect();
+        let lines: Vec<&str> = seen.draws.iter().map(|draw| draw.line.as_str()).collect();
         section("The draws that took most, from one retirement to the next", &lines.concat());
     }
     if options.fidelity.name() != Fidelity::Bound.name() {
@@ -105,6 +123,36 @@ pub fn report(done: &Outcome, seen: &mut Seen, options: &Options, changed: &[Kno
         section("What is estimated", &summary::sampled(sampled));
     }
     out + &times(done, cycles, seen, options)
+}
+
+/// What [`report`] says, as one JSON document: all statistics, phases and draws.
+pub fn json(done: &Outcome, seen: &mut Seen, options: &Options, about: &About) -> Value {
+    seen.limit(done);
+    let mut document = head(about, &done.total);
+    let Some(fields) = document.as_object_mut() else { return document };
+    let total = fields.shift_remove("total");
+    let frames = done.sampled.as_ref().map_or(seen.frames as u64, |sampled| sampled.frames);
+    let seconds = done.cycles.map(|cycles| options.config.seconds(cycles));
+    let said = json!({
+        "frame_count": frames,
+        "frames_reported": seen.frames,
+        "cycles": done.cycles,
+        "seconds": seconds,
+        "frames_per_second": seconds.filter(|&seconds| seconds > 0.0).map(|seconds| frames as f64 / seconds),
+        "cycles_of_drawing": done.cycles.map(|_| seen.phases.drawing()),
+        "frames_per_run": done.frames_per_run,
+        "phases": seen.phases.json(),
+        "slowest_draws": seen.draws.iter().map(|draw| draw.json.clone()).collect::<Value>(),
+        "estimates": done.sampled.as_ref().map(|sampled| {
+            let estimate = |m: &Margin| json!({ "of": m.of.to_string(), "value": m.value, "margin": m.margin });
+            sampled.margins.iter().map(estimate).collect::<Value>()
+        }),
+        "host_seconds": done.clock_time.as_secs_f64(),
+        "host_seconds_of_machine": done.machine_time.as_secs_f64(),
+    });
+    fields.extend(said.as_object().into_iter().flatten().map(|(name, value)| (name.clone(), value.clone())));
+    fields.extend(total.map(|total| ("total".to_owned(), total)));
+    document
 }
 
 /// The knobs that differ from the named configuration, a line each.

@@ -529,6 +529,62 @@ fn a_name_that_is_not_complete_or_misspelt_is_answered_with_the_one_meant() {
     }
 }
 
+/// Runs with exit code `expected`. Returns the one document on standard output.
+fn document(expected: i32, arguments: &[&str]) -> serde_json::Value {
+    let (code, text, message) = run(arguments);
+    assert_eq!(code, expected, "{arguments:?}: {message}");
+    serde_json::from_str(&text).unwrap_or_else(|reason| panic!("{reason}: {text}"))
+}
+
+#[test]
+fn replay_and_compare_answer_in_json() {
+    let out = tempfile::tempdir().expect("a folder");
+    let (a, b) = (out.path().join("a").display().to_string(), out.path().join("b").display().to_string());
+    let replay = ["replay", "traces/triangle", "--config", "tiny", "--json", "--out"];
+    let said = document(0, &[&replay[..], &[&a, "--per-draw"]].concat());
+    let text = fs::read_to_string(out.path().join("a/stats.json")).expect("statistics");
+    let left: serde_json::Value = serde_json::from_str(&text).expect("JSON");
+    for same in ["version", "trace", "config", "changed_knobs", "fidelity", "total"] {
+        assert_eq!(said[same], left[same], "{same}");
+    }
+    let cycles = left["total"]["cycles"].as_f64();
+    assert_eq!((&said["frame_count"], said["cycles"].as_f64()), (&1.into(), cycles));
+    let phases = said["phases"].as_array().expect("phases");
+    assert_eq!(phases.iter().map(|phase| phase["cycles"].as_f64().expect("cycles")).sum::<f64>(), cycles.expect("cycles"));
+    assert!(said["slowest_draws"].as_array().is_some_and(|draws| !draws.is_empty()), "{said}");
+
+    document(0, &[&replay[..], &[&b, "--set", "setup.latency=30"]].concat());
+    let found = document(1, &["compare", &a, &b, "--json"]);
+    assert_eq!(found["same"], false);
+    assert_eq!(found["knobs"]["setup.latency"]["to"], 30);
+    assert!(found["statistics"].as_array().is_some_and(|all| all.iter().any(|d| d["path"] == "total.cycles")), "{found}");
+    assert_eq!((&found["images"][0]["image"], &found["images"][0]["different"]), (&"frame-0000.png".into(), &0.into()));
+    let same = document(0, &["compare", &format!("{a}/frame-0000.png"), &format!("{b}/frame-0000.png"), "--json"]);
+    assert_eq!((&same["same"], &same["images"][0]["psnr"]), (&true.into(), &serde_json::Value::Null));
+    // Errors leave standard output empty.
+    let (code, text, message) = run(&["replay", "traces/nothing", "--json"]);
+    assert!(code == 2 && text.is_empty() && message.starts_with("error: "), "{text}{message}");
+}
+
+#[test]
+fn quiet_leaves_results_and_errors() {
+    let out = tempfile::tempdir().expect("a folder");
+    let folder = |name: &str| out.path().join(name).display().to_string();
+    let warned = ["replay", "traces/triangle", "--config", "tiny", "--set", "core.vertex_warps=3"];
+    for (arguments, code) in [
+        (&[&warned[..], &["--out", &folder("replay"), "--report", &folder("page.html")]].concat()[..], 0),
+        (&["sweep", "traces/triangle", "--config", "tiny", "--vary", "core.warps=2,3", "--out", &folder("sweep")], 0),
+        (&["import", "traces/triangle", "--out", &folder("trace.zip")], 0),
+        (&["report", &folder("sweep"), "--plots"], 0),
+    ] {
+        assert_eq!(run(&[arguments, &["--quiet"]].concat()), (code, String::new(), String::new()), "{arguments:?}");
+    }
+    assert!(out.path().join("sweep/report.md").exists() && out.path().join("replay/stats.json").exists());
+    assert_eq!(document(0, &["replay", "-q", "traces/triangle", "--config", "tiny", "--json"])["frame_count"], 1);
+    assert_eq!(run(&["-q", "configs", "tiny"]), run(&["configs", "tiny"]));
+    assert!(refused(&["-q", "replay", "traces/nothing"]).contains("traces/nothing"));
+}
+
 #[test]
 fn a_reader_who_goes_away_is_no_error() {
     let (reader, writer) = std::io::pipe().expect("a pipe");

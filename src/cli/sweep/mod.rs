@@ -272,10 +272,10 @@ pub fn run(arguments: &Arguments) -> Result<Verdict> {
     let took = run_shard(out, &sweep, screened.as_deref())?;
     bar.finish_and_clear();
     match took {
-        None => println!("{} had ended before", shard.file(out).display()),
+        None => tell!("{} had ended before", shard.file(out).display()),
         Some(took) => {
             let seconds = (started.elapsed() - screen_time).as_secs_f64();
-            println!(
+            tell!(
                 "{} machines simulated in {seconds:.1} s ({:.1} a minute), {} renderings, at most {} of work kept",
                 took.machines,
                 60.0 * took.machines as f64 / seconds.max(1e-9),
@@ -283,12 +283,12 @@ pub fn run(arguments: &Arguments) -> Result<Verdict> {
                 crate::report::summary::bytes(took.kept_bytes as f64)
             );
             if screened.is_some() {
-                println!("{} machines estimated in {:.1} s", plan.len(), screen_time.as_secs_f64());
+                tell!("{} machines estimated in {:.1} s", plan.len(), screen_time.as_secs_f64());
             }
         }
     }
     if shard.of > 1 {
-        println!("shard {} of {}; when all have ended: fillrate sweep merge {}", shard.index, shard.of, out.display());
+        tell!("shard {} of {}; when all have ended: fillrate sweep merge {}", shard.index, shard.of, out.display());
         return Ok(complete);
     }
     let results = Results::open(&[out.to_owned()], 1)?;
@@ -436,8 +436,10 @@ fn finish(folder: &Path, mut results: Results, inputs: &Inputs, plan: &Plan, scr
         host::write_file(&path, host::printable(text).as_bytes())
             .with_context(|| format!("cannot write {}", path.display()))?;
     }
-    print!("\n{page}");
-    println!("\nwritten to {}", folder.display());
+    if !crate::cli::is_quiet() {
+        print!("\n{page}");
+    }
+    tell!("\nwritten to {}", folder.display());
     let faults: Vec<(u32, &String)> = sweep.machines.iter().filter_map(|own| Some((own.number, own.fault.as_ref()?))).collect();
     for (machine, fault) in &faults {
         eprintln!("error: machine {machine}: {fault}");

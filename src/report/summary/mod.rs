@@ -2,7 +2,7 @@
 
 mod phases;
 
-pub use phases::{Phases, draw};
+pub use phases::{Phases, draw, draw_json};
 
 use crate::machine::class::{Class, Sorted};
 use crate::machine::config::SortClass;

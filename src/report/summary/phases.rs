@@ -1,5 +1,7 @@
 //! Where the cycles of frames went: phases, and draws.
 
+use serde_json::{Value, json};
+
 use super::{bytes, grouped};
 use crate::host::one_line;
 use crate::machine::{DrawReport, PhaseReport};
@@ -79,6 +81,23 @@ impl Phases {
         self.lines.iter().filter(draws).map(|line| line.cycles).sum()
     }
 
+    /// All phases in order, as JSON.
+    pub fn json(&self) -> Value {
+        let line = |Line { phase, frames, cycles, shaded, bytes }: &Line| {
+            json!({
+                "kind": phase.kind.name(),
+                "number": phase.number,
+                "label": phase.label,
+                "frames": frames,
+                "cycles": cycles,
+                "dram_bytes": bytes,
+                "fragments_shaded": shaded,
+                "limit": phase.limit,
+            })
+        };
+        self.lines.iter().map(line).collect()
+    }
+
     /// The phases in order, those that took least left out; at most `most` lines.
     pub fn text(&self, most: usize) -> String {
         let lines = &self.lines;
@@ -116,6 +135,20 @@ impl Phases {
         }
         out
     }
+}
+
+/// A draw as JSON, with what its line says.
+pub fn draw_json(frame: u32, phase: &Phase, draw: &DrawReport) -> Value {
+    json!({
+        "frame": frame,
+        "phase": phase.to_string(),
+        "draw": draw.number,
+        "group": draw.group,
+        "label": draw.label,
+        "cycles": draw.cycles,
+        "dram_bytes": draw.counts.dram.read_bytes + draw.counts.dram.write_bytes,
+        "fragments_shaded": draw.counts.funnel.fragments_shaded,
+    })
 }
 
 /// A draw as a line: where it is, its cycles, what it shaded and moved.
