@@ -32,6 +32,7 @@ mod configs;
 mod estimates;
 mod import;
 mod inspect;
+mod interrupt;
 #[cfg(feature = "accuracy")]
 mod knobs;
 #[cfg(feature = "accuracy")]
@@ -215,6 +216,7 @@ pub fn main() -> ExitCode {
         }
     };
     QUIET.store(arguments.quiet, Ordering::Relaxed);
+    interrupt::watch();
     let result = run(&arguments.command);
     flush();
     match result {

@@ -10,6 +10,7 @@ use std::time::Duration;
 use anyhow::{Context, Result, bail};
 
 use super::Verdict;
+use super::interrupt::keeps;
 use super::progress::ProgressLine;
 use super::report::{self, Gathering};
 use super::threads::MOST;
@@ -333,6 +334,9 @@ pub fn run(arguments: &Arguments) -> Result<Verdict> {
         gathering.as_mut().map_or(Ok(()), |gathering| gathering.add(&frame))?;
         folder.as_mut().map_or(Ok(()), |folder| folder.put(frame))
     };
+    if let (Some(out), Images::All) = (&arguments.out, images) {
+        keeps(format!("the pictures of frames that have ended are kept in {}, without statistics", out.display()));
+    }
     let line = ProgressLine::begin(&watch, &trace, options.frames.clone());
     let progress = |ended| line.frame(ended);
     let done = match (&mut recorder, &pictures) {
@@ -371,6 +375,7 @@ pub fn run(arguments: &Arguments) -> Result<Verdict> {
     }
     if let Some(folder) = folder {
         folder.end(done.total.clone(), done.display.clone())?;
+        keeps("pictures and statistics are kept".into());
     }
     if let (Some(path), Some(recorder)) = (&arguments.timeline, &recorder) {
         recorder.check().context("--timeline-interval")?;

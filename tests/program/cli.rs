@@ -585,6 +585,59 @@ fn quiet_leaves_results_and_errors() {
     assert!(refused(&["-q", "replay", "traces/nothing"]).contains("traces/nothing"));
 }
 
+/// Runs the program until a file is there and not empty, and interrupts it as Ctrl-C does. Returns its exit code and standard error.
+#[cfg(target_os = "linux")]
+fn interrupted(arguments: &[&str], file: &Path) -> (Option<i32>, String) {
+    // A background job of a shell ignores the signal, and so would the program.
+    let process = std::process::Command::new("env")
+        .args(["--default-signal=INT", env!("CARGO_BIN_EXE_fillrate")])
+        .args(arguments)
+        .current_dir(env!("CARGO_MANIFEST_DIR"))
+        .stdout(std::process::Stdio::null())
+        .stderr(std::process::Stdio::piped())
+        .spawn()
+        .expect("the program starts");
+    let begun = std::time::Instant::now();
+    while !fs::metadata(file).is_ok_and(|file| file.len() > 0) && begun.elapsed().as_secs() < 60 {
+        std::thread::sleep(std::time::Duration::from_millis(5));
+    }
+    let sent = std::process::Command::new("kill").args(["-INT", &process.id().to_string()]).status().expect("a signal");
+    assert!(sent.success(), "it had ended before");
+    let output = process.wait_with_output().expect("it ends");
+    (output.status.code(), String::from_utf8_lossy(&output.stderr).into_owned())
+}
+
+#[cfg(target_os = "linux")]
+#[test]
+fn an_interrupted_command_says_what_is_kept_and_leaves_no_half_file() {
+    let home = tempfile::tempdir().expect("a folder");
+    let out = home.path().join("replay");
+    let folder = out.display().to_string();
+    let (code, message) = interrupted(&["replay", "traces/flight.zip", "--out", &folder], &out.join("frame-0000.png"));
+    assert_eq!(code, Some(130), "{message}");
+    assert_eq!(
+        message,
+        format!("interrupted: the pictures of frames that have ended are kept in {folder}, without statistics\n")
+    );
+    let names = fs::read_dir(&out).expect("a folder").map(|entry| entry.expect("an entry").file_name());
+    let parts: Vec<_> = names.filter(|name| name.to_string_lossy().ends_with(".part")).collect();
+    assert!(parts.is_empty(), "{parts:?}");
+
+    // What a sweep has measured is no half file: it goes on from there.
+    let out = home.path().join("sweep");
+    let folder = out.display().to_string();
+    let sweep = ["sweep", "traces/cube", "--vary", "core.warps=1..60", "--vary", "setup.latency=1..20", "--out", &folder];
+    let (code, message) = interrupted(&sweep, &out.join("shard-1-of-1.jsonl.part"));
+    assert_eq!(code, Some(130), "{message}");
+    let kept = message
+        .strip_prefix("interrupted: ")
+        .and_then(|text| text.strip_suffix(" of 1200 machines are kept; the same command goes on\n"));
+    let kept: usize = kept.and_then(|number| number.parse().ok()).unwrap_or_else(|| panic!("{message}"));
+    let lines = fs::read_to_string(out.join("shard-1-of-1.jsonl.part")).expect("results").lines().count();
+    // A result that was written when the signal came may not be counted, or not be complete.
+    assert!(kept > 0 && lines.abs_diff(kept) <= 64, "{kept} {lines}");
+}
+
 #[test]
 fn a_reader_who_goes_away_is_no_error() {
     let (reader, writer) = std::io::pipe().expect("a pipe");

@@ -1,11 +1,31 @@
 //! Writing files: complete, or not at all.
 
+use std::collections::BTreeSet;
 use std::ffi::OsString;
 use std::fs::{File, OpenOptions};
 use std::io::{self, BufWriter, Seek, Write};
 use std::path::{Path, PathBuf};
+use std::sync::{Mutex, MutexGuard, PoisonError};
 
 use tempfile::NamedTempFile;
+
+/// Files that are not complete.
+static PARTS: Mutex<BTreeSet<PathBuf>> = Mutex::new(BTreeSet::new());
+
+/// The files that are not complete. While they are held, none is added.
+fn parts() -> MutexGuard<'static, BTreeSet<PathBuf>> {
+    PARTS.lock().unwrap_or_else(PoisonError::into_inner)
+}
+
+/// Ends the program, whatever its threads do, without a file that [`replace`] or a [`Part`] has begun.
+pub fn exit_without_parts(code: i32) -> ! {
+    let parts = parts();
+    for part in parts.iter() {
+        // It may have moved to its place, and what cannot be removed stays.
+        let _ = std::fs::remove_file(part);
+    }
+    std::process::exit(code)
+}
 
 /// Writes a file beside its final place and then moves it there: under its name a file is complete, whenever the program ends. On an error
 /// nothing is left, and a file that was there before stays as it was.
@@ -15,6 +35,7 @@ use tempfile::NamedTempFile;
 pub fn replace<E: From<io::Error>>(path: &Path, fill: impl FnOnce(&mut BufWriter<File>) -> Result<(), E>) -> Result<(), E> {
     let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
     let part = new_part(folder)?;
+    let _unfinished = Unfinished(part.path().to_owned());
     let (file, place) = part.into_parts();
     // From here on the place removes the file unless it is kept.
     let mut file = BufWriter::new(file);
@@ -56,7 +77,9 @@ impl Part {
             _ => {}
         }
         // A link that somebody else has put there in the meantime is not followed.
+        let mut parts = parts();
         let file = OpenOptions::new().read(true).write(true).create_new(true).open(&part)?;
+        parts.insert(part.clone());
         Ok(Part { file: BufWriter::new(file), part, place: place.to_owned() })
     }
 
@@ -95,13 +118,26 @@ impl Drop for Part {
     fn drop(&mut self) {
         // It has moved, or nobody wants it.
         let _ = std::fs::remove_file(&self.part);
+        parts().remove(&self.part);
+    }
+}
+
+/// A name in the list of files that are not complete; dropped, it leaves the list.
+struct Unfinished(PathBuf);
+
+impl Drop for Unfinished {
+    fn drop(&mut self) {
+        parts().remove(&self.0);
     }
 }
 
 fn new_part(folder: &Path) -> io::Result<NamedTempFile> {
     // Opened here: the library's own files are their owner's alone, and its errors name the temporary file.
     let create = |path: &Path| OpenOptions::new().write(true).create_new(true).open(path);
-    tempfile::Builder::new().prefix(".fillrate-").suffix(".part").make_in(folder, create)
+    let mut parts = parts();
+    let part = tempfile::Builder::new().prefix(".fillrate-").suffix(".part").make_in(folder, create)?;
+    parts.insert(part.path().to_owned());
+    Ok(part)
 }
 
 #[cfg(test)]

@@ -5,6 +5,7 @@ mod slurm;
 use std::ops::Range;
 use std::path::{Path, PathBuf};
 use std::str::FromStr;
+use std::sync::atomic::{AtomicU64, Ordering};
 use std::time::Instant;
 
 use anyhow::{Context, Result, bail};
@@ -12,6 +13,7 @@ use indicatif::ProgressBar;
 
 use crate::cli::Verdict;
 use crate::cli::configs::load;
+use crate::cli::interrupt::keeps;
 use crate::cli::threads::MOST;
 use crate::host;
 use crate::run::replay::frame_range;
@@ -221,20 +223,31 @@ fn bar() -> ProgressBar {
     bar
 }
 
-fn told(bar: &ProgressBar, step: Step) {
+fn told(bar: &ProgressBar, step: Step, kept: &(AtomicU64, AtomicU64)) {
+    let (done, of) = kept;
     match step {
         Step::Screen(all) => {
             bar.set_length(all);
             bar.set_message("machines estimated:");
         }
-        Step::Simulate { all, done } => {
+        Step::Simulate { all, done: before } => {
             bar.set_length(all);
-            bar.set_position(done);
+            bar.set_position(before);
+            of.store(all, Ordering::Relaxed);
+            done.store(before, Ordering::Relaxed);
             // What an earlier run has done says nothing of this one's speed.
             bar.reset_eta();
             bar.set_message("machines simulated:");
         }
-        Step::Done => bar.inc(1),
+        Step::Done => {
+            bar.inc(1);
+            done.fetch_add(1, Ordering::Relaxed);
+        }
+    }
+    // A screen leaves nothing.
+    let (done, of) = (done.load(Ordering::Relaxed), of.load(Ordering::Relaxed));
+    if of > 0 {
+        keeps(format!("{done} of {of} machines are kept; the same command goes on"));
     }
 }
 
@@ -265,7 +278,8 @@ pub fn run(arguments: &Arguments) -> Result<Verdict> {
 
     let started = Instant::now();
     let bar = bar();
-    let progress = |step| told(&bar, step);
+    let kept = Default::default();
+    let progress = |step| told(&bar, step, &kept);
     let sweep = Sweep { plan: &plan, traces: &traces, frames, keep: Keep::new(&experiment.keep), shard, progress: &progress };
     let screened = experiment.screen.as_ref().map(|screen| sweep.screened(screen.keep)).transpose()?;
     let screen_time = started.elapsed();
