@@ -35,6 +35,7 @@ mod inspect;
 mod interrupt;
 #[cfg(feature = "accuracy")]
 mod knobs;
+mod manual;
 #[cfg(feature = "accuracy")]
 mod pareto;
 mod progress;
@@ -88,6 +89,8 @@ enum Command {
     Sweep(sweep::Arguments),
     Why(why::Arguments),
     Report(report::Arguments),
+    Completions(manual::Completions),
+    Manual(manual::Manual),
 }
 
 /// How a command ended, short of an error.
@@ -173,6 +176,7 @@ fn run(command: &Command) -> Result<Verdict> {
         Command::Why(arguments) => arguments.threads,
         Command::Report(arguments) => arguments.threads,
         Command::Import(_) | Command::Inspect(_) | Command::Configs(_) | Command::Compare(_) => None,
+        Command::Completions(_) | Command::Manual(_) => None,
     })?;
     match command {
         Command::Replay(arguments) => replay::run(arguments),
@@ -185,6 +189,8 @@ fn run(command: &Command) -> Result<Verdict> {
         Command::Sweep(arguments) => sweep::run(arguments),
         Command::Why(arguments) => why::run(arguments),
         Command::Report(arguments) => report::run(arguments),
+        Command::Completions(arguments) => manual::completions(arguments),
+        Command::Manual(arguments) => manual::manual(arguments),
     }
 }
 

@@ -639,6 +639,27 @@ fn an_interrupted_command_says_what_is_kept_and_leaves_no_half_file() {
 }
 
 #[test]
+fn completions_and_manual_pages_name_all_options() {
+    for shell in ["bash", "zsh", "fish", "elvish", "powershell"] {
+        let (code, text, message) = run(&["completions", shell]);
+        assert_eq!((code, message.as_str()), (0, ""));
+        for part in ["frames-per-run", "slurm", "scan-out", "quiet"] {
+            assert!(text.contains(part), "{shell}: no {part}");
+        }
+    }
+    let out = tempfile::tempdir().expect("a folder");
+    let folder = out.path().join("man1");
+    let (code, _, message) = run(&["manual", &folder.display().to_string()]);
+    assert_eq!(code, 0, "{message}");
+    for (page, part) in
+        [("fillrate.1", "fillrate\\-replay(1)"), ("fillrate-replay.1", "per\\-draw"), ("fillrate-sweep-merge.1", "folders")]
+    {
+        let text = fs::read_to_string(folder.join(page)).expect("a page").to_lowercase();
+        assert!(text.contains(part), "{page}: no {part} in\n{text}");
+    }
+}
+
+#[test]
 fn a_reader_who_goes_away_is_no_error() {
     let (reader, writer) = std::io::pipe().expect("a pipe");
     drop(reader);
