@@ -35,32 +35,32 @@ pub struct Arguments {
     a: PathBuf,
     /// Another one of the same kind; the folder of a manifest's recordings
     b: PathBuf,
+    /// Statistics and knobs: only those whose path starts with this
+    #[arg(help_heading = "Statistics and knobs", long, value_name = "PATH")]
+    only: Option<String>,
+    /// Statistics: how many are shown; 0: all [default: 50]
+    #[arg(help_heading = "Statistics and knobs", long, value_name = "N")]
+    most: Option<usize>,
+    /// Statistics: what makes a change large; the largest come first [default: relative]
+    #[arg(help_heading = "Statistics and knobs", long, value_enum, value_name = "SIZE")]
+    by: Option<By>,
+    /// Statistics: show each bank of a unit by itself, not their sum
+    #[arg(help_heading = "Statistics and knobs", long)]
+    each_bank: bool,
+    /// Images: percentage of pixels that may be off [default: 0]
+    #[arg(help_heading = "Images", long, value_name = "PERCENT")]
+    allow: Option<f64>,
     /// Images: where to write the difference image; of two folders: the folder for those of all images that differ
-    #[arg(long, value_name = "PNG|DIR")]
+    #[arg(help_heading = "Images", long, value_name = "PNG|DIR")]
     difference: Option<PathBuf>,
     /// With --difference: replace files that fillrate has not written
-    #[arg(long, requires = "difference")]
+    #[arg(help_heading = "Images", long, requires = "difference")]
     force: bool,
-    /// Images: percentage of pixels that may be off [default: 0]
-    #[arg(long, value_name = "PERCENT")]
-    allow: Option<f64>,
-    /// Statistics and knobs: only those whose path starts with this
-    #[arg(long, value_name = "PATH")]
-    only: Option<String>,
-    /// Statistics: show each bank of a unit by itself, not their sum
-    #[arg(long)]
-    each_bank: bool,
-    /// Statistics: what makes a change large; the largest come first [default: relative]
-    #[arg(long, value_enum, value_name = "SIZE")]
-    by: Option<By>,
     /// Print one JSON document with all differences
-    #[arg(long, conflicts_with = "most")]
+    #[arg(help_heading = "Output", long, conflicts_with = "most")]
     json: bool,
-    #[command(flatten)]
+    #[command(flatten, next_help_heading = "Reading files")]
     limiting: Limiting,
-    /// Statistics: how many are shown; 0: all [default: 50]
-    #[arg(long, value_name = "N")]
-    most: Option<usize>,
 }
 
 #[derive(Clone, Copy, clap::ValueEnum)]

@@ -39,68 +39,68 @@ Leaves in --out: frame-NNNN.png (the trace's own frame numbers; none with --imag
 pub struct Arguments {
     /// The trace: a file, or its folder; native or foreign
     trace: PathBuf,
-    #[command(flatten)]
-    reading: super::reading::Reading,
-    #[command(flatten)]
+    #[command(flatten, next_help_heading = "Machine")]
     machine: super::configs::Choice,
-    /// Frames to replay: one, as in 3, or half-open, as in 2..4, 2.. or ..4
-    #[arg(long, value_name = "A..B", default_value = "..")]
-    frames: Frames,
     /// Where to leave images and statistics. Files that an earlier replay has left there are removed
-    #[arg(long, value_name = "DIR")]
+    #[arg(help_heading = "Output", long, value_name = "DIR")]
     out: Option<PathBuf>,
-    /// Replace files in --out, --report and --timeline that fillrate has not written
-    #[arg(long)]
-    force: bool,
-    /// Which pictures to leave in --out [default: all; with --fidelity sampled: simulated]
-    #[arg(long, value_enum, requires = "out")]
-    images: Option<ImagesName>,
     /// Where to leave a page that shows the frame that costs most: one HTML file with all that is in it
-    #[arg(long, value_name = "FILE.html")]
+    #[arg(help_heading = "Output", long, value_name = "FILE.html")]
     report: Option<PathBuf>,
-    /// With --report: prove what holds this frame back, by timing it on some 60 machines (as `fillrate why` does)
-    #[arg(long, requires = "report")]
-    why: bool,
+    /// Print one JSON document with all that the report says, and all statistics over the frames
+    #[arg(help_heading = "Output", long)]
+    json: bool,
     /// Where to leave a timeline of phases, units and channels, for Perfetto (https://ui.perfetto.dev)
-    #[arg(long, value_name = "FILE.json")]
+    #[arg(help_heading = "Output", long, value_name = "FILE.json")]
     timeline: Option<PathBuf>,
+    /// Report every draw of a pass: draws.csv, and draws in stats.json (cycle and sampled)
+    #[arg(help_heading = "Output", long)]
+    per_draw: bool,
+    /// With --report: prove what holds this frame back, by timing it on some 60 machines (as `fillrate why` does)
+    #[arg(help_heading = "Output", long, requires = "report")]
+    why: bool,
+    /// Which pictures to leave in --out [default: all; with --fidelity sampled: simulated]
+    #[arg(help_heading = "Output", long, value_enum, requires = "out")]
+    images: Option<ImagesName>,
     /// With --timeline: cycles between two readings of the machine [default: as few as 2,000 to 4,000 readings of the run allow]
-    #[arg(long, value_name = "CYCLES", requires = "timeline", value_parser = clap::value_parser!(u64).range(1..))]
+    #[arg(help_heading = "Output", long, value_name = "CYCLES", requires = "timeline", value_parser = clap::value_parser!(u64).range(1..))]
     timeline_interval: Option<u64>,
-    /// Threads; no result depends on it [default: all processors]
-    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=i64::from(MOST)))]
-    pub threads: Option<u16>,
+    /// Replace files in --out, --report and --timeline that fillrate has not written
+    #[arg(help_heading = "Output", long)]
+    force: bool,
+    /// Frames to replay: one, as in 3, or half-open, as in 2..4, 2.. or ..4
+    #[arg(help_heading = "Simulation", long, value_name = "A..B", default_value = "..")]
+    frames: Frames,
     /// How much is simulated
-    #[arg(long, value_enum, default_value = "cycle")]
+    #[arg(help_heading = "Simulation", long, value_enum, default_value = "cycle")]
     fidelity: FidelityName,
     /// With --fidelity sampled: frames that are drawn and simulated beside the first [default: 8]; with bound: frames that are estimated
     /// beside the first, and stand for all [default: all]
-    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(2..))]
+    #[arg(help_heading = "Simulation", long, value_name = "N", value_parser = clap::value_parser!(u32).range(2..))]
     samples: Option<u32>,
     /// With --fidelity sampled or bound: simulate or estimate as many frames as the whole replay has time for on this host, as in 60s or 5m;
     /// the interval says what error to expect
-    #[arg(long, value_name = "TIME", conflicts_with = "samples", value_parser = time)]
+    #[arg(help_heading = "Simulation", long, value_name = "TIME", conflicts_with = "samples", value_parser = time)]
     time_limit: Option<Duration>,
     /// With sampled frames: frames before each of these that warm the caches and are not counted [default: 1]
-    #[arg(long, value_name = "N")]
+    #[arg(help_heading = "Simulation", long, value_name = "N")]
     warm_up: Option<u32>,
     /// With sampled frames: seed of the sampling generator [default: 1]
-    #[arg(long, value_name = "N")]
+    #[arg(help_heading = "Simulation", long, value_name = "N")]
     seed: Option<u64>,
     /// With --fidelity cycle: frames that one machine simulates in a row. Runs of N frames are simulated side by side, each on a machine
     /// that begins behind functional warming with all frames before it. With `all`, one machine simulates all frames [default: 4; all of
     /// up to 16 frames, and where functional warming is not exact]
-    #[arg(long, value_name = "N|all")]
+    #[arg(help_heading = "Simulation", long, value_name = "N|all")]
     frames_per_run: Option<FramesPerRun>,
-    /// Report every draw of a pass: draws.csv, and draws in stats.json (cycle and sampled)
-    #[arg(long)]
-    per_draw: bool,
-    /// Print one JSON document with all that the report says, and all statistics over the frames
-    #[arg(long)]
-    json: bool,
+    /// Threads; no result depends on it [default: all processors]
+    #[arg(help_heading = "Simulation", long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=i64::from(MOST)))]
+    pub threads: Option<u16>,
     /// Which clock drives the units; every statistic is the same under both [default: skip-idle]
-    #[arg(long, value_enum)]
+    #[arg(help_heading = "Simulation", long, value_enum)]
     clock: Option<ClockName>,
+    #[command(flatten, next_help_heading = "Reading the trace")]
+    reading: super::reading::Reading,
 }
 
 #[derive(Clone, Copy, clap::ValueEnum)]

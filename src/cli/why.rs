@@ -25,28 +25,28 @@ Without --frames, of a trace with several frames the one is taken that takes mos
 pub struct Arguments {
     /// The trace: a file, or its folder; native or foreign
     trace: PathBuf,
-    #[command(flatten)]
-    reading: super::reading::Reading,
-    #[command(flatten)]
+    #[command(flatten, next_help_heading = "Machine")]
     machine: super::configs::Choice,
     /// Frames: one, as in 3, or half-open, as in 2..4, 2.. or ..4 [default: the slowest one]
-    #[arg(long, value_name = "A..B")]
+    #[arg(help_heading = "Simulation", long, value_name = "A..B")]
     frames: Option<String>,
     /// Try changes of scan-out, too: what reading the frame for the screen costs is the same for every frame of its size
-    #[arg(long)]
+    #[arg(help_heading = "Simulation", long)]
     scan_out: bool,
+    /// Threads; no result depends on it [default: all processors]
+    #[arg(help_heading = "Simulation", long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=i64::from(MOST)))]
+    pub threads: Option<u16>,
     /// Changes that are listed
-    #[arg(long, value_name = "N", default_value = "12")]
+    #[arg(help_heading = "Output", long, value_name = "N", default_value = "12")]
     rows: usize,
     /// Where to leave all of it as JSON
-    #[arg(long, value_name = "FILE")]
+    #[arg(help_heading = "Output", long, value_name = "FILE")]
     json: Option<PathBuf>,
     /// With --json: replace a file that fillrate has not written
-    #[arg(long, requires = "json")]
+    #[arg(help_heading = "Output", long, requires = "json")]
     force: bool,
-    /// Threads; no result depends on it [default: all processors]
-    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=i64::from(MOST)))]
-    pub threads: Option<u16>,
+    #[command(flatten, next_help_heading = "Reading the trace")]
+    reading: super::reading::Reading,
 }
 
 /// What tells the file of `--json` from others.

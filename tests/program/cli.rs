@@ -660,6 +660,31 @@ fn completions_and_manual_pages_name_all_options() {
 }
 
 #[test]
+fn help_has_options_under_headings_and_those_used_most_first() {
+    for (command, order) in [
+        (
+            "replay",
+            &["Machine:", "--config", "--set", "Output:", "--out", "--report", "Simulation:", "Reading the trace:", "--limit"]
+                [..],
+        ),
+        (
+            "sweep",
+            &["Machines:", "--vary", "Output:", "--out", "Simulation:", "--frames", "Reading the trace:", "--keep-draws"],
+        ),
+        (
+            "compare",
+            &["Statistics and knobs:", "--only", "Images:", "--allow", "Output:", "--json", "Reading files:", "--limit"],
+        ),
+        ("why", &["Machine:", "--set", "Simulation:", "--frames", "Output:", "--rows", "Reading the trace:", "--lenient"]),
+    ] {
+        let (_, help, _) = run(&[command, "-h"]);
+        let begins = |part: &str| help.lines().position(|line| line.trim_start().starts_with(part));
+        let lines: Vec<_> = order.iter().map(|part| begins(part)).collect();
+        assert!(lines.iter().all(Option::is_some) && lines.is_sorted(), "{command}: {lines:?} in\n{help}");
+    }
+}
+
+#[test]
 fn a_reader_who_goes_away_is_no_error() {
     let (reader, writer) = std::io::pipe().expect("a pipe");
     drop(reader);

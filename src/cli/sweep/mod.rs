@@ -50,59 +50,59 @@ pub struct Arguments {
     /// An experiment (a .ron file), or traces
     #[arg(required = true, value_name = "EXPERIMENT.ron|TRACE")]
     inputs: Vec<PathBuf>,
-    #[command(flatten)]
-    reading: crate::cli::reading::Reading,
-    /// The configuration that is varied: a built-in one, or a file [default: baseline]
-    #[arg(long, value_name = "NAME|FILE")]
-    config: Option<String>,
-    /// Set one knob of all machines; may be repeated
-    #[arg(long, value_name = "PATH=VALUE")]
-    set: Vec<String>,
     /// An axis: a knob and the values that it takes; may be repeated
-    #[arg(long, value_name = "PATH=VALUES")]
+    #[arg(help_heading = "Machines", long, value_name = "PATH=VALUES")]
     vary: Vec<String>,
     /// A knob that follows from others, with + - * / min(,) max(,); may be repeated
-    #[arg(long, value_name = "PATH=FORMULA")]
+    #[arg(help_heading = "Machines", long, value_name = "PATH=FORMULA")]
     link: Vec<String>,
+    /// The configuration that is varied: a built-in one, or a file [default: baseline]
+    #[arg(help_heading = "Machines", long, value_name = "NAME|FILE")]
+    config: Option<String>,
+    /// Set one knob of all machines; may be repeated
+    #[arg(help_heading = "Machines", long, value_name = "PATH=VALUE")]
+    set: Vec<String>,
     /// Which combinations: grid, one-at-a-time, random:MACHINES[:SEED] or latin-hypercube:MACHINES[:SEED] [default: grid]
-    #[arg(long, value_name = "DESIGN")]
+    #[arg(help_heading = "Machines", long, value_name = "DESIGN")]
     design: Option<DesignName>,
     /// Estimate all machines by `bound`, and simulate this number of the fastest
-    #[arg(long, value_name = "MACHINES", value_parser = clap::value_parser!(u32).range(1..))]
+    #[arg(help_heading = "Machines", long, value_name = "MACHINES", value_parser = clap::value_parser!(u32).range(1..))]
     screen: Option<u32>,
-    /// Keep the statistics at this path and below; may be repeated [default: all]
-    #[arg(long, value_name = "PATH")]
-    keep: Vec<String>,
-    /// Tell this of machines beside cycles: a formula over statistics, such as caches.texture.misses/caches.texture.accesses; may be repeated
-    #[arg(long, value_name = "[NAME=]FORMULA")]
-    measure: Vec<String>,
-    /// Frames: one, as in 3, or half-open, as in 2..4, 2.. or ..4 [default: all]
-    #[arg(long, value_name = "A..B")]
-    frames: Option<String>,
-    /// The question, as the heading of the report
-    #[arg(long, value_name = "TEXT")]
-    question: Option<String>,
-    /// What a machine costs, such as pipelines*core.per_pipeline: the page sets it against cycles [default: bytes of DRAM traffic]
-    #[arg(long, value_name = "FORMULA")]
-    cost: Option<String>,
-    /// What the traces differ in, where they are one scene that was recorded in several ways, such as "depth order": the report compares them by it
-    #[arg(long, value_name = "TEXT")]
-    trace_axis: Option<String>,
     /// Where to leave the results
-    #[arg(long, value_name = "DIR", required = true)]
+    #[arg(help_heading = "Output", long, value_name = "DIR", required = true)]
     out: Option<PathBuf>,
+    /// Tell this of machines beside cycles: a formula over statistics, such as caches.texture.misses/caches.texture.accesses; may be repeated
+    #[arg(help_heading = "Output", long, value_name = "[NAME=]FORMULA")]
+    measure: Vec<String>,
+    /// What a machine costs, such as pipelines*core.per_pipeline: the page sets it against cycles [default: bytes of DRAM traffic]
+    #[arg(help_heading = "Output", long, value_name = "FORMULA")]
+    cost: Option<String>,
+    /// Keep the statistics at this path and below; may be repeated [default: all]
+    #[arg(help_heading = "Output", long, value_name = "PATH")]
+    keep: Vec<String>,
+    /// The question, as the heading of the report
+    #[arg(help_heading = "Output", long, value_name = "TEXT")]
+    question: Option<String>,
+    /// What the traces differ in, where they are one scene that was recorded in several ways, such as "depth order": the report compares them by it
+    #[arg(help_heading = "Output", long, value_name = "TEXT")]
+    trace_axis: Option<String>,
+    /// Frames: one, as in 3, or half-open, as in 2..4, 2.. or ..4 [default: all]
+    #[arg(help_heading = "Simulation", long, value_name = "A..B")]
+    frames: Option<String>,
     /// Run the I-th of N parts of the machines only; `fillrate sweep merge` puts the parts together
-    #[arg(long, value_name = "I/N")]
+    #[arg(help_heading = "Simulation", long, value_name = "I/N")]
     shard: Option<Shard>,
     /// Run as a job array of Slurm with this number of tasks, and merge when all have ended; --out is a folder that all nodes share
-    #[arg(long, value_name = "TASKS", conflicts_with = "shard", value_parser = clap::value_parser!(u32).range(1..=100_000))]
+    #[arg(help_heading = "Simulation", long, value_name = "TASKS", conflicts_with = "shard", value_parser = clap::value_parser!(u32).range(1..=100_000))]
     slurm: Option<u32>,
-    /// Run more than a million machines
-    #[arg(long)]
-    yes: bool,
     /// Threads; no result depends on it [default: all processors]
-    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=i64::from(MOST)))]
+    #[arg(help_heading = "Simulation", long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=i64::from(MOST)))]
     pub threads: Option<u16>,
+    /// Run more than a million machines
+    #[arg(help_heading = "Simulation", long)]
+    yes: bool,
+    #[command(flatten, next_help_heading = "Reading the trace")]
+    reading: crate::cli::reading::Reading,
 }
 
 #[derive(clap::Subcommand)]
