@@ -8,7 +8,7 @@ use clap::error::{ContextKind, ContextValue, Error, ErrorKind};
 use crate::num::nearest;
 
 /// The command that the arguments name, with its subcommands.
-fn named<'a>(top: &'a Command, given: impl Iterator<Item = OsString>) -> &'a Command {
+fn named(top: &Command, given: impl Iterator<Item = OsString>) -> &Command {
     given.fold(top, |command, word| command.get_subcommands().find(|sub| word == sub.get_name()).unwrap_or(command))
 }
 
