@@ -11,6 +11,9 @@
 use bytemuck::{Pod, Zeroable};
 use num::{LANES, Lanes, QUADS, SUBPIXEL};
 
+use super::simd::Simd;
+use fearless_simd::{f32x8, prelude::*};
+
 use super::setup::{DepthPlane, Edge, SAMPLES_4, Triangle};
 
 /// Where a quad of a batch lies, and of which primitive it is.
@@ -60,8 +63,7 @@ pub struct Weights {
 /// Offsets from the pixel's centre in 1/256 pixel, by a lane's code in [`Place::PerLane`]; unknown codes mean the centre.
 const OFFSETS: [[i32; 2]; 8] = [[0, 0], SAMPLES_4[0], SAMPLES_4[1], SAMPLES_4[2], SAMPLES_4[3], [0, 0], [0, 0], [0, 0]];
 
-/// Compiles a function of the batch for AVX2 as well, and picks the one that the host can run. Both give the same bits: no
-/// operation is fused or reordered.
+/// Defines a function of the batch that is compiled for the host's instruction set ([`crate::simd`]).
 macro_rules! widest {
     ($(#[$doc:meta])* pub fn $name:ident($($arg:ident: $type:ty),* $(,)?) $body:block) => {
         $(#[$doc])*
@@ -69,18 +71,7 @@ macro_rules! widest {
         pub fn $name($($arg: $type),*) {
             #[inline(always)]
             fn body($($arg: $type),*) $body
-            #[cfg(target_arch = "x86_64")]
-            {
-                #[target_feature(enable = "avx2")]
-                fn wide($($arg: $type),*) {
-                    body($($arg),*)
-                }
-                if crate::simd::host_has!("avx2") {
-                    // SAFETY: the host has AVX2, which is all that the callee asks for.
-                    return unsafe { wide($($arg),*) };
-                }
-            }
-            body($($arg),*)
+            $crate::simd::dispatch!(_simd => body($($arg),*))
         }
     };
 }
@@ -469,46 +460,21 @@ widest! {
 }
 
 /// One attribute component of the quads of one primitive, which has these values at its vertices; same bits as [`attribute`].
+///
+/// Two quads at a time: a loop over lanes becomes one over all sixteen quads, which has more numbers than registers.
 #[inline(always)]
-pub fn attribute_run(weights: &Weights, quads: std::ops::Range<usize>, values: [f32; 3], out: &mut Lanes) {
+pub fn attribute_run<V: Simd>(simd: V, weights: &Weights, quads: std::ops::Range<usize>, values: [f32; 3], out: &mut Lanes) {
     let k = coefficients(values);
     let lanes = 4 * quads.start.min(QUADS)..4 * quads.end.min(QUADS);
-    let quads = |lanes: &[f32]| lanes.as_chunks::<4>().0.len();
-    let (one, two) = (&weights.one.f32()[lanes.clone()], &weights.two.f32()[lanes.clone()]);
-    let out = &mut out.f32_mut()[lanes];
-    debug_assert_eq!(quads(one), quads(out));
-    let quads = out.as_chunks_mut::<4>().0.iter_mut().zip(one.as_chunks::<4>().0).zip(two.as_chunks::<4>().0);
-    for ((out, one), two) in quads {
-        // Copies: were it not sure that writing one lane leaves the weights of the next, the compiler would take one at a time.
-        let (one, two) = (*one, *two);
-        let mut values = [0.0; 4];
-        for p in 0..4 {
-            values[p] = combine(k, one[p], two[p]);
-        }
-        *out = values;
+    let (one, two) = (weights.one.f32()[lanes.clone()].as_chunks::<8>(), weights.two.f32()[lanes.clone()].as_chunks::<8>());
+    let (pairs, last) = out.f32_mut()[lanes].as_chunks_mut::<8>();
+    let [a, d1, d2, r1, r2] = k.map(|k| f32x8::splat(simd, k));
+    for ((out, &one), &two) in pairs.iter_mut().zip(one.0).zip(two.0) {
+        let (g1, g2) = (f32x8::simd_from(simd, one), f32x8::simd_from(simd, two));
+        *out = ((a + (g1 * d1 + g2 * d2)) + (g1 * r1 + g2 * r2)).into();
     }
-}
-
-/// [`attribute_run`] in AVX2 registers: of its loop the compiler makes one over all sixteen quads, which has more numbers than registers.
-///
-/// # Safety
-/// The host has AVX2.
-#[cfg(target_arch = "x86_64")]
-#[target_feature(enable = "avx2")]
-#[inline]
-pub fn attribute_run_avx2(weights: &Weights, quads: std::ops::Range<usize>, values: [f32; 3], out: &mut Lanes) {
-    use std::arch::x86_64::*;
-    let [a, d1, d2, r1, r2] = coefficients(values).map(|k| _mm256_set1_ps(k));
-    let lanes = 4 * quads.start.min(QUADS)..4 * quads.end.min(QUADS);
-    let (one, two) = (&weights.one.f32()[lanes.clone()], &weights.two.f32()[lanes.clone()]);
-    let pairs = out.f32_mut()[lanes].as_chunks_mut::<8>().0;
-    for ((out, one), two) in pairs.iter_mut().zip(one.as_chunks::<8>().0).zip(two.as_chunks::<8>().0) {
-        let (g1, g2): (__m256, __m256) = (bytemuck::cast(*one), bytemuck::cast(*two));
-        let sum = |x: __m256, y: __m256| _mm256_add_ps(_mm256_mul_ps(g1, x), _mm256_mul_ps(g2, y));
-        *out = bytemuck::cast(_mm256_add_ps(_mm256_add_ps(a, sum(d1, d2)), sum(r1, r2)));
-    }
-    if quads.len() % 2 == 1 {
-        attribute_run(weights, quads.end - 1..quads.end, values, out);
+    for ((out, &one), &two) in last.iter_mut().zip(one.1).zip(two.1) {
+        *out = combine(k, one, two);
     }
 }
 

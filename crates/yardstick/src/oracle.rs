@@ -164,7 +164,7 @@ fn instruction_sets<const S: usize>(primitive: &Triangle) -> u64 {
     let area = Bounds { x0: x, y0: y, x1: x + 64, y1: y + 64 };
     let (mut one, mut other) = (Blocks::<S>::new(), Blocks::<S>::new());
     one.find(primitive, area);
-    other.find_portable(primitive, area);
+    other.find_with(gfx::simd::base(), primitive, area);
     u64::from(one[..] != other[..])
 }
 

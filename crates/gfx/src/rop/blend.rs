@@ -11,7 +11,7 @@ use super::pairs::Pairs;
 use super::{ColorRefs, Colors, code_words, four, select_mask};
 use crate::format::{Format, TexelKind};
 #[cfg(target_arch = "x86_64")]
-use crate::simd::host_has;
+use crate::simd::has_avx2;
 use crate::simd::wide;
 use crate::state::{BlendComponent, BlendFactor, BlendOp, ColorTarget};
 use crate::texel::{Rgba8, decode_code, encode_code, f32_to_f16, unorm};
@@ -88,7 +88,7 @@ impl ColorState {
         };
         #[cfg(target_arch = "x86_64")]
         let pairs = match path {
-            _ if !host_has!("avx2") => None,
+            _ if !has_avx2() => None,
             Path::Replace8(Rgba8 { srgb: false, bgra }) => Some(Pairs::replace(bgra, bits[0])),
             Path::Blend8(Rgba8 { srgb: false, bgra }) => {
                 Pairs::blend([blend.color, blend.alpha], bgra, constant_codes, bits[0])

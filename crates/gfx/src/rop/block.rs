@@ -1,15 +1,14 @@
-//! Depth tests with one sample per pixel in AVX2 registers: of 8x8 blocks, eight pixels at a time, and of the quads of small
-//! triangles.
+//! Depth tests with one sample per pixel in vectors: of 8x8 blocks, eight pixels at a time, and of the quads of small triangles.
 //!
-//! The same operations as [`DepthPlane::at`] and [`DepthStencilState::test_quad`] in the same order, hence the same bits. They
-//! are written with intrinsics because the mask of what passed leaves the registers in one instruction, for which the compiler
-//! has no other word; as plain loops the test took twice the time.
+//! The same operations as [`DepthPlane::at`] and [`DepthStencilState::test_quad`] in the same order, hence the same bits. As loops over arrays of
+//! lanes the test takes five times the instructions, since the compiler neither keeps the lanes in a vector nor makes a mask of them by one
+//! instruction.
 
-use std::arch::x86_64::*;
+use fearless_simd::{f32x4, f32x8, i32x8, mask32x8, prelude::*, u32x4, u32x8};
 
 use super::depth::{DepthStencilState, Storage};
-use super::select_mask;
 use crate::setup::{DepthPlane, Eight, EightQuad};
+use crate::simd::{Simd, inlined, least, most};
 use crate::state::Compare;
 use num::LANES;
 
@@ -27,80 +26,78 @@ impl DepthStencilState {
     /// Tests the pixels of `mask` in the block whose upper left pixel is (x, y) against the depths of a plane and updates their
     /// codes. Returns the pixels that passed. The state has no stencil test and codes of one word
     /// ([`DepthStencilState::tests_blocks`]).
-    ///
-    /// # Safety
-    /// As for any function compiled for AVX2: the host has it.
-    #[target_feature(enable = "avx2")]
-    #[inline]
-    pub fn test_block_avx2(&self, plane: &DepthPlane, at: [u16; 2], mask: u64, stored: &mut [u32; LANES]) -> u64 {
+    #[inline(always)]
+    pub fn test_block<V: Simd>(&self, simd: V, plane: &DepthPlane, at: [u16; 2], mask: u64, stored: &mut [u32; LANES]) -> u64 {
         debug_assert!(self.tests_blocks());
         match (self.storage, self.compare) {
-            (Storage::Float, Compare::Less) => self.test::<FLOAT, LESS>(plane, at, mask, stored),
-            (Storage::Float, Compare::LessEqual) => self.test::<FLOAT, LESS_EQUAL>(plane, at, mask, stored),
-            (Storage::Float, _) => self.test::<FLOAT, ANY>(plane, at, mask, stored),
-            (Storage::Unorm24, _) => self.test::<UNORM24, ANY>(plane, at, mask, stored),
-            _ => self.test::<UNORM16, ANY>(plane, at, mask, stored),
+            (Storage::Float, Compare::Less) => self.test::<_, FLOAT, LESS>(simd, plane, at, mask, stored),
+            (Storage::Float, Compare::LessEqual) => self.test::<_, FLOAT, LESS_EQUAL>(simd, plane, at, mask, stored),
+            (Storage::Float, _) => self.test::<_, FLOAT, ANY>(simd, plane, at, mask, stored),
+            (Storage::Unorm24, _) => self.test::<_, UNORM24, ANY>(simd, plane, at, mask, stored),
+            _ => self.test::<_, UNORM16, ANY>(simd, plane, at, mask, stored),
         }
     }
 
     /// Tests a quad of a small triangle and updates its codes. Returns the pixels that passed. The state is one for
-    /// [`DepthStencilState::test_block_avx2`].
-    ///
-    /// # Safety
-    /// As for any function compiled for AVX2: the host has it.
-    #[target_feature(enable = "avx2")]
-    #[inline]
-    pub fn test_quad_avx2(&self, eight: &Eight, quad: EightQuad, stored: &mut [u32; 4]) -> u32 {
+    /// [`DepthStencilState::test_block`].
+    #[inline(always)]
+    pub fn test_quad_of<V: Simd>(&self, simd: V, eight: &Eight, quad: EightQuad, stored: &mut [u32; 4]) -> u32 {
         debug_assert!(self.tests_blocks());
-        let z = eight.depths(quad);
-        let z = _mm_min_ps(_mm_set1_ps(self.range[1]), _mm_max_ps(_mm_set1_ps(self.range[0]), z));
-        let wide = |v: __m128| _mm256_castps128_ps256(v);
-        let new = match self.storage {
-            Storage::Float => _mm_castps_si128(z),
-            Storage::Unorm24 => _mm256_castsi256_si128(unorm24(wide(z))),
-            _ => _mm256_castsi256_si128(unorm16(wide(z))),
+        // The quad fills both halves of a vector.
+        let twice = |v: f32x4<V>| v.combine(v);
+        let [near, far] = self.range.map(|v| f32x8::splat(simd, v));
+        let z = least(far, most(near, twice(eight.depths(simd, quad))));
+        let old = twice(u32x4::simd_from(simd, *stored).bitcast()).bitcast();
+        let (new, pass) = match (self.storage, self.compare) {
+            (Storage::Float, Compare::Less) => self.compared::<_, FLOAT, LESS>(z, old),
+            (Storage::Float, Compare::LessEqual) => self.compared::<_, FLOAT, LESS_EQUAL>(z, old),
+            (Storage::Float, _) => self.compared::<_, FLOAT, ANY>(z, old),
+            (Storage::Unorm24, _) => self.compared::<_, UNORM24, ANY>(z, old),
+            _ => self.compared::<_, UNORM16, ANY>(z, old),
         };
-        let beside = _mm_set1_epi32(if self.storage == Storage::Unorm24 { 0xff00_0000_u32 as i32 } else { 0 });
-        let old: __m128i = bytemuck::cast(*stored);
-        let old_z = _mm_castsi128_ps(old);
-        let pass = match (self.storage, self.compare) {
-            (Storage::Float, Compare::Less) => _mm_castps_si128(_mm_cmplt_ps(z, old_z)),
-            (Storage::Float, Compare::LessEqual) => _mm_castps_si128(_mm_cmple_ps(z, old_z)),
-            (Storage::Float, _) => _mm256_castsi256_si128(self.accept_floats(wide(z), wide(old_z))),
-            _ => {
-                let wide = |v: __m128i| _mm256_castsi128_si256(v);
-                _mm256_castsi256_si128(self.accept_integers(wide(new), wide(_mm_andnot_si128(beside, old))))
-            }
-        };
-        let pass = _mm_and_si128(pass, bytemuck::cast(select_mask(quad.coverage() as u8)));
+        let pass = pass & mask32x8::from_bitmask(simd, u64::from(quad.coverage()));
         if self.depth_write {
-            *stored = bytemuck::cast(_mm_blendv_epi8(old, new, _mm_andnot_si128(beside, pass)));
+            *stored = pass.select(new, old).split().0.into();
         }
-        _mm_movemask_ps(_mm_castsi128_ps(pass)) as u32
+        pass.to_bitmask() as u32
     }
 
-    #[target_feature(enable = "avx2")]
-    fn test<const STORAGE: u8, const COMPARE: u8>(
+    #[inline(always)]
+    fn test<V: Simd, const STORAGE: u8, const COMPARE: u8>(
         &self,
+        simd: V,
+        plane: &DepthPlane,
+        at: [u16; 2],
+        mask: u64,
+        stored: &mut [u32; LANES],
+    ) -> u64 {
+        simd.vectorize(
+            #[inline(always)]
+            || self.test_here::<V, STORAGE, COMPARE>(simd, plane, at, mask, stored),
+        )
+    }
+
+    #[inline(always)]
+    fn test_here<V: Simd, const STORAGE: u8, const COMPARE: u8>(
+        &self,
+        simd: V,
         plane: &DepthPlane,
         [x, y]: [u16; 2],
         mask: u64,
         stored: &mut [u32; LANES],
     ) -> u64 {
-        let splat = |v: f32| _mm256_set1_ps(v);
+        let splat = |v: f32| f32x8::splat(simd, v);
         // Two quads side by side: their columns in the left half of the block, and their rows.
-        let columns = _mm256_setr_ps(0.5, 1.5, 0.5, 1.5, 2.5, 3.5, 2.5, 3.5);
-        let rows = _mm256_setr_ps(0.5, 0.5, 1.5, 1.5, 0.5, 0.5, 1.5, 1.5);
-        let across = |x: f32| {
-            let distance = _mm256_sub_ps(_mm256_add_ps(splat(x), columns), splat(plane.x0));
-            _mm256_mul_ps(splat(plane.dzdx), distance)
-        };
+        let columns = f32x8::simd_from(simd, [0.5, 1.5, 0.5, 1.5, 2.5, 3.5, 2.5, 3.5]);
+        let rows = f32x8::simd_from(simd, [0.5, 0.5, 1.5, 1.5, 0.5, 0.5, 1.5, 1.5]);
+        let across = inlined(
+            #[inline(always)]
+            |x: f32| splat(plane.dzdx) * ((splat(x) + columns) - splat(plane.x0)),
+        );
         let across = [across(f32::from(x)), across(f32::from(x) + 4.0)];
-        let (z0, dzdy) = (splat(plane.z0), splat(plane.dzdy));
+        let (z0, y0, dzdy) = (splat(plane.z0), splat(plane.y0), splat(plane.dzdy));
         let (min, max) = (splat(plane.min), splat(plane.max));
-        let (near, far) = (splat(self.range[0]), splat(self.range[1]));
-        let bits = _mm256_setr_epi32(1, 2, 4, 8, 16, 32, 64, 128);
-        let beside = beside::<STORAGE>();
+        let [near, far] = self.range.map(splat);
         let eights = stored.as_chunks_mut::<8>().0;
         let mut passed = 0;
         let mut left = mask;
@@ -108,94 +105,89 @@ impl DepthStencilState {
             let group = left.trailing_zeros() as usize / 8;
             left &= !(0xff << (8 * group));
             let row = f32::from(y) + (2 * (group / 2)) as f32;
-            let down = _mm256_mul_ps(dzdy, _mm256_sub_ps(_mm256_add_ps(splat(row), rows), splat(plane.y0)));
-            let z = _mm256_add_ps(z0, _mm256_add_ps(across[group % 2], down));
-            // Of equal or unordered operands these instructions give the second, as the scalar selections do.
-            let z = _mm256_min_ps(_mm256_max_ps(z, min), max);
-            let z = _mm256_min_ps(far, _mm256_max_ps(near, z));
-            let old: __m256i = bytemuck::cast(eights[group]);
-            let (new, pass) = self.compared::<STORAGE, COMPARE>(z, old);
-            let byte = _mm256_set1_epi32((mask >> (8 * group)) as i32);
-            let covered = _mm256_cmpeq_epi32(_mm256_and_si256(byte, bits), bits);
-            let pass = _mm256_and_si256(pass, covered);
-            passed |= (_mm256_movemask_ps(_mm256_castsi256_ps(pass)) as u64) << (8 * group);
+            let down = dzdy * ((splat(row) + rows) - y0);
+            let z = z0 + (across[group % 2] + down);
+            let z = least(most(z, min), max);
+            let z = least(far, most(near, z));
+            let old = u32x8::simd_from(simd, eights[group]);
+            let (new, pass) = self.compared::<_, STORAGE, COMPARE>(z, old);
+            let pass = pass & mask32x8::from_bitmask(simd, mask >> (8 * group) & 0xff);
+            passed |= pass.to_bitmask() << (8 * group);
             if self.depth_write {
-                let write = _mm256_andnot_si256(beside, pass);
-                eights[group] = bytemuck::cast(_mm256_blendv_epi8(old, new, write));
+                eights[group] = pass.select(new, old).into();
             }
         }
         passed
     }
 
-    /// The codes of depths in the viewport's range, and where they pass beside stored words.
-    #[target_feature(enable = "avx2")]
-    #[inline]
-    pub(super) fn compared<const STORAGE: u8, const COMPARE: u8>(&self, z: __m256, old: __m256i) -> (__m256i, __m256i) {
-        let new = match STORAGE {
-            FLOAT => _mm256_castps_si256(z),
-            UNORM24 => unorm24(z),
-            _ => unorm16(z),
-        };
-        let pass = match (STORAGE, COMPARE) {
-            (FLOAT, LESS) => _mm256_castps_si256(_mm256_cmp_ps::<_CMP_LT_OQ>(z, _mm256_castsi256_ps(old))),
-            (FLOAT, LESS_EQUAL) => _mm256_castps_si256(_mm256_cmp_ps::<_CMP_LE_OQ>(z, _mm256_castsi256_ps(old))),
-            (FLOAT, _) => self.accept_floats(z, _mm256_castsi256_ps(old)),
-            _ => self.accept_integers(new, _mm256_andnot_si256(beside::<STORAGE>(), old)),
-        };
-        (new, pass)
+    /// The words to be stored for depths in the viewport's range, and where they pass beside those that are stored.
+    #[inline(always)]
+    pub(super) fn compared<V: Simd, const STORAGE: u8, const COMPARE: u8>(
+        &self,
+        z: f32x8<V>,
+        old: u32x8<V>,
+    ) -> (u32x8<V>, mask32x8<V>) {
+        match STORAGE {
+            FLOAT => {
+                let depth = old.bitcast();
+                let pass = match COMPARE {
+                    LESS => z.simd_lt(depth),
+                    LESS_EQUAL => z.simd_le(depth),
+                    _ => self.accept_floats(z, depth),
+                };
+                (z.bitcast(), pass)
+            }
+            UNORM24 => {
+                // The upper byte of the word is not the depth's.
+                let (new, stencil) = (unorm24(z), old & 0xff00_0000);
+                (new | stencil, self.accept_codes(new, old ^ stencil))
+            }
+            _ => {
+                let new = unorm16(z);
+                (new, self.accept_codes(new, old))
+            }
+        }
     }
 
-    #[target_feature(enable = "avx2")]
-    #[inline]
-    fn accept_floats(&self, new: __m256, old: __m256) -> __m256i {
-        let mask = |m: u32| _mm256_castsi256_ps(_mm256_set1_epi32(m as i32));
-        let less = _mm256_and_ps(_mm256_cmp_ps::<_CMP_LT_OQ>(new, old), mask(self.accept.less));
-        let equal = _mm256_and_ps(_mm256_cmp_ps::<_CMP_EQ_OQ>(new, old), mask(self.accept.equal));
-        let greater = _mm256_and_ps(_mm256_cmp_ps::<_CMP_GT_OQ>(new, old), mask(self.accept.greater));
-        let unordered = _mm256_and_ps(_mm256_cmp_ps::<_CMP_UNORD_Q>(new, old), mask(self.accept.unordered));
-        _mm256_castps_si256(_mm256_or_ps(_mm256_or_ps(less, equal), _mm256_or_ps(greater, unordered)))
+    #[inline(always)]
+    fn accept_floats<V: Simd>(&self, new: f32x8<V>, old: f32x8<V>) -> mask32x8<V> {
+        let mask = |m: u32| mask32x8::from_vector(i32x8::splat(new.simd, m as i32));
+        let (less, equal, greater) = (new.simd_lt(old), new.simd_eq(old), new.simd_gt(old));
+        let ordered = less & mask(self.accept.less) | equal & mask(self.accept.equal) | greater & mask(self.accept.greater);
+        ordered | !(less | equal | greater) & mask(self.accept.unordered)
     }
 
     /// Codes have at most 24 bits, so that signed comparison will do.
-    #[target_feature(enable = "avx2")]
-    #[inline]
-    fn accept_integers(&self, new: __m256i, old: __m256i) -> __m256i {
-        let mask = |m: u32| _mm256_set1_epi32(m as i32);
-        let less = _mm256_and_si256(_mm256_cmpgt_epi32(old, new), mask(self.accept.less));
-        let equal = _mm256_and_si256(_mm256_cmpeq_epi32(new, old), mask(self.accept.equal));
-        let greater = _mm256_and_si256(_mm256_cmpgt_epi32(new, old), mask(self.accept.greater));
-        _mm256_or_si256(_mm256_or_si256(less, equal), greater)
+    #[inline(always)]
+    fn accept_codes<V: Simd>(&self, new: u32x8<V>, old: u32x8<V>) -> mask32x8<V> {
+        let mask = |m: u32| mask32x8::from_vector(i32x8::splat(new.simd, m as i32));
+        let (new, old): (i32x8<V>, i32x8<V>) = (new.bitcast(), old.bitcast());
+        let less = new.simd_lt(old) & mask(self.accept.less);
+        less | new.simd_eq(old) & mask(self.accept.equal) | new.simd_gt(old) & mask(self.accept.greater)
     }
 }
 
-/// The bits of a word that are not of its depth.
-#[target_feature(enable = "avx2")]
-#[inline]
-pub(super) fn beside<const STORAGE: u8>() -> __m256i {
-    _mm256_set1_epi32(if STORAGE == UNORM24 { 0xff00_0000_u32 as i32 } else { 0 })
+/// A depth between 0 and 1; 0 for NaN.
+#[inline(always)]
+fn unit<V: Simd>(depth: f32x8<V>) -> f32x8<V> {
+    least(most(depth, f32x8::splat(depth.simd, 0.0)), f32x8::splat(depth.simd, 1.0))
 }
 
 /// [`crate::texel::unorm24`].
-#[target_feature(enable = "avx2")]
-#[inline]
-fn unorm24(depth: __m256) -> __m256i {
-    let half = _mm256_set1_ps(8_388_608.0);
-    let d = _mm256_min_ps(_mm256_max_ps(depth, _mm256_setzero_ps()), _mm256_set1_ps(1.0));
-    let scaled = _mm256_mul_ps(d, _mm256_set1_ps(16_777_215.0));
-    let offset = _mm256_castps_si256(half);
-    let small = _mm256_sub_epi32(_mm256_castps_si256(_mm256_add_ps(scaled, half)), offset);
-    let large = _mm256_add_epi32(_mm256_sub_epi32(_mm256_castps_si256(scaled), offset), _mm256_set1_epi32(1 << 23));
-    let is_small = _mm256_castps_si256(_mm256_cmp_ps::<_CMP_LT_OQ>(scaled, half));
-    _mm256_blendv_epi8(large, small, is_small)
+#[inline(always)]
+fn unorm24<V: Simd>(depth: f32x8<V>) -> u32x8<V> {
+    let half = f32x8::splat(depth.simd, 8_388_608.0);
+    let offset: u32x8<V> = half.bitcast();
+    let scaled = unit(depth) * 16_777_215.0;
+    let small = (scaled + half).bitcast::<u32x8<V>>() - offset;
+    let large = (scaled.bitcast::<u32x8<V>>() - offset) + (1 << 23);
+    scaled.simd_lt(half).select(small, large)
 }
 
 /// [`crate::texel::unorm`] with 16 bits.
-#[target_feature(enable = "avx2")]
-#[inline]
-fn unorm16(depth: __m256) -> __m256i {
-    let d = _mm256_min_ps(_mm256_max_ps(depth, _mm256_setzero_ps()), _mm256_set1_ps(1.0));
-    let sum = _mm256_add_ps(_mm256_mul_ps(d, _mm256_set1_ps(65535.0)), _mm256_set1_ps(8_388_608.0));
-    _mm256_and_si256(_mm256_castps_si256(sum), _mm256_set1_epi32(0x007f_ffff))
+#[inline(always)]
+fn unorm16<V: Simd>(depth: f32x8<V>) -> u32x8<V> {
+    (unit(depth) * 65535.0 + 8_388_608.0).bitcast::<u32x8<V>>() & 0x007f_ffff
 }
 
 #[cfg(test)]
@@ -203,6 +195,7 @@ pub(super) mod tests {
     use super::*;
     use crate::format::Format;
     use crate::setup::{self, Bounds, DepthBias, ScreenVertex, SetupState, is_small};
+    use crate::simd::dispatch;
     use crate::state::{CullMode, DepthStencil, FrontFace, StencilFace};
     use num::Random;
 
@@ -271,9 +264,6 @@ pub(super) mod tests {
 
     #[test]
     fn blocks_give_the_bits_of_quads() {
-        if !crate::simd::host_has!("avx2") {
-            return;
-        }
         let mut random = Cases(Random::new(7));
         let mut some = 0;
         for case in 0..4000 {
@@ -288,8 +278,9 @@ pub(super) mod tests {
             });
             let mask = [random.next(), !0, random.next() & random.next(), 0xff << 24][random.next() as usize % 4];
             let mut block = before;
-            // SAFETY: the host has AVX2.
-            let passed = unsafe { state.test_block_avx2(&plane, at, mask, &mut block) };
+            let passed = dispatch!(simd => state.test_block(simd, &plane, at, mask, &mut block));
+            let mut base = before;
+            assert_eq!((state.test_block(crate::simd::base(), &plane, at, mask, &mut base), base), (passed, block));
             let mut quads = before;
             let mut expected = 0;
             for q in 0..16 {
@@ -307,9 +298,6 @@ pub(super) mod tests {
 
     #[test]
     fn quads_of_small_triangles_give_the_bits_of_quads() {
-        if !crate::simd::host_has!("avx2") {
-            return;
-        }
         let area = Bounds { x0: 0, y0: 0, x1: 64, y1: 64 };
         let setup = SetupState {
             bounds: area,
@@ -341,8 +329,7 @@ pub(super) mod tests {
                 }
             }
             let mut eight = Eight::default();
-            // SAFETY: the host has AVX2.
-            unsafe { eight.set_up(&setup, &area, &triangles) };
+            dispatch!(simd => eight.set_up(simd, &setup, &area, &triangles));
             let mut list = [EightQuad::default(); 48];
             let n = eight.quads(8, &mut list);
             for &quad in &list[..n] {
@@ -350,8 +337,7 @@ pub(super) mod tests {
                 let depths = eight.depth(quad.triangle()).quad(x, y);
                 let before: [u32; 4] = std::array::from_fn(|p| random.code(case, &state, depths[p]));
                 let (mut stored, mut expected) = (before, before);
-                // SAFETY: the host has AVX2.
-                let passed = unsafe { state.test_quad_avx2(&eight, quad, &mut stored) };
+                let passed = dispatch!(simd => state.test_quad_of(simd, &eight, quad, &mut stored));
                 let pass = state.test_quad(1, false, quad.coverage() as u16, &[state.code_quad(depths)], &mut expected);
                 assert_eq!((passed, stored), (u32::from(pass), expected), "{state:?} {before:x?} {depths:?}");
                 some += passed.count_ones();

@@ -1,33 +1,36 @@
-//! Depth tests after shading with one sample per pixel: the depths of two quads at a time are interpolated and tested in AVX2 registers.
+//! Depth tests after shading with one sample per pixel: the depths of two quads at a time are interpolated and tested in vectors.
 //!
 //! The same operations as [`crate::interpolate::depth`], [`DepthStencilState::codes`] and [`DepthStencilState::test_batch`] in the same order,
 //! hence the same bits. Loops over lanes, each with its results in memory, took twice the instructions.
 
-use std::arch::x86_64::*;
+use fearless_simd::{f32x4, f32x8, i32x8, mask32x8, prelude::*, u32x4, u32x8};
 
-use super::block::{ANY, FLOAT, LESS, LESS_EQUAL, UNORM16, UNORM24, beside};
+use super::block::{ANY, FLOAT, LESS, LESS_EQUAL, UNORM16, UNORM24};
 use super::depth::{DepthStencilState, Storage};
 use crate::interpolate::Site;
 use crate::setup::{DepthPlane, Triangle};
+use crate::simd::{Simd, inlined, least, most};
 use crate::state::Compare;
 use num::QUADS;
 
 /// The depth planes of two quads, a quad in each half.
-struct Planes {
-    x0: __m256,
-    y0: __m256,
-    z0: __m256,
-    dzdx: __m256,
-    dzdy: __m256,
-    min: __m256,
-    max: __m256,
+struct Planes<V: Simd> {
+    x0: f32x8<V>,
+    y0: f32x8<V>,
+    z0: f32x8<V>,
+    dzdx: f32x8<V>,
+    dzdy: f32x8<V>,
+    min: f32x8<V>,
+    max: f32x8<V>,
 }
 
-impl Planes {
-    #[target_feature(enable = "avx2")]
-    #[inline]
-    fn new(a: &DepthPlane, b: &DepthPlane) -> Planes {
-        let two = |of: fn(&DepthPlane) -> f32| _mm256_set_m128(_mm_set1_ps(of(b)), _mm_set1_ps(of(a)));
+impl<V: Simd> Planes<V> {
+    #[inline(always)]
+    fn new(simd: V, a: &DepthPlane, b: &DepthPlane) -> Planes<V> {
+        let two = inlined(
+            #[inline(always)]
+            |of: fn(&DepthPlane) -> f32| f32x4::splat(simd, of(a)).combine(f32x4::splat(simd, of(b))),
+        );
         Planes {
             x0: two(|plane| plane.x0),
             y0: two(|plane| plane.y0),
@@ -40,24 +43,20 @@ impl Planes {
     }
 
     /// [`DepthPlane::at`] in the pixels of the quads at two sites.
-    #[target_feature(enable = "avx2")]
-    #[inline]
-    fn at(&self, sites: [Site; 2]) -> __m256 {
-        // The place of a site follows its triangle.
-        let column = _mm256_setr_epi8(
-            4, 5, -1, -1, 4, 5, -1, -1, 4, 5, -1, -1, 4, 5, -1, -1, 12, 13, -1, -1, 12, 13, -1, -1, 12, 13, -1, -1, 12, 13, -1,
-            -1,
+    #[inline(always)]
+    fn at(&self, simd: V, sites: [Site; 2]) -> f32x8<V> {
+        // Column and row of a site in one word.
+        let [a, b] = sites.map(|site| u32x4::splat(simd, u32::from(site.x) | u32::from(site.y) << 16));
+        let places: u32x8<V> = a.combine(b);
+        let number = inlined(
+            #[inline(always)]
+            |v: u32x8<V>| v.bitcast::<i32x8<V>>().to_float::<f32x8<V>>(),
         );
-        let row = _mm256_add_epi8(column, _mm256_set1_epi32(0x0202));
-        let sites = _mm256_broadcastsi128_si256(bytemuck::cast(sites));
-        let number = |bytes: __m256i| _mm256_cvtepi32_ps(_mm256_shuffle_epi8(sites, bytes));
-        let x = _mm256_add_ps(number(column), _mm256_setr_ps(0.5, 1.5, 0.5, 1.5, 0.5, 1.5, 0.5, 1.5));
-        let y = _mm256_add_ps(number(row), _mm256_setr_ps(0.5, 0.5, 1.5, 1.5, 0.5, 0.5, 1.5, 1.5));
-        let across = _mm256_mul_ps(self.dzdx, _mm256_sub_ps(x, self.x0));
-        let down = _mm256_mul_ps(self.dzdy, _mm256_sub_ps(y, self.y0));
-        let z = _mm256_add_ps(self.z0, _mm256_add_ps(across, down));
-        // Of equal or unordered operands these instructions give the second, as the scalar selections do.
-        _mm256_min_ps(_mm256_max_ps(z, self.min), self.max)
+        let x = number(places & 0xffff) + f32x8::simd_from(simd, [0.5, 1.5, 0.5, 1.5, 0.5, 1.5, 0.5, 1.5]);
+        let y = number(places >> 16) + f32x8::simd_from(simd, [0.5, 0.5, 1.5, 1.5, 0.5, 0.5, 1.5, 1.5]);
+        let across = self.dzdx * (x - self.x0);
+        let down = self.dzdy * (y - self.y0);
+        least(most(self.z0 + (across + down), self.min), self.max)
     }
 }
 
@@ -76,38 +75,53 @@ pub struct LateQuads<'a> {
 
 impl DepthStencilState {
     /// Tests the quads of a batch in order against a tile, the codes of many quads one after the other, and updates its codes. Returns the pixels
-    /// that passed, of those in `mask`, which has a bit per lane. The state is one for [`DepthStencilState::test_block_avx2`].
+    /// that passed, of those in `mask`, which has a bit per lane. The state is one for [`DepthStencilState::test_block`].
     ///
     /// # Panics
     /// If a quad that is present lies outside the tile, or its triangle is not there.
-    ///
-    /// # Safety
-    /// As for any function compiled for AVX2: the host has it.
-    #[target_feature(enable = "avx2")]
-    pub fn test_late_avx2(&self, quads: LateQuads<'_>, mask: u64, tile: &mut [u32]) -> u64 {
+    #[inline(always)]
+    pub fn test_quads_late<V: Simd>(&self, simd: V, quads: LateQuads<'_>, mask: u64, tile: &mut [u32]) -> u64 {
         debug_assert!(self.tests_blocks());
         match (self.storage, self.compare) {
-            (Storage::Float, Compare::Less) => self.test_late::<FLOAT, LESS>(quads, mask, tile),
-            (Storage::Float, Compare::LessEqual) => self.test_late::<FLOAT, LESS_EQUAL>(quads, mask, tile),
-            (Storage::Float, _) => self.test_late::<FLOAT, ANY>(quads, mask, tile),
-            (Storage::Unorm24, _) => self.test_late::<UNORM24, ANY>(quads, mask, tile),
-            _ => self.test_late::<UNORM16, ANY>(quads, mask, tile),
+            (Storage::Float, Compare::Less) => self.test_late::<_, FLOAT, LESS>(simd, quads, mask, tile),
+            (Storage::Float, Compare::LessEqual) => self.test_late::<_, FLOAT, LESS_EQUAL>(simd, quads, mask, tile),
+            (Storage::Float, _) => self.test_late::<_, FLOAT, ANY>(simd, quads, mask, tile),
+            (Storage::Unorm24, _) => self.test_late::<_, UNORM24, ANY>(simd, quads, mask, tile),
+            _ => self.test_late::<_, UNORM16, ANY>(simd, quads, mask, tile),
         }
     }
 
-    #[target_feature(enable = "avx2")]
-    fn test_late<const STORAGE: u8, const COMPARE: u8>(&self, quads: LateQuads<'_>, mask: u64, tile: &mut [u32]) -> u64 {
+    #[inline(always)]
+    fn test_late<V: Simd, const STORAGE: u8, const COMPARE: u8>(
+        &self,
+        simd: V,
+        quads: LateQuads<'_>,
+        mask: u64,
+        tile: &mut [u32],
+    ) -> u64 {
+        simd.vectorize(
+            #[inline(always)]
+            || self.test_late_here::<V, STORAGE, COMPARE>(simd, quads, mask, tile),
+        )
+    }
+
+    #[inline(always)]
+    fn test_late_here<V: Simd, const STORAGE: u8, const COMPARE: u8>(
+        &self,
+        simd: V,
+        quads: LateQuads<'_>,
+        mask: u64,
+        tile: &mut [u32],
+    ) -> u64 {
         let LateQuads { triangles, count, sites, at } = quads;
         let tile = tile.as_chunks_mut::<4>().0;
-        let (near, far) = (_mm256_set1_ps(self.range[0]), _mm256_set1_ps(self.range[1]));
-        let beside = beside::<STORAGE>();
-        let bits = _mm256_setr_epi32(1, 2, 4, 8, 16, 32, 64, 128);
+        let [near, far] = self.range.map(|v| f32x8::splat(simd, v));
         let (sites, at) = (sites.as_chunks::<2>().0, at.as_chunks::<2>().0);
         let mut passed = 0;
         let mut left = mask;
         // The quads of a triangle follow each other.
         let nothing = DepthPlane::default();
-        let (mut current, mut planes) = (None, Planes::new(&nothing, &nothing));
+        let (mut current, mut planes) = (None, Planes::new(simd, &nothing, &nothing));
         while left != 0 {
             let pair = left.trailing_zeros() as usize / 8;
             let covered = (left >> (8 * pair)) as u8;
@@ -120,10 +134,9 @@ impl DepthStencilState {
             let names = here.map(|site| site.triangle);
             if current != Some(names) {
                 let [a, b] = names.map(|name| &triangles[name as usize].depth);
-                (current, planes) = (Some(names), Planes::new(a, b));
+                (current, planes) = (Some(names), Planes::new(simd, a, b));
             }
-            // Of equal or unordered operands these instructions give the second.
-            let z = _mm256_min_ps(far, _mm256_max_ps(near, planes.at(here)));
+            let z = least(far, most(near, planes.at(simd, here)));
             let places = places.map(|place| place as usize);
             // Quads of one place are tested one after the other.
             let (mut now, mut then) = (covered, 0);
@@ -131,20 +144,19 @@ impl DepthStencilState {
                 (now, then) = (covered & 15, covered & 0xf0);
             }
             loop {
-                let old: __m256i = bytemuck::cast(places.map(|place| tile[place]));
-                let (new, pass) = self.compared::<STORAGE, COMPARE>(z, old);
-                let covered = _mm256_cmpeq_epi32(_mm256_and_si256(_mm256_set1_epi32(i32::from(now)), bits), bits);
-                let pass = _mm256_and_si256(pass, covered);
-                let these = _mm256_movemask_ps(_mm256_castsi256_ps(pass)) as u64;
+                let [first, second] = places.map(|place| u32x4::simd_from(simd, tile[place]));
+                let old = first.combine(second);
+                let (new, pass) = self.compared::<_, STORAGE, COMPARE>(z, old);
+                let pass = pass & mask32x8::from_bitmask(simd, u64::from(now));
+                let these = pass.to_bitmask();
                 passed |= these << (8 * pair);
                 if self.depth_write && these != 0 {
-                    let new = _mm256_blendv_epi8(old, new, _mm256_andnot_si256(beside, pass));
-                    let [first, second]: [[u32; 4]; 2] = bytemuck::cast(new);
+                    let (first, second) = pass.select(new, old).split();
                     if these & 15 != 0 {
-                        tile[places[0]] = first;
+                        tile[places[0]] = first.into();
                     }
                     if these > 15 {
-                        tile[places[1]] = second;
+                        tile[places[1]] = second.into();
                     }
                 }
                 if then == 0 {
@@ -163,14 +175,12 @@ mod tests {
     use crate::interpolate::{self, Place};
     use crate::rop::block::tests::Cases;
     use crate::setup::{self, Bounds, DepthBias, ScreenVertex, SetupState};
+    use crate::simd::dispatch;
     use crate::state::{CullMode, FrontFace};
     use num::{Lanes, Random};
 
     #[test]
     fn quads_after_shading_give_the_bits_of_lanes() {
-        if !crate::simd::host_has!("avx2") {
-            return;
-        }
         let setup = SetupState {
             bounds: Bounds { x0: 0, y0: 0, x1: 64, y1: 64 },
             depth_range: [0.0, 1.0],
@@ -218,8 +228,7 @@ mod tests {
             let before: Vec<u32> = (0..1024).map(|_| random.code(case, &state, triangles[0].depth.z0)).collect();
             let (mut tile, mut expected) = (before.clone(), before);
             let quads = LateQuads { triangles: &triangles, count: n, sites: &sites, at: &at };
-            // SAFETY: the host has AVX2.
-            let passed = unsafe { state.test_late_avx2(quads, mask, &mut tile) };
+            let passed = dispatch!(simd => state.test_quads_late(simd, quads, mask, &mut tile));
             let (mut z, mut codes) = (Lanes::ZERO, Lanes::ZERO);
             interpolate::depth(&triangles, &sites[..n], Place::Center, &mut z);
             state.codes(&z, &mut codes);

@@ -6,14 +6,12 @@
 //! units single quads; both end in the same inner functions, so that their images are equal bit for bit.
 
 mod blend;
-#[cfg(target_arch = "x86_64")]
 mod block;
 mod channels;
 mod codes;
 mod compose;
 mod depth;
 mod equation;
-#[cfg(target_arch = "x86_64")]
 mod late;
 mod number;
 #[cfg(target_arch = "x86_64")]
@@ -26,7 +24,6 @@ mod tests;
 pub use blend::ColorState;
 pub use compose::{compare_depths, composes_over, over};
 pub use depth::DepthStencilState;
-#[cfg(target_arch = "x86_64")]
 pub use late::LateQuads;
 pub use resolve::{alpha_to_coverage, resolve};
 

@@ -4,13 +4,11 @@
 //! bits (|v| <= 2^23), a difference of two 25 bits with sign (|d| < 2^24), an edge function the sum of two products of
 //! differences (|E| < 2^49). All of these are exact in i64 and, below 2^53, in f64 as well, which interpolation uses.
 
-#[cfg(target_arch = "x86_64")]
 mod eight;
 mod fan;
 mod plane;
 mod screen;
 
-#[cfg(target_arch = "x86_64")]
 pub use eight::{Eight, EightBounds, EightQuad, is_small};
 pub use fan::fan;
 pub use plane::{BiasUnit, DepthBias, DepthPlane};

@@ -16,8 +16,8 @@ use std::ops::Deref;
 use num::{Fx8, SUBPIXEL};
 
 use super::setup::{Bounds, Edge, SAMPLES_1, SAMPLES_4, Shape, Triangle};
-use super::simd::has_avx2;
-use kernel::{BLOCK_SHIFT, COLUMNS_BELOW, Kernel, PIXEL_SHIFT, Portable, ROWS_BELOW, reduce};
+use super::simd::{Simd, dispatch};
+use kernel::{BLOCK_SHIFT, COLUMNS_BELOW, PIXEL_SHIFT, ROWS_BELOW, reduce};
 
 /// Edge length of the largest area that one call walks, in pixels.
 pub const TILE: u16 = 64;
@@ -123,29 +123,22 @@ impl<const S: usize> Blocks<S> {
     /// `S` is 1 or 4, the sample count that the primitive was set up with. `area` is at most [`TILE`] pixels wide and high and its
     /// upper left corner a multiple of 8.
     pub fn find(&mut self, primitive: &Triangle, area: Bounds) {
-        #[cfg(target_arch = "x86_64")]
-        if has_avx2() {
-            // SAFETY: the host has these instructions.
-            return unsafe { self.find_avx2(primitive, area) };
-        }
-        self.find_portable(primitive, area);
+        dispatch!(simd => self.find_here(simd, primitive, area));
     }
 
-    /// As [`Self::find`] for a caller that is itself compiled for these instructions.
-    ///
-    /// # Safety
-    /// The host has these instructions. A caller compiled for them says so by being one; any other has to know.
-    #[cfg(target_arch = "x86_64")]
-    #[target_feature(enable = "avx2,bmi1,bmi2,lzcnt,popcnt")]
-    pub fn find_avx2(&mut self, primitive: &Triangle, area: Bounds) {
-        self.n = 0;
-        walk::<kernel::Avx2, S>(primitive, area, self);
+    /// As [`Self::find`] with a given instruction set.
+    #[inline(always)]
+    pub fn find_with<V: Simd>(&mut self, simd: V, primitive: &Triangle, area: Bounds) {
+        simd.vectorize(
+            #[inline(always)]
+            || self.find_here(simd, primitive, area),
+        );
     }
 
-    /// As [`Self::find`] without looking at the host.
-    pub fn find_portable(&mut self, primitive: &Triangle, area: Bounds) {
+    #[inline(always)]
+    fn find_here<V: Simd>(&mut self, simd: V, primitive: &Triangle, area: Bounds) {
         self.n = 0;
-        walk::<Portable, S>(primitive, area, self);
+        walk(simd, primitive, area, self);
     }
 }
 
@@ -172,7 +165,7 @@ pub fn blocks<const S: usize>(primitive: &Triangle, area: Bounds, visit: impl Fn
 }
 
 #[inline(always)]
-fn walk<K: Kernel, const S: usize>(primitive: &Triangle, area: Bounds, found: &mut Blocks<S>) {
+fn walk<V: Simd, const S: usize>(simd: V, primitive: &Triangle, area: Bounds, found: &mut Blocks<S>) {
     const { assert!(S == 1 || S == 4, "samples a pixel") };
     let bounds = primitive.bounds.intersect(&area);
     if bounds.is_empty() {
@@ -184,16 +177,16 @@ fn walk<K: Kernel, const S: usize>(primitive: &Triangle, area: Bounds, found: &m
             let [e0, e1, e2] = &primitive.edges;
             let tie = |e: &Edge| i64::from(!e.owns(primitive.lower_edges));
             let ties = [tie(e0), tie(e1), tie(e2)];
-            convex::<K, _, _>(&primitive.edges, &ties, primitive.base(), bounds, found);
+            convex(simd, &primitive.edges, &ties, primitive.base(), bounds, found);
         }
         Shape::Line if S == 1 => line::diamond_exit(primitive, bounds, found),
-        Shape::Line => convex::<K, _, _>(&line::rectangle(primitive), &[0; 4], primitive.base(), bounds, found),
+        Shape::Line => convex(simd, &line::rectangle(primitive), &[0; 4], primitive.base(), bounds, found),
         Shape::Point if S == 1 => {
             // The bounds are the pixel.
             let (x, y) = (bounds.x0 & !7, bounds.y0 & !7);
             found.push(Block { x, y, full: false, samples: [rectangle_mask(bounds, x, y); S] });
         }
-        Shape::Point => convex::<K, _, _>(&line::square(primitive), &[0; 4], primitive.base(), bounds, found),
+        Shape::Point => convex(simd, &line::square(primitive), &[0; 4], primitive.base(), bounds, found),
     }
 }
 
@@ -208,7 +201,8 @@ fn rectangle_mask(bounds: Bounds, x: u16, y: u16) -> u64 {
 
 /// Walks the intersection of half planes `E - tie >= 0`, whose constants hold at the centre of pixel `base`.
 #[inline(always)]
-fn convex<K: Kernel, const N: usize, const S: usize>(
+fn convex<V: Simd, const N: usize, const S: usize>(
+    simd: V,
     edges: &[Edge; N],
     ties: &[i64; N],
     base: [i32; 2],
@@ -220,7 +214,7 @@ fn convex<K: Kernel, const N: usize, const S: usize>(
     let rows = (bounds.y1 - by).div_ceil(8);
     let (wx, wy) = (bounds.x0 & !1, bounds.y0 & !1);
     if bounds.x1 - wx <= 8 && bounds.y1 - wy <= 8 {
-        return small::<K, _, _>(edges, ties, base, [wx, wy], bounds, found);
+        return small(simd, edges, ties, base, [wx, wy], bounds, found);
     }
     // The constants at the first block of this area.
     let (dx, dy) = ((i32::from(bx) - base[0]) * SUBPIXEL, (i32::from(by) - base[1]) * SUBPIXEL);
@@ -240,16 +234,17 @@ fn convex<K: Kernel, const N: usize, const S: usize>(
     }
     let grid = Grid::new([bx, by], [columns, rows], bounds);
     if fits {
-        visit::<K, N, S, true>(edges, &first, &near, &grid, found)
+        visit::<_, N, S, true>(simd, edges, &first, &near, &grid, found)
     } else {
-        visit::<K, N, S, false>(edges, &first, &near, &grid, found)
+        visit::<_, N, S, false>(simd, edges, &first, &near, &grid, found)
     }
 }
 
 /// Visits the blocks of a grid in which a sample is covered. `first` are the constants at the first block. `NEAR`: those of all blocks are the
 /// sums of `near`, which are the first block's, reduced, and whole pixels.
 #[inline(always)]
-fn visit<K: Kernel, const N: usize, const S: usize, const NEAR: bool>(
+fn visit<V: Simd, const N: usize, const S: usize, const NEAR: bool>(
+    simd: V,
     edges: &[Edge; N],
     first: &[i64; N],
     near: &[i32; N],
@@ -260,7 +255,7 @@ fn visit<K: Kernel, const N: usize, const S: usize, const NEAR: bool>(
     if columns * rows <= 4 {
         for row in 0..rows {
             for column in 0..columns {
-                block::<K, N, S, NEAR>(edges, first, near, grid, [column, row], found);
+                block::<_, N, S, NEAR>(simd, edges, first, near, grid, [column, row], found);
             }
         }
         return;
@@ -281,8 +276,8 @@ fn visit<K: Kernel, const N: usize, const S: usize, const NEAR: bool>(
     // Blocks that exist: `columns` in each of `rows` rows, both at most 8.
     let row_bits = (1u64 << columns) - 1;
     let exist = (row_bits * 0x0101_0101_0101_0101) & (!0 >> (64 - 8 * rows));
-    let mut left = K::rows(edges, &touched) & exist;
-    let inside = if found.takes_whole { K::rows(edges, &inside) } else { 0 };
+    let mut left = kernel::rows(simd, edges, &touched) & exist;
+    let inside = if found.takes_whole { kernel::rows(simd, edges, &inside) } else { 0 };
     while left != 0 {
         let bit = left.trailing_zeros() as u16;
         left &= left - 1;
@@ -291,14 +286,15 @@ fn visit<K: Kernel, const N: usize, const S: usize, const NEAR: bool>(
             let (mask, [x, y]) = (grid.allowed(at), grid.corner_of(at));
             found.push(Block { x, y, full: mask == !0, samples: [mask; S] });
         } else {
-            block::<K, N, S, NEAR>(edges, first, near, grid, at, found);
+            block::<_, N, S, NEAR>(simd, edges, first, near, grid, at, found);
         }
     }
 }
 
 /// Tests the pixels of one block and visits it if any sample is covered.
 #[inline(always)]
-fn block<K: Kernel, const N: usize, const S: usize, const NEAR: bool>(
+fn block<V: Simd, const N: usize, const S: usize, const NEAR: bool>(
+    simd: V,
     edges: &[Edge; N],
     first: &[i64; N],
     near: &[i32; N],
@@ -312,14 +308,14 @@ fn block<K: Kernel, const N: usize, const S: usize, const NEAR: bool>(
         for n in 0..N {
             c[n] = near[n] + edges[n].a * dx + edges[n].b * dy;
         }
-        [K::quads(edges, &c); S]
+        [kernel::quads(simd, edges, &c); S]
     } else {
         let [dx, dy] = at.map(|v| i32::from(v) * 8 * SUBPIXEL);
         let mut c = [0; N];
         for n in 0..N {
             c[n] = Edge { c: first[n], ..edges[n] }.at(dx, dy);
         }
-        masks::<K, N, S>(edges, &c)
+        masks(simd, edges, &c)
     };
     let (allowed, [x, y]) = (grid.allowed(at), grid.corner_of(at));
     emit(Block { x, y, full: false, samples: samples.map(|mask| mask & allowed) }, found);
@@ -327,7 +323,7 @@ fn block<K: Kernel, const N: usize, const S: usize, const NEAR: bool>(
 
 /// The masks of all samples on the 8x8 pixels whose first pixel has the constants `c`.
 #[inline(always)]
-fn masks<K: Kernel, const N: usize, const S: usize>(edges: &[Edge; N], c: &[i64; N]) -> [u64; S] {
+fn masks<V: Simd, const N: usize, const S: usize>(simd: V, edges: &[Edge; N], c: &[i64; N]) -> [u64; S] {
     let mut out = [0; S];
     for (s, &[x, y]) in positions::<S>().iter().enumerate() {
         let mut reduced = [0; N];
@@ -336,7 +332,7 @@ fn masks<K: Kernel, const N: usize, const S: usize>(edges: &[Edge; N], c: &[i64;
             let offset = i64::from(a) * i64::from(x) + i64::from(b) * i64::from(y);
             reduced[n] = reduce(c[n] + offset, PIXEL_SHIFT);
         }
-        out[s] = K::quads(edges, &reduced);
+        out[s] = kernel::quads(simd, edges, &reduced);
     }
     out
 }
@@ -393,7 +389,8 @@ fn emit<const S: usize>(mut block: Block<S>, found: &mut Blocks<S>) {
 
 /// A primitive inside an 8x8 window with even corner: one evaluation, whatever blocks the window straddles.
 #[inline(always)]
-fn small<K: Kernel, const N: usize, const S: usize>(
+fn small<V: Simd, const N: usize, const S: usize>(
+    simd: V,
     edges: &[Edge; N],
     ties: &[i64; N],
     base: [i32; 2],
@@ -411,7 +408,7 @@ fn small<K: Kernel, const N: usize, const S: usize>(
     let (x1, y1) = (usize::from(bounds.x1 - wx) & 15, usize::from(bounds.y1 - wy) & 15);
     let columns = COLUMNS_BELOW[x1] & !COLUMNS_BELOW[usize::from(bounds.x0 & 1)];
     let allowed = columns & ROWS_BELOW[y1] & !ROWS_BELOW[usize::from(bounds.y0 & 1)];
-    let samples = masks::<K, N, S>(edges, &c).map(|m| m & allowed);
+    let samples = masks(simd, edges, &c).map(|m| m & allowed);
     // Quad columns and rows of the window that lie in the first block.
     let (qx, qy) = (u32::from(8 - (wx - bx)) / 2, u32::from(8 - (wy - by)) / 2);
     if bounds.x1 <= bx + 8 && bounds.y1 <= by + 8 {

@@ -61,15 +61,11 @@ fn runs_of_quads(weights: &Weights, values: [f32; 3], random: &mut Random) {
     let inside = |lane: usize| quads.contains(&(lane / 4));
     let expected = Lanes(std::array::from_fn(|lane| if inside(lane) { all.0[lane] } else { before.0[lane] }));
     let mut out = before;
-    interpolate::attribute_run(weights, quads.clone(), values, &mut out);
+    gfx::simd::dispatch!(simd => interpolate::attribute_run(simd, weights, quads.clone(), values, &mut out));
     assert_eq!(out, expected, "{quads:?}");
-    #[cfg(target_arch = "x86_64")]
-    if gfx::simd::has_avx2() {
-        let mut out = before;
-        // SAFETY: the host has AVX2, which is all that the function requires.
-        unsafe { interpolate::attribute_run_avx2(weights, quads.clone(), values, &mut out) };
-        assert_eq!(out, expected, "{quads:?}");
-    }
+    let mut out = before;
+    interpolate::attribute_run(gfx::simd::base(), weights, quads.clone(), values, &mut out);
+    assert_eq!(out, expected, "{quads:?}");
 }
 
 /// What is filled in without interpolation is what interpolation gives.

@@ -4,9 +4,7 @@ use std::ops::Range;
 use std::sync::atomic::{AtomicU8, Ordering::Relaxed};
 
 use gfx::assemble::PrimitiveKind;
-#[cfg(target_arch = "x86_64")]
-use gfx::setup::is_small;
-use gfx::setup::{self, Bounds, ScreenVertex, Shape, Triangle};
+use gfx::setup::{self, Bounds, ScreenVertex, Shape, Triangle, is_small};
 use gfx::state::{PolygonMode, Topology};
 use num::{SUBPIXEL, prefetch};
 use work::{Areas, Funnel, Outcome, TILE};
@@ -165,18 +163,8 @@ pub fn late_setup(call: &DrawCall<'_>) -> bool {
 
 /// Whether small triangles may be set up together, given that setup is left to the tiles.
 pub fn mark_small(call: &DrawCall<'_>) -> bool {
-    #[cfg(target_arch = "x86_64")]
-    let wide = gfx::simd::has_avx2();
-    #[cfg(not(target_arch = "x86_64"))]
-    let wide = false;
     let tests = !call.early || call.depth.is_none() || call.tests_blocks;
-    wide && tests && call.samples == 1 && call.sample_mask & 1 == 1 && call.setup.bias.is_none()
-}
-
-/// Nothing is set up together here.
-#[cfg(not(target_arch = "x86_64"))]
-fn is_small(_: &[ScreenVertex; 3], _: &Bounds) -> bool {
-    false
+    tests && call.samples == 1 && call.sample_mask & 1 == 1 && call.setup.bias.is_none()
 }
 
 impl Batch {

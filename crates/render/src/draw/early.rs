@@ -2,18 +2,18 @@
 
 use gfx::rop::DepthStencilState;
 use gfx::setup::{DepthPlane, SAMPLES_4, Triangle};
+use gfx::simd::Simd;
 use gfx::traverse::Block;
-#[cfg(target_arch = "x86_64")]
-use num::LANES;
-use num::SUBPIXEL;
+use num::{LANES, SUBPIXEL};
 
 use super::tile::{TileRun, block_in_tile, quads_in};
 
 impl TileRun<'_, '_, '_> {
-    /// Early depth and stencil: the samples of the block that pass. `WIDE`: the caller is compiled for AVX2.
+    /// Early depth and stencil: the samples of the block that pass.
     #[inline(always)]
-    pub(super) fn test<const S: usize, const WIDE: bool>(
+    pub(super) fn test<const S: usize, V: Simd>(
         &mut self,
+        simd: V,
         state: &DepthStencilState,
         triangle: &Triangle,
         block: &Block<S>,
@@ -23,13 +23,11 @@ impl TileRun<'_, '_, '_> {
         let Some(tile) = &mut self.job.depth else { return block.samples };
         let at = block_in_tile(block.x, block.y);
         tile.materialise(call.depth_words);
-        #[cfg(target_arch = "x86_64")]
-        if WIDE && S == 1 && call.tests_blocks {
+        if S == 1 && call.tests_blocks {
             let codes: &mut [u32; LANES] =
                 (&mut tile.codes[at * LANES..(at + 1) * LANES]).try_into().expect("a block of one sample");
             let mut out = [0; S];
-            // SAFETY: `WIDE` says that the host has AVX2.
-            out[0] = unsafe { state.test_block_avx2(plane, [block.x, block.y], block.samples[0], codes) };
+            out[0] = state.test_block(simd, plane, [block.x, block.y], block.samples[0], codes);
             return out;
         }
         let mut out = [0; S];

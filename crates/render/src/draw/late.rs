@@ -2,6 +2,7 @@
 
 use gfx::interpolate::{self, Place};
 use gfx::rop;
+use gfx::simd::Simd;
 use num::{LANES, Lanes, QUADS};
 
 use super::pending::{lanes, pixels, quads};
@@ -59,22 +60,18 @@ impl TileRun<'_, '_, '_> {
         }
     }
 
-    /// Tests depth and stencil with one sample per pixel: of the pixels that are `alive` those that pass, a bit per lane. `WIDE`: the caller is
-    /// compiled for AVX2 and its companions.
+    /// Tests depth and stencil with one sample per pixel: of the pixels that are `alive` those that pass, a bit per lane.
     #[inline(always)]
-    pub(super) fn test_lanes<const WIDE: bool>(&mut self, alive: u64) -> u64 {
+    pub(super) fn test_lanes<V: Simd>(&mut self, simd: V, alive: u64) -> u64 {
         let call = self.call;
-        #[cfg(target_arch = "x86_64")]
-        if WIDE
-            && call.tests_blocks
+        if call.tests_blocks
             && call.frag_depth.is_none()
             && let (Some(state), Some(tile), Some(sites)) = (&call.depth, &mut self.job.depth, self.pending.sites.first_chunk())
         {
             tile.materialise(call.depth_words);
             let quads =
                 rop::LateQuads { triangles: &self.pending.triangles, count: self.pending.n, sites, at: self.pending.places() };
-            // SAFETY: `flush` has found the instruction sets on this host.
-            let passed = unsafe { state.test_late_avx2(quads, alive, tile.codes) };
+            let passed = state.test_quads_late(simd, quads, alive, tile.codes);
             self.counts.fragments_late_failed += u64::from((alive & !passed).count_ones());
             return passed;
         }

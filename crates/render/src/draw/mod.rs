@@ -22,7 +22,6 @@ mod primitive;
 mod record;
 mod shade;
 mod signature;
-#[cfg(target_arch = "x86_64")]
 mod small;
 mod state;
 mod stream;

@@ -243,7 +243,6 @@ impl Pending {
 
     /// Adds a quad if any of it is `alive`, without a branch. There is room. `same`: it is of the last triangle that was added;
     /// else the one named is added. Returns whether it was.
-    #[cfg(target_arch = "x86_64")]
     #[inline(always)]
     pub fn push_if_alive(
         &mut self,

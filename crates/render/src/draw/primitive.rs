@@ -2,9 +2,8 @@
 
 use gfx::assemble::{Assembler, PrimitiveKind, provoking};
 use gfx::clip::{ClipVolume, Clipped, MAX_VERTICES, Polygon};
-#[cfg(target_arch = "x86_64")]
-use gfx::setup::EightBounds;
-use gfx::setup::{self, Culled, ScreenVertex};
+use gfx::setup::{self, Culled, EightBounds, ScreenVertex};
+use gfx::simd::{Simd, dispatch};
 use gfx::state::{PolygonMode, Topology};
 use work::Outcome;
 
@@ -18,23 +17,12 @@ impl Batch {
     }
 
     fn assemble_as<const RECORD: bool>(&mut self, input: &Input<'_, '_>, pairs: &mut Vec<(u32, u32)>) {
-        #[cfg(target_arch = "x86_64")]
-        {
-            #[target_feature(enable = "avx2,bmi1,bmi2,lzcnt,popcnt")]
-            fn wide<const RECORD: bool>(batch: &mut Batch, input: &Input<'_, '_>, pairs: &mut Vec<(u32, u32)>) {
-                batch.assemble_here::<true, RECORD>(input, pairs);
-            }
-            if gfx::simd::has_avx2() {
-                // SAFETY: the host has every instruction set that the function is compiled for.
-                return unsafe { wide::<RECORD>(self, input, pairs) };
-            }
-        }
-        self.assemble_here::<false, RECORD>(input, pairs);
+        dispatch!(simd => self.assemble_here::<RECORD, _>(simd, input, pairs));
     }
 
-    /// `WIDE`: the caller is compiled for AVX2. `RECORD`: work is recorded.
+    /// `RECORD`: work is recorded.
     #[inline(always)]
-    fn assemble_here<const WIDE: bool, const RECORD: bool>(&mut self, input: &Input<'_, '_>, pairs: &mut Vec<(u32, u32)>) {
+    fn assemble_here<const RECORD: bool, V: Simd>(&mut self, simd: V, input: &Input<'_, '_>, pairs: &mut Vec<(u32, u32)>) {
         let call = input.call;
         let primitive = &call.pipeline.primitive;
         let kind = PrimitiveKind::of(call.topology);
@@ -50,18 +38,12 @@ impl Batch {
             let mut end = part.start + 3;
             if plain && call.topology == Topology::TriangleList {
                 // The case that matters: no assembler, and the cull reasons only counted.
-                #[cfg(target_arch = "x86_64")]
-                let entries = if WIDE {
-                    let (eights, rest) = entries.as_chunks::<24>();
-                    for eight in eights {
-                        self.eight::<RECORD>(input, number, end, eight, flat, pairs);
-                        number += 8;
-                        end += 24;
-                    }
-                    rest
-                } else {
-                    entries
-                };
+                let (eights, entries) = entries.as_chunks::<24>();
+                for eight in eights {
+                    self.eight::<RECORD, _>(simd, input, number, end, eight, flat, pairs);
+                    number += 8;
+                    end += 24;
+                }
                 for v in entries.chunks_exact(3) {
                     let (v, left) = ([v[0], v[1], v[2]], (self.corners.len(), self.made_screen.len()));
                     let ended = self.triangle(input, number, v, flat, pairs);
@@ -131,11 +113,11 @@ impl Batch {
         self.ended.push(Ended { vertices, stream_end, first_triangle: first as u32, triangles, clipped, outcome });
     }
 
-    /// Eight filled triangles without clip distances; `end` is one past the entries of the first. The caller is compiled for AVX2.
-    #[cfg(target_arch = "x86_64")]
+    /// Eight filled triangles without clip distances; `end` is one past the entries of the first.
     #[inline(always)]
-    fn eight<const RECORD: bool>(
+    fn eight<const RECORD: bool, V: Simd>(
         &mut self,
+        simd: V,
         input: &Input<'_, '_>,
         first: u32,
         end: u32,
@@ -153,8 +135,7 @@ impl Batch {
                 screen[c] = vertices.screen[v[c] as usize];
             }
         }
-        // SAFETY: the caller is compiled for AVX2, and so runs only on hosts that have it.
-        let eight = unsafe { EightBounds::find(&input.call.setup, &screen) };
+        let eight = EightBounds::find(simd, &input.call.setup, &screen);
         // Where a vertex is outside of anything, all of them go the long way.
         let alone = if codes == 0 { eight.large } else { 0xff };
         for (i, &v) in triangles.iter().enumerate() {

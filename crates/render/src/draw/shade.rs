@@ -3,6 +3,7 @@
 use std::mem::MaybeUninit;
 
 use gfx::interpolate::{self, Place, Weights};
+use gfx::simd::{Simd, dispatch};
 use num::{LANES, Lanes, QUADS};
 use shader::{Bound, BuiltIn, Interpolation, Sampling};
 
@@ -21,23 +22,11 @@ impl TileRun<'_, '_, '_> {
     /// Shades what waits and writes it, with the host's widest vectors.
     #[inline(never)]
     pub fn flush<const S: usize, const RECORD: bool>(&mut self) {
-        #[cfg(target_arch = "x86_64")]
-        {
-            #[target_feature(enable = "avx2,bmi1,bmi2,lzcnt,popcnt")]
-            fn wide<const S: usize, const RECORD: bool>(run: &mut TileRun<'_, '_, '_>) {
-                run.flush_here::<S, RECORD, true>();
-            }
-            if gfx::simd::has_avx2() {
-                // SAFETY: the host has every instruction set that the function is compiled for.
-                return unsafe { wide::<S, RECORD>(self) };
-            }
-        }
-        self.flush_here::<S, RECORD, false>();
+        dispatch!(simd => self.flush_here::<S, RECORD, _>(simd));
     }
 
-    /// `WIDE`: the caller is compiled for AVX2 and its companions.
     #[inline(always)]
-    fn flush_here<const S: usize, const RECORD: bool, const WIDE: bool>(&mut self) {
+    fn flush_here<const S: usize, const RECORD: bool, V: Simd>(&mut self, simd: V) {
         let n = self.pending.n;
         if n == 0 || self.fault.is_some() {
             self.pending.clear();
@@ -53,7 +42,7 @@ impl TileRun<'_, '_, '_> {
         let survivors = if owner.is_some() && owner == self.shaded {
             active
         } else {
-            let constant = self.interpolate::<S, WIDE>();
+            let constant = self.interpolate::<S, _>(simd);
             // The batches that follow have the same outputs, whatever lanes they have.
             self.shaded = owner.filter(|_| constant && n == QUADS);
             let (active, helpers) = match self.shaded {
@@ -81,7 +70,7 @@ impl TileRun<'_, '_, '_> {
                 self.record_quads::<S>();
             }
             if !call.early && call.depth.is_some() {
-                alive = self.test_lanes::<WIDE>(alive);
+                alive = self.test_lanes(simd, alive);
             }
             let written = u64::from(alive.count_ones());
             self.counts.fragments_written += written;
@@ -151,7 +140,7 @@ impl TileRun<'_, '_, '_> {
 
     /// Writes the inputs of the fragment program; whether varyings are the same all over each triangle.
     #[inline(always)]
-    fn interpolate<const S: usize, const WIDE: bool>(&mut self) -> bool {
+    fn interpolate<const S: usize, V: Simd>(&mut self, simd: V) -> bool {
         let call = self.call;
         let pending = &*self.pending;
         let n = pending.n;
@@ -215,12 +204,12 @@ impl TileRun<'_, '_, '_> {
                         if interpolate::is_constant(values) && *finite.get_or_insert_with(|| weights.are_finite()) {
                             fill(register, start..end, values[0]);
                         } else {
-                            attribute::<WIDE>(weights, start..end, values.map(f32::from_bits), register);
+                            interpolate::attribute_run(simd, weights, start..end, values.map(f32::from_bits), register);
                         }
                     }
                     for &(register, word) in inputs {
                         let values = [a[word], b[word], c[word]].map(f32::from_bits);
-                        attribute::<WIDE>(weights, start..end, values, bound.register_mut(register));
+                        interpolate::attribute_run(simd, weights, start..end, values, bound.register_mut(register));
                     }
                 }
                 start = end;
@@ -396,17 +385,6 @@ impl SegmentInput<'_, '_> {
 fn fill(out: &mut Lanes, quads: std::ops::Range<usize>, value: u32) {
     // A register that belongs to one triangle takes a few stores, without a loop.
     if quads.len() == QUADS { *out = Lanes([value; LANES]) } else { out.0[4 * quads.start..4 * quads.end].fill(value) }
-}
-
-/// One attribute component of the quads of one triangle. `WIDE`: the caller is compiled for AVX2 and its companions.
-#[inline(always)]
-fn attribute<const WIDE: bool>(weights: &Weights, quads: std::ops::Range<usize>, values: [f32; 3], out: &mut Lanes) {
-    #[cfg(target_arch = "x86_64")]
-    if WIDE {
-        // SAFETY: `flush` has found the instruction sets on this host.
-        return unsafe { interpolate::attribute_run_avx2(weights, quads, values, out) };
-    }
-    interpolate::attribute_run(weights, quads, values, out);
 }
 
 /// Depths and colours of the batch's quads, as `work::Draw` describes them.

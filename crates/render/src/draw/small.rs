@@ -1,4 +1,4 @@
-//! Small triangles, eight at a time, on hosts with AVX2.
+//! Small triangles, eight at a time.
 //!
 //! A mesh of millions covers two pixels with each triangle. What costs then are branches that nobody can predict: how many
 //! blocks, how many quads, whether any of them passes. So the quads of eight triangles are listed first, and one loop goes
@@ -7,22 +7,22 @@
 use std::sync::atomic::Ordering::Relaxed;
 
 use gfx::setup::{Bounds, Eight, EightQuad, ScreenVertex};
+use gfx::simd::Simd;
 
 use super::batch::NUMBER;
 use super::tile::TileRun;
 
 impl TileRun<'_, '_, '_> {
-    /// Up to eight triangles that are marked as small. The caller is compiled for AVX2.
+    /// Up to eight triangles that are marked as small.
     #[inline(always)]
-    pub(super) fn small(&mut self, references: &[(u32, u32)], area: &Bounds) {
+    pub(super) fn small<V: Simd>(&mut self, simd: V, references: &[(u32, u32)], area: &Bounds) {
         let (call, input) = (self.call, self.input);
         let mut vertices = [[ScreenVertex::default(); 3]; 8];
         for (vertices, &(b, r)) in vertices.iter_mut().zip(references) {
             input.batches[b as usize].screen_into((r & NUMBER) as usize, input.vertices, vertices);
         }
         let mut eight = Eight::default();
-        // SAFETY: the caller is compiled for AVX2, and so runs only on hosts that have it.
-        unsafe { eight.set_up(&call.setup, area, &vertices) };
+        eight.set_up(simd, &call.setup, area, &vertices);
         let n = references.len().min(8);
         let mut list = [EightQuad::default(); 48];
         let quads = eight.quads(n, &mut list);
@@ -47,8 +47,7 @@ impl TileRun<'_, '_, '_> {
             let mut alive = coverage;
             if let (Some(state), Some(tile)) = (depth, &mut self.job.depth) {
                 let stored = &mut tile.codes.as_chunks_mut::<4>().0[at as usize];
-                // SAFETY: as above.
-                alive = unsafe { state.test_quad_avx2(&eight, quad, stored) };
+                alive = state.test_quad_of(simd, &eight, quad, stored);
             }
             passed += usize::from(alive != 0);
             if call.fragment().is_none() {

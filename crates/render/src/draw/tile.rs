@@ -4,6 +4,7 @@ use std::sync::atomic::Ordering::Relaxed;
 
 use crate::surface::{TileMut, quad_of};
 use gfx::setup::{Bounds, Triangle};
+use gfx::simd::{Simd, dispatch};
 use gfx::stage::Stage;
 use gfx::traverse::{Block, Blocks};
 use num::Meter;
@@ -103,30 +104,12 @@ fn dispatch<const S: usize, const RECORD: bool>(
 where
     BlockRoom: AsMut<Blocks<S>>,
 {
-    #[cfg(target_arch = "x86_64")]
-    {
-        #[target_feature(enable = "avx2,bmi1,bmi2,lzcnt,popcnt")]
-        fn wide<const S: usize, const RECORD: bool>(
-            input: &SegmentInput<'_, '_>,
-            worker: &mut Worker,
-            job: &mut TileJob<'_>,
-        ) -> Result<(), ShaderFault>
-        where
-            BlockRoom: AsMut<Blocks<S>>,
-        {
-            run::<S, RECORD, true>(input, worker, job)
-        }
-        if gfx::simd::has_avx2() {
-            // SAFETY: the host has every instruction set that the function is compiled for.
-            return unsafe { wide::<S, RECORD>(input, worker, job) };
-        }
-    }
-    run::<S, RECORD, false>(input, worker, job)
+    dispatch!(simd => run::<S, RECORD, _>(simd, input, worker, job))
 }
 
-/// `WIDE`: the caller is compiled for AVX2 and its companions.
 #[inline(always)]
-fn run<const S: usize, const RECORD: bool, const WIDE: bool>(
+fn run<const S: usize, const RECORD: bool, V: Simd>(
+    simd: V,
     input: &SegmentInput<'_, '_>,
     worker: &mut Worker,
     job: &mut TileJob<'_>,
@@ -184,7 +167,7 @@ where
                 if !run.may_go_on(1) {
                     break;
                 }
-                run.hidden::<S, WIDE>(b as u32, r, area, blocks);
+                run.hidden(simd, b as u32, r, area, blocks);
             }
         }
     }
@@ -198,11 +181,8 @@ where
     let mut at = 0;
     while at < references.len() && run.fault.is_none() {
         let ahead = references.get(at..(at + 8).min(references.len())).unwrap_or_default();
-        let small = if WIDE && S == 1 && !RECORD && !call.shade_covered {
-            ahead.iter().take_while(|(_, r)| r & SMALL != 0).count()
-        } else {
-            0
-        };
+        let small =
+            if S == 1 && !RECORD && !call.shade_covered { ahead.iter().take_while(|(_, r)| r & SMALL != 0).count() } else { 0 };
         // Two of them take less time one by one.
         let together = small > 2;
         let n = if together { small } else { small.max(1) };
@@ -218,14 +198,13 @@ where
                 input.batches[b as usize].prefetch_vertices((r & NUMBER) as usize, input.vertices);
             }
         }
-        #[cfg(target_arch = "x86_64")]
         if together {
-            run.small(&references[at..at + n], &area);
+            run.small(simd, &references[at..at + n], &area);
             at += n;
             continue;
         }
         for &(b, r) in &references[at..at + n] {
-            run.triangle::<S, RECORD, WIDE>(b, r & NUMBER, area, blocks);
+            run.triangle::<S, RECORD, _>(simd, b, r & NUMBER, area, blocks);
         }
         at += n;
     }
@@ -260,17 +239,6 @@ pub(super) fn quads_in(mask: u64) -> u64 {
     (pairs | pairs >> 2) & 0x1111_1111_1111_1111
 }
 
-/// The blocks of a triangle in a tile. `WIDE`: the caller is compiled for AVX2 and its companions.
-#[inline(always)]
-fn find<const S: usize, const WIDE: bool>(blocks: &mut Blocks<S>, triangle: &Triangle, area: Bounds) {
-    #[cfg(target_arch = "x86_64")]
-    if WIDE {
-        // SAFETY: `dispatch` has found the instruction sets on this host.
-        return unsafe { blocks.find_avx2(triangle, area) };
-    }
-    blocks.find_portable(triangle, area);
-}
-
 /// Steps after which they are charged to the ledger.
 const TELL: u64 = 1 << 18;
 
@@ -294,8 +262,9 @@ impl TileRun<'_, '_, '_> {
 
     /// One triangle.
     #[inline(always)]
-    fn triangle<const S: usize, const RECORD: bool, const WIDE: bool>(
+    fn triangle<const S: usize, const RECORD: bool, V: Simd>(
         &mut self,
+        simd: V,
         b: u32,
         number: u32,
         area: Bounds,
@@ -304,10 +273,10 @@ impl TileRun<'_, '_, '_> {
         let batch = &self.input.batches[b as usize];
         let triangle = &batch.set_up(number as usize, self.call, self.input.vertices);
         (self.batch, self.number, self.slot) = (b, number, u32::MAX);
-        find::<S, WIDE>(blocks, triangle, area);
+        blocks.find_with(simd, triangle, area);
         let mut covered = false;
         for block in blocks.iter() {
-            covered |= self.block::<S, RECORD, WIDE>(triangle, *block);
+            covered |= self.block::<S, RECORD, _>(simd, triangle, *block);
         }
         if covered {
             batch.covered[number as usize].store(1, Relaxed);
@@ -320,7 +289,7 @@ impl TileRun<'_, '_, '_> {
     /// Counts what a triangle covers that a later one hides, and what would become of it: since nothing tests or discards
     /// fragments, all of them would be shaded and written ([`overwrites`](super::DrawState)).
     #[inline(never)]
-    fn hidden<const S: usize, const WIDE: bool>(&mut self, b: u32, reference: u32, area: Bounds, blocks: &mut Blocks<S>) {
+    fn hidden<const S: usize, V: Simd>(&mut self, simd: V, b: u32, reference: u32, area: Bounds, blocks: &mut Blocks<S>) {
         let batch = &self.input.batches[b as usize];
         let number = (reference & NUMBER) as usize;
         let (mut hit, mut quads, mut fragments) = (0, 0, 0);
@@ -331,7 +300,7 @@ impl TileRun<'_, '_, '_> {
             quads = times * w.div_ceil(2) * h.div_ceil(2);
             fragments = times * w * h;
         } else {
-            find::<S, WIDE>(blocks, &batch.set_up(number, self.call, self.input.vertices), area);
+            blocks.find_with(simd, &batch.set_up(number, self.call, self.input.vertices), area);
             for block in blocks.iter() {
                 let [q, f] = self.quads_and_fragments(block);
                 (hit, quads, fragments) = (hit + u64::from(f > 0), quads + q, fragments + f);
@@ -371,8 +340,9 @@ impl TileRun<'_, '_, '_> {
 
     /// One block of the current triangle; returns whether it covers a sample that may be written.
     #[inline(always)]
-    fn block<const S: usize, const RECORD: bool, const WIDE: bool>(
+    fn block<const S: usize, const RECORD: bool, V: Simd>(
         &mut self,
+        simd: V,
         triangle: &Triangle,
         mut block: Block<S>,
     ) -> bool {
@@ -397,7 +367,7 @@ impl TileRun<'_, '_, '_> {
         if call.early
             && let Some(depth) = &call.depth
         {
-            passed.samples = self.test::<S, WIDE>(depth, triangle, &block);
+            passed.samples = self.test(simd, depth, triangle, &block);
         }
         let alive = passed.pixels();
         self.counts.quads_early_culled += rasterized - self.quads_and_fragments(&passed)[0];
@@ -415,8 +385,8 @@ impl TileRun<'_, '_, '_> {
                 let (place, pixels, front) = ([block.x, block.y], [covered, alive], triangle.front);
                 let record = (quads, first_record);
                 #[cfg(target_arch = "x86_64")]
-                if WIDE && (!RECORD || n > FEW) {
-                    // SAFETY: `dispatch` has found the instruction sets on this host.
+                if simd.level().as_avx2().is_some() && (!RECORD || n > FEW) {
+                    // SAFETY: the token says that the host has the instruction sets.
                     left = unsafe { self.pending.push_block_wide::<RECORD>(slot, place, first, record, pixels, left, front) };
                     self.flush_if_full::<S, RECORD>();
                     continue;

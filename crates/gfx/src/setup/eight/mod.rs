@@ -1,11 +1,11 @@
-//! Bounds, setup and coverage of eight triangles at once, a lane of an AVX2 register each.
+//! Bounds, setup and coverage of eight triangles at once, a lane of a vector each.
 //!
 //! The operations are those of [`super::bounds`], [`super::within`] and traversal, in the same order where they round, so that
 //! the bits are the same. One by one, the small triangles of a mesh of millions take four times as long.
 
-mod avx2;
 #[cfg(test)]
 mod tests;
+mod vectors;
 
 use super::{Bounds, Culled, DepthPlane, ScreenVertex, SetupState};
 use num::SUBPIXEL;

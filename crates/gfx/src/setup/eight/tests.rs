@@ -1,13 +1,11 @@
 use super::*;
 use crate::setup::{self, DepthBias};
+use crate::simd::dispatch;
 use crate::state::{CullMode, FrontFace};
 use crate::traverse;
 
 #[test]
 fn eight_at_once_are_eight_one_by_one() {
-    if !crate::simd::host_has!("avx2") {
-        return;
-    }
     let mut generator = num::Random::new(11);
     let mut random = |n: i32| generator.between(0, n);
     let (mut small, mut covered, mut straddling) = (0, 0, 0);
@@ -46,10 +44,7 @@ fn eight_at_once_are_eight_one_by_one() {
             }
         }
         let mut eight = Eight::default();
-        // SAFETY: the host has AVX2.
-        unsafe {
-            eight.set_up(&state, &area, &triangles);
-        }
+        dispatch!(simd => eight.set_up(simd, &state, &area, &triangles));
         let mut list = [EightQuad(0); 48];
         let n = eight.quads(8, &mut list);
         assert!(list[..n].is_sorted_by_key(|q| q.triangle()));
@@ -72,8 +67,7 @@ fn eight_at_once_are_eight_one_by_one() {
             assert_eq!(eight.pixels(i).count_ones(), blocks.iter().map(|b| b.pixels().count_ones()).sum::<u32>());
             for quad in list[..n].iter().filter(|q| q.triangle() == i) {
                 let [x, y] = eight.pixel(*quad).map(i32::from);
-                // SAFETY: the host has AVX2.
-                let depths: [f32; 4] = bytemuck::cast(unsafe { eight.depths(*quad) });
+                let depths: [f32; 4] = eight.depths(crate::simd::base(), *quad).into();
                 assert_eq!(depths, expected.depth.quad(x, y), "{v:?}");
             }
             small += 1;
@@ -87,9 +81,6 @@ fn eight_at_once_are_eight_one_by_one() {
 
 #[test]
 fn bounds_of_eight_are_those_of_each() {
-    if !crate::simd::host_has!("avx2") {
-        return;
-    }
     let mut generator = num::Random::new(5);
     let mut random = |n: i32| generator.between(0, n);
     let mut outcomes = [0; 6];
@@ -115,8 +106,7 @@ fn bounds_of_eight_are_those_of_each() {
                 inv_w: 1.0,
             })
         });
-        // SAFETY: the host has AVX2.
-        let eight = unsafe { EightBounds::find(&state, &triangles) };
+        let eight = dispatch!(simd => EightBounds::find(simd, &state, &triangles));
         for (i, v) in triangles.iter().enumerate() {
             if eight.large >> i & 1 == 1 {
                 outcomes[5] += 1;

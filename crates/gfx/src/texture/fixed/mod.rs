@@ -41,7 +41,7 @@ struct Plan<'a> {
 /// Samples a flat view of four 8-bit channels with a linear filter.
 pub(super) fn sample(view: &View, sampler: &Sampler, args: &Sample<'_>, found: &mut Option<QuadLevels>, out: &mut [Lanes; 4]) {
     #[cfg(target_arch = "x86_64")]
-    if crate::simd::host_has!("avx2") {
+    if crate::simd::has_avx2() {
         // SAFETY: the host has AVX2, which is all that the function requires.
         unsafe { avx2::sample(view, sampler, args, found, out) };
         return;
