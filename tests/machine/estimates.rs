@@ -86,7 +86,7 @@ fn estimates_follow_knobs_to_the_ends_of_their_ranges() {
     let (all, idle) = changes(&Config::built_in("baseline").expect("it is built in"));
     assert!(all.len() > 500 && idle.len() < 5, "{} changes, and no effect of {idle:?}", all.len());
     let chosen = all.into_iter().enumerate().filter(|(at, _)| at % 12 == 7).map(|(_, change)| change).collect();
-    let trace = import::open(&Path::new(env!("CARGO_MANIFEST_DIR")).join("traces/torus-rows.zip")).expect("a trace");
+    let trace = import::open(Path::new(env!("CARGO_MANIFEST_DIR")).join("traces/torus-rows.zip")).expect("a trace");
     let found = compare(chosen, &[("torus-rows".to_owned(), trace)]).expect("a replay");
     for (change, answer) in &found {
         assert!(!answer.is_missed(), "{}={}: {answer:?}", change.path, change.value);

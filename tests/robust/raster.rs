@@ -5,6 +5,7 @@ use std::collections::HashSet;
 
 use fillrate::gfx::clip::{ClipVolume, Clipped, Polygon};
 use fillrate::gfx::setup::{self, Bounds, DepthBias, Screen, ScreenVertex, SetupState, Triangle};
+use fillrate::gfx::simd;
 use fillrate::gfx::state::{CullMode, FrontFace, Rect, Viewport};
 use fillrate::gfx::traverse::Blocks;
 
@@ -116,7 +117,7 @@ fn walk<const S: usize>(state: &SetupState, primitive: &Triangle, hits: &mut Has
         let area = Bounds { x0, y0, x1: x0 + 64, y1: y0 + 64 };
         let (mut one_way, mut other) = (Blocks::<S>::new(), Blocks::<S>::new());
         one_way.find(primitive, area);
-        other.find_with(fillrate::gfx::simd::base(), primitive, area);
+        other.find_with(simd::base(), primitive, area);
         assert_eq!(one_way[..], other[..], "instruction sets differ");
         for block in one_way.iter() {
             for quad in block.quads() {
