@@ -72,12 +72,12 @@ knob::knobs! {
         t_ccd_l: u32 ["DRAM cycles", Allowed::Range(1, 64), "tCCDL of GDDR5: 3 cycles, one more than a burst (Hynix H5GQ1H24AFR)"]
             {estimate: RefusedUnless(AtMost(3), "bursts of bank groups"), relax: Interval},
         /// Activation to column access.
-        t_rcd: u32 ["DRAM cycles", Allowed::Range(1, 1000), "12 ns (Hynix H5GQ1H24AFR)"] {estimate: Used, relax: Latency},
+        t_rcd: u32 ["DRAM cycles", Allowed::Range(1, 1000), "12 ns (Hynix H5GQ1H24AFR)"] {estimate: RefusedUnless(AtMost(500), "latencies of a slow memory"), relax: Latency},
         /// Precharge to activation.
         t_rp: u32 ["DRAM cycles", Allowed::Range(1, 1000), "12 ns"]
             {estimate: RefusedUnless(AtMost(72), "misses of rows"), relax: Latency},
         /// Column read to its data.
-        cl: u32 ["DRAM cycles", Allowed::Range(1, 1000), "12 ns"] {estimate: Used, relax: Latency},
+        cl: u32 ["DRAM cycles", Allowed::Range(1, 1000), "12 ns"] {estimate: RefusedUnless(AtMost(250), "latencies of a slow memory"), relax: Latency},
         /// Column write to its data.
         cwl: u32 ["DRAM cycles", Allowed::Range(1, 1000), "assumed: 4 cycles"] {estimate: Used, relax: Latency},
         /// Activation to precharge.

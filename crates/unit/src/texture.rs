@@ -68,7 +68,7 @@ knob::knobs! {
             {estimate: Used, relax: Never},
         /// Misses in flight.
         misses: u32 ["requests", Allowed::Range(1, 1024), "assumed: covers the latency of memory (357 cycles) at two thirds of a miss per cycle"]
-            {estimate: Used, relax: Room},
+            {estimate: RefusedUnless(AtLeast(8), "texture units with few misses in flight"), relax: Room},
         /// Quads between address and filter.
         fifo: u32 ["quads", Allowed::Range(1, 4096), "assumed: covers the latency of memory (357 cycles) at the rate of quads (Igehy et al. 1998); ATTILA bGPU.ini TextureAccessQueue = 256"]
             {estimate: Used, relax: Room},
