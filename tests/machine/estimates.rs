@@ -89,7 +89,8 @@ fn estimates_follow_knobs_to_the_ends_of_their_ranges() {
     let trace = import::open(Path::new(env!("CARGO_MANIFEST_DIR")).join("traces/torus-rows.zip")).expect("a trace");
     let found = compare(chosen, &[("torus-rows".to_owned(), trace)]).expect("a replay");
     for (change, answer) in &found {
-        assert!(!answer.is_missed(), "{}={}: {answer:?}", change.path, change.value);
+        let wrong = answer.is_missed() || matches!(answer, Answer::Failed(_));
+        assert!(!wrong, "{}={}: {answer:?}", change.path, change.value);
     }
     let count = |is: fn(&Answer) -> bool| found.iter().filter(|(_, answer)| is(answer)).count();
     assert!(count(|answer| matches!(answer, Answer::Refused(_))) > 4, "{found:?}");

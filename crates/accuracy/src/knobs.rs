@@ -4,7 +4,7 @@
 //! cycles move by more than [`MOVED`], the estimate has to move the same way, by at least [`SHARE`] of the logarithm of the ratio, or it has to
 //! refuse the machine.
 
-use anyhow::Result;
+use anyhow::{Context, Result};
 use serde_json::{Value, json};
 
 use super::harness::on_threads;
@@ -162,7 +162,7 @@ pub fn changes(config: &Config) -> (Vec<Change>, Vec<String>) {
 /// Cycles of a machine on a trace.
 fn cycles(config: &Config, trace: &Trace, fidelity: Fidelity) -> Result<f64> {
     let options = Options { pictures: false, ..Options::new(config.clone(), fidelity) };
-    Ok(replay_to(trace, &options, &|_| (), &mut |_| Ok(()))?.cycles.unwrap_or(0.0))
+    replay_to(trace, &options, &|_| (), &mut |_| Ok(()))?.cycles.context("no cycles were counted")
 }
 
 /// What each change does on traces, with both fidelities.

@@ -62,7 +62,7 @@ knob::knobs! {
             {estimate: Used, relax: Room},
         /// Vertices that are remembered as shaded, first in first out; of a batch at most its own, where they are reused within it.
         reuse: u32 ["vertices", Allowed::Range(0, 4096), "batches of 32 vertices (Kerbl et al. 2018); 16 to 32 in cards with a post-transform FIFO (Hoppe 1999, Forsyth 2006)"]
-            {estimate: RefusedUnless(AtLeast(4), "vertices that are shaded again for want of room"), relax: Cache},
+            {estimate: RefusedUnless(AtLeast(4), "vertices that are shaded again because few are kept"), relax: Cache},
         /// How long a vertex that is shaded once can be used again. `assembled` is for whole draws, not for runs of primitives.
         reuse_until: Reuse ["", Allowed::Choice(Reuse::NAMES), "batches in cards of 2012 to 2018 (Kerbl et al. 2018), a FIFO in older ones; ATTILA frees a line of its output memory with the last index on its way"]
             {estimate: RefusedUnless(Is(&["batch", "replaced"]), "vertices that are kept for their last index"), relax: Never},
