@@ -6,32 +6,40 @@ use anyhow::{Context, Result, anyhow, bail};
 use image::DynamicImage;
 use serde_json::{Map, Value, json};
 
+use super::beside::{Replayed, of_sweep};
 use super::reading::Limiting;
 use super::{Verdict, configs};
 use crate::accuracy::references::{Manifest, Standing, TOLERANCE as TOLERANCE_OF_REFERENCES};
 use crate::host;
 use crate::host::{Links, one_line};
+use crate::machine::Config;
 use crate::machine::config::BUILT_IN;
 use crate::num::{Limits, nearest};
 use crate::picture::{self, Difference, TOLERANCE};
-use crate::report::compare::{self, Banks, Leaves, Size, StatisticDifference};
+use crate::report::beside;
+use crate::report::compare::{self, Banks, KnobDifference, Leaves, Size, StatisticDifference};
 use crate::report::files::changed_json;
+use crate::report::html as pages;
 use crate::report::owned::check_replaceable;
 
 /// Bytes of a statistics file at most: hours of frames.
 const TEXT_MAX: u64 = 1 << 30;
 
-/// Compare two outputs of replay, or two files of them: images (PSNR, pixels off by more than 2, and with --difference an
-/// image of the differences), statistics (JSON or CSV), or configurations; or recorded programs with their reference images.
+/// Compare two outputs of replay, or two machines of a sweep: time, phases, funnel, memory, caches and losses first, then pictures, knobs and all
+/// other statistics. Or compare two files: images (PSNR, pixels off by more than 2, and with --difference an image of the differences), statistics
+/// (JSON or CSV), or configurations; or recorded programs with their reference images.
 #[derive(clap::Args)]
-#[command(after_help = "Examples:\n  fillrate compare before after --only total.\n  \
+#[command(
+    after_help = "Examples:\n  fillrate compare before after\n  fillrate compare before after --report page.html\n  fillrate compare results:1 results:11\n  \
+fillrate compare before after --only total.\n  \
 fillrate compare out/frame-0000.png ref.png --difference difference.png\n  \
 fillrate compare before/stats.json after/stats.json --only total.units --each-bank\n  \
 fillrate compare baseline out/config.ron\n\n\
-Exit code 1 where images have more pixels off than --allow, or statistics, knobs or the lists of images differ.")]
+Exit code 1 where images have more pixels off than --allow, or statistics, knobs or the lists of images differ."
+)]
 pub struct Arguments {
-    /// A folder that replay has written, an image (PNG), statistics (stats.json, stats.csv), or a configuration (RON, or a built-in name);
-    /// or a manifest of recordings (RON)
+    /// A folder that replay has written, a machine of a sweep (its folder, a colon, its number), an image (PNG), statistics (stats.json,
+    /// stats.csv), or a configuration (RON, or a built-in name); or a manifest of recordings (RON)
     a: PathBuf,
     /// Another one of the same kind; the folder of a manifest's recordings
     b: PathBuf,
@@ -53,8 +61,11 @@ pub struct Arguments {
     /// Images: where to write the difference image; of two folders: the folder for those of all images that differ
     #[arg(help_heading = "Images", long, value_name = "PNG|DIR")]
     difference: Option<PathBuf>,
-    /// With --difference: replace files that fillrate has not written
-    #[arg(help_heading = "Images", long, requires = "difference")]
+    /// Folders and machines of sweeps: write a page (one HTML file) with both beside each other
+    #[arg(help_heading = "Output", long, value_name = "FILE.html")]
+    report: Option<PathBuf>,
+    /// With --difference and --report: replace files that fillrate has not written
+    #[arg(help_heading = "Output", long)]
     force: bool,
     /// Print one JSON document with all differences
     #[arg(help_heading = "Output", long, conflicts_with = "most")]
@@ -80,6 +91,8 @@ macro_rules! text {
 #[derive(Clone, Copy, PartialEq, Eq)]
 enum Kind {
     Folder,
+    /// A machine of a sweep.
+    Machine,
     Json,
     Csv,
     Configuration,
@@ -94,6 +107,7 @@ impl Kind {
         let is_built_in = || BUILT_IN.iter().any(|(name, _)| path.as_os_str() == *name);
         match path.extension().and_then(|extension| extension.to_str()) {
             _ if path.is_dir() => Kind::Folder,
+            _ if of_sweep(path).is_some() => Kind::Machine,
             Some("json") => Kind::Json,
             Some("csv") => Kind::Csv,
             Some("ron") => Kind::Configuration,
@@ -105,6 +119,7 @@ impl Kind {
     fn name(self) -> &'static str {
         match self {
             Kind::Folder => "a folder",
+            Kind::Machine => "a machine of a sweep",
             Kind::Json => "a JSON file of statistics",
             Kind::Csv => "a CSV file of statistics",
             Kind::Configuration => "a configuration",
@@ -116,12 +131,14 @@ impl Kind {
 
 /// An option that is not about what is compared is an error: a user who gives it expects an effect.
 fn refuse_ignored(arguments: &Arguments, kind: Kind) -> Result<()> {
-    let (images, statistics) = (kind == Kind::Image, matches!(kind, Kind::Json | Kind::Csv));
+    let (images, statistics) = (kind == Kind::Image, matches!(kind, Kind::Json | Kind::Csv | Kind::Machine));
     let given = [
+        ("--report", arguments.report.is_some(), kind == Kind::Machine),
+        ("--force", arguments.force, arguments.difference.is_some() || arguments.report.is_some()),
         ("--difference", arguments.difference.is_some(), images),
         ("--allow", arguments.allow.is_some(), images),
         ("--only", arguments.only.is_some(), statistics || kind == Kind::Configuration),
-        ("--each-bank", arguments.each_bank, statistics),
+        ("--each-bank", arguments.each_bank, statistics && kind != Kind::Machine),
         ("--by", arguments.by.is_some(), statistics),
         ("--most", arguments.most.is_some(), statistics),
     ];
@@ -155,8 +172,18 @@ pub fn run(arguments: &Arguments) -> Result<Verdict> {
     let mut document = Map::new();
     let same = match (Kind::of(a), Kind::of(b)) {
         (Kind::Folder, Kind::Folder) => folders(arguments, &mut document)?,
-        (Kind::Json, Kind::Json) | (Kind::Csv, Kind::Csv) => statistics(a, b, arguments, &mut document)?,
-        (Kind::Configuration, Kind::Configuration) => configurations(a, b, arguments, &mut document)?,
+        (Kind::Machine, Kind::Machine) => {
+            let of = |path| of_sweep(path).context("a machine of a sweep");
+            machines(of(a)?, of(b)?, arguments, &mut document)?
+        }
+        (Kind::Json, Kind::Json) => {
+            let sides = [Replayed::read(a)?, Replayed::read(b)?];
+            summarize(arguments, &sides, &mut document);
+            let [a, b] = sides.map(|side| compare::leaves(&side.json));
+            statistics(a, b, arguments, &mut document).is_empty()
+        }
+        (Kind::Csv, Kind::Csv) => statistics(leaves(a)?, leaves(b)?, arguments, &mut document).is_empty(),
+        (Kind::Configuration, Kind::Configuration) => configurations(a, b, arguments, &mut document)?.is_empty(),
         (Kind::Image, Kind::Image) => {
             if let Some(path) = &arguments.difference {
                 check_replaceable(path, picture::MARK, arguments.force)?;
@@ -239,7 +266,7 @@ fn outputs(folder: &Path) -> Result<Vec<String>> {
     Ok(names)
 }
 
-/// Two outputs of replay: their configurations, their statistics, and all images.
+/// Two outputs of replay: what changed in sum, all images, their configurations, and their statistics.
 fn folders(arguments: &Arguments, document: &mut Map<String, Value>) -> Result<bool> {
     let (a, b) = (arguments.a.as_path(), arguments.b.as_path());
     let (in_a, in_b) = (outputs(a)?, outputs(b)?);
@@ -251,15 +278,15 @@ fn folders(arguments: &Arguments, document: &mut Map<String, Value>) -> Result<b
         same &= only.is_empty();
         document.insert(key.into(), json!(only));
     }
-    if both("config.ron") {
-        same &= configurations(&a.join("config.ron"), &b.join("config.ron"), arguments, document)?;
-    }
-    // Both hold the same statistics, the second those of frames only.
-    if let Some(name) = ["stats.json", "stats.csv"].into_iter().find(|name| both(name)) {
-        same &= statistics(&a.join(name), &b.join(name), arguments, document)?;
+    let mut sides = None;
+    if both("stats.json") {
+        let read = [Replayed::read(&a.join("stats.json"))?, Replayed::read(&b.join("stats.json"))?];
+        summarize(arguments, &read, document);
+        sides = Some(read);
     }
     let limits = arguments.limiting.limits()?;
     let (mut images, mut different) = (Vec::new(), 0);
+    let mut shown: Option<Shown> = None;
     for name in in_a.iter().filter(|name| name.ends_with(".png") && both(name)) {
         let d = difference(&a.join(name), &b.join(name), &limits)?;
         images.push(image_json(name, &d));
@@ -274,20 +301,116 @@ fn folders(arguments: &Arguments, document: &mut Map<String, Value>) -> Result<b
             }
         }
         same &= fits(&d, arguments);
+        // The page shows the picture in which most pixels differ.
+        if arguments.report.is_some() && shown.as_ref().is_none_or(|shown| d.different > shown.different) {
+            shown = Some(Shown::new([&a.join(name), &b.join(name)], name, &d, &limits)?);
+        }
     }
     text!(arguments, "{different} of {} images differ", images.len());
     document.insert("images".into(), images.into());
+    let mut knobs = Vec::new();
+    if both("config.ron") {
+        knobs = configurations(&a.join("config.ron"), &b.join("config.ron"), arguments, document)?;
+        same &= knobs.is_empty();
+    }
+    // Both hold the same statistics, the second those of frames only.
+    let mut changed = Vec::new();
+    if let Some([a, b]) = &sides {
+        changed = statistics(compare::leaves(&a.json), compare::leaves(&b.json), arguments, document);
+        same &= changed.is_empty();
+    } else if both("stats.csv") {
+        same &= statistics(leaves(&a.join("stats.csv"))?, leaves(&b.join("stats.csv"))?, arguments, document).is_empty();
+    }
+    if let Some(path) = &arguments.report {
+        let Some(sides) = &sides else { bail!("--report needs a stats.json in both folders") };
+        report(path, arguments, sides, &knobs, &changed, shown)?;
+    }
     Ok(same)
+}
+
+/// Two machines of sweeps: what changed in sum, their configurations, and their statistics.
+fn machines(a: (PathBuf, u32), b: (PathBuf, u32), arguments: &Arguments, document: &mut Map<String, Value>) -> Result<bool> {
+    let (a, of_a) = Replayed::machine(&a.0, a.1)?;
+    let (b, of_b) = Replayed::machine(&b.0, b.1)?;
+    let sides = [a, b];
+    summarize(arguments, &sides, document);
+    let knobs = knobs(&of_a, &of_b, arguments, document);
+    let [a, b] = &sides;
+    let changed = statistics(compare::leaves(&a.json), compare::leaves(&b.json), arguments, document);
+    if let Some(path) = &arguments.report {
+        report(path, arguments, &sides, &knobs, &changed, None)?;
+    }
+    Ok(knobs.is_empty() && changed.is_empty())
+}
+
+/// Says what changed in sum, unless single statistics are asked for.
+fn summarize(arguments: &Arguments, sides: &[Replayed; 2], document: &mut Map<String, Value>) {
+    let [Some(a), Some(b)] = [&sides[0].side, &sides[1].side] else { return };
+    if arguments.only.is_some() {
+        return;
+    }
+    let sections = beside::sections(a, b);
+    text!(arguments, "A: {}", one_line(&sides[0].about));
+    text!(arguments, "B: {}", one_line(&sides[1].about));
+    let verdict = beside::verdict(a, b);
+    if let Some(verdict) = &verdict {
+        text!(arguments, "\n{verdict}");
+    }
+    text!(arguments, "\n{}", beside::text(&sections));
+    document.insert("verdict".into(), json!(verdict));
+    document.insert("summary".into(), beside::json(&sections));
+}
+
+/// A picture of both replays, and where it differs.
+struct Shown {
+    name: String,
+    different: u64,
+    found: String,
+    pictures: [Vec<u8>; 3],
+}
+
+impl Shown {
+    fn new(paths: [&Path; 2], name: &str, d: &Difference, limits: &Limits) -> Result<Shown> {
+        let png = |path: &Path| anyhow::Ok(picture::png(&open(path, limits)?.into_rgb8())?);
+        let pictures = [png(paths[0])?, png(paths[1])?, picture::png(&d.picture)?];
+        Ok(Shown { name: name.to_owned(), different: d.different, found: found(d), pictures })
+    }
+}
+
+/// Writes the page.
+fn report(
+    path: &Path,
+    arguments: &Arguments,
+    sides: &[Replayed; 2],
+    knobs: &[KnobDifference],
+    changed: &[StatisticDifference],
+    shown: Option<Shown>,
+) -> Result<()> {
+    check_replaceable(path, pages::MARK, arguments.force)?;
+    let [Some(a), Some(b)] = [&sides[0].side, &sides[1].side] else { bail!("--report needs whole statistics of both replays") };
+    let page = pages::beside::page(&pages::beside::Input {
+        about: [&sides[0].about, &sides[1].about],
+        verdict: beside::verdict(a, b),
+        sections: &beside::sections(a, b),
+        picture: shown.as_ref().map(|shown| (shown.name.as_str(), shown.found.as_str(), &shown.pictures)),
+        knobs,
+        changed,
+    });
+    host::write_file(path, page.as_bytes()).with_context(|| format!("cannot write {}", path.display()))?;
+    text!(arguments, "the page: {}", path.display());
+    Ok(())
+}
+
+/// Reads a picture.
+fn open(path: &Path, limits: &Limits) -> Result<DynamicImage> {
+    let fail = || format!("cannot read {}", path.display());
+    let file = host::open(path, Links::Follow).with_context(fail)?;
+    picture::read(file, limits).with_context(fail)
 }
 
 /// How two pictures differ: in their colours only, if one of them has no alpha.
 fn difference(a: &Path, b: &Path, limits: &Limits) -> Result<Difference> {
-    let open = |path: &Path| {
-        let fail = || format!("cannot read {}", path.display());
-        let file = host::open(path, Links::Follow).with_context(fail)?;
-        anyhow::Ok(picture::read(file, limits).with_context(fail)?)
-    };
-    let images = (open(a)?, open(b)?);
+    let images = (open(a, limits)?, open(b, limits)?);
     let alpha = images.0.color().has_alpha() && images.1.color().has_alpha();
     // Without alpha a picture is read as one whose alpha is 255.
     let rgba = |image: DynamicImage| if alpha { image } else { image.into_rgb8().into() }.into_rgba8();
@@ -330,9 +453,13 @@ fn fits(d: &Difference, arguments: &Arguments) -> bool {
     100.0 * d.off_share() <= arguments.allow.unwrap_or(0.0)
 }
 
-fn configurations(a: &Path, b: &Path, arguments: &Arguments, document: &mut Map<String, Value>) -> Result<bool> {
+fn configurations(a: &Path, b: &Path, arguments: &Arguments, document: &mut Map<String, Value>) -> Result<Vec<KnobDifference>> {
     let open = |path: &Path| configs::load(path.to_str().with_context(|| format!("{} is not UTF-8", path.display()))?, &[]);
-    let mut found = compare::configurations(&open(a)?, &open(b)?);
+    Ok(knobs(&open(a)?, &open(b)?, arguments, document))
+}
+
+fn knobs(a: &Config, b: &Config, arguments: &Arguments, document: &mut Map<String, Value>) -> Vec<KnobDifference> {
+    let mut found = compare::configurations(a, b);
     found.retain(|d| arguments.only.as_ref().is_none_or(|only| d.path.starts_with(only.as_str())));
     let width = found.iter().map(|d| d.path.len()).max().unwrap_or(0);
     for d in &found {
@@ -340,7 +467,7 @@ fn configurations(a: &Path, b: &Path, arguments: &Arguments, document: &mut Map<
     }
     text!(arguments, "{}", counted(found.len(), "knob"));
     document.insert("knobs".into(), changed_json(&found));
-    Ok(found.is_empty())
+    found
 }
 
 /// "1 knob differs", "2 knobs differ".
@@ -348,26 +475,23 @@ fn counted(n: usize, what: &str) -> String {
     if n == 1 { format!("1 {what} differs") } else { format!("{n} {what}s differ") }
 }
 
-fn statistics(a: &Path, b: &Path, arguments: &Arguments, document: &mut Map<String, Value>) -> Result<bool> {
-    let open = |path: &Path| -> Result<Leaves> {
-        let text = host::read_text(path, TEXT_MAX).with_context(|| format!("cannot read {}", path.display()))?;
-        let not = || format!("{} is not a statistics file", path.display());
-        let mut leaves = if Kind::of(path) == Kind::Csv {
-            compare::table(&text).map_err(anyhow::Error::msg).with_context(not)?
-        } else {
-            let tree: Value = serde_json::from_str(&text).with_context(not)?;
-            if !tree.is_object() {
-                return Err(anyhow!("it holds no object").context(not()));
-            }
-            compare::leaves(&tree)
-        };
+/// The statistics of a CSV file.
+fn leaves(path: &Path) -> Result<Leaves> {
+    let text = host::read_text(path, TEXT_MAX).with_context(|| format!("cannot read {}", path.display()))?;
+    let not = || format!("{} is not a statistics file", path.display());
+    compare::table(&text).map_err(anyhow::Error::msg).with_context(not)
+}
+
+/// All statistics that differ, those that change most first. Says the first of them.
+fn statistics(a: Leaves, b: Leaves, arguments: &Arguments, document: &mut Map<String, Value>) -> Vec<StatisticDifference> {
+    let only = |mut leaves: Leaves| {
         if let Some(only) = &arguments.only {
             leaves.retain(|(path, _)| compare::is_under(path, only));
         }
-        Ok(leaves)
+        leaves
     };
     let banks = if arguments.each_bank { Banks::Each } else { Banks::Sum };
-    let mut found = compare::statistics(open(a)?, open(b)?, banks);
+    let mut found = compare::statistics(only(a), only(b), banks);
     let all = found.len();
     compare::largest_first(
         &mut found,
@@ -378,26 +502,24 @@ fn statistics(a: &Path, b: &Path, arguments: &Arguments, document: &mut Map<Stri
     );
     document.insert("statistics".into(), found.iter().map(statistic_json).collect());
     if arguments.json {
-        return Ok(all == 0);
+        return found;
     }
     // Frames repeat what is in the total.
-    let of_frames = |d: &StatisticDifference| d.path.starts_with("frames[");
-    let mut frames = 0;
-    if found.iter().any(|d| d.path.starts_with("total.")) {
-        found.retain(|d| !of_frames(d));
-        frames = all - found.len();
-    }
+    let of_frames = |d: &&StatisticDifference| d.path.starts_with("frames[");
+    let totals = found.iter().any(|d| d.path.starts_with("total."));
+    let listed: Vec<&StatisticDifference> = found.iter().filter(|d| !totals || !of_frames(d)).collect();
+    let frames = all - listed.len();
     let most = arguments.most.unwrap_or(50);
-    let shown = if most == 0 { found.len() } else { most.min(found.len()) };
-    table(&found[..shown]);
-    if shown < found.len() {
-        println!("{} more: --most 0 shows all", found.len() - shown);
+    let shown = if most == 0 { listed.len() } else { most.min(listed.len()) };
+    table(&listed[..shown]);
+    if shown < listed.len() {
+        println!("{} more: --most 0 shows all", listed.len() - shown);
     }
     if frames > 0 {
         println!("{frames} of single frames: --only frames shows them");
     }
     println!("{}", counted(all, "statistic"));
-    Ok(all == 0)
+    found
 }
 
 /// A difference, whose values are null in a file that lacks the statistic.
@@ -406,7 +528,7 @@ fn statistic_json(d: &StatisticDifference) -> Value {
 }
 
 /// A line for each difference: path, values, change, relative change.
-fn table(found: &[StatisticDifference]) {
+fn table(found: &[&StatisticDifference]) {
     let show = |value: &Option<Value>| value.as_ref().map_or_else(|| "-".to_owned(), Value::to_string);
     let rows: Vec<[String; 4]> = found
         .iter()

@@ -25,6 +25,7 @@ mod accuracy;
 #[cfg(feature = "accuracy")]
 mod attila;
 #[cfg(feature = "accuracy")]
+mod beside;
 mod card;
 mod compare;
 mod configs;

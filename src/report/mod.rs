@@ -1,5 +1,6 @@
 //! Floor 7: what people and scripts read: pictures, text, JSON, CSV, comparisons, diagrams, generated pages.
 
+pub mod beside;
 pub mod compare;
 pub mod counted;
 pub mod diagram;

@@ -170,7 +170,7 @@ pub fn hash_path(path: &Path) -> Result<String> {
 }
 
 /// The file of a folder that says what it is made from.
-const INPUTS: &str = "inputs.json";
+pub const INPUTS: &str = "inputs.json";
 
 /// The file of a folder that has its base configuration.
 const BASE: &str = "base.ron";

@@ -137,7 +137,9 @@ fn folders_are_compared_file_by_file() {
     let (a, again, b) =
         (dir.replay("a", &[]), dir.replay("again", &["--threads", "1"]), dir.replay("b", &["--set", "setup.latency=30"]));
     let (code, text, message) = run(&["compare", &a, &again]);
-    assert_eq!((code, text.as_str()), (0, "0 knobs differ\n0 statistics differ\n0 of 1 images differ\n"), "{message}");
+    assert_eq!(code, 0, "{message}");
+    let equal = "All totals are equal.\n\n0 of 1 images differ\n0 knobs differ\n0 statistics differ\n";
+    assert!(text.starts_with("A: traces/triangle on tiny, cycle\nB: ") && text.ends_with(equal), "{text}");
 
     let (code, text, _) = run(&["compare", &a, &b]);
     assert_eq!(code, 1);
@@ -161,7 +163,7 @@ fn folders_are_compared_file_by_file() {
     let (code, text, _) = run(&["compare", &a, &again]);
     assert_eq!(code, 1);
     assert!(text.contains("frame-0001.png is in") && text.contains("stats.json is in"), "{text}");
-    assert!(text.ends_with("0 statistics differ\n0 of 1 images differ\n"), "{text}");
+    assert!(text.ends_with("0 of 1 images differ\n0 knobs differ\n0 statistics differ\n"), "{text}");
 
     // There are difference images of the images that differ.
     let (x, y, out) = (dir.path("x"), dir.path("y"), dir.path("differences"));
@@ -203,4 +205,56 @@ fn what_cannot_be_compared_is_refused_by_file_and_reason() {
     }
     let missing = dir.path("missing.json");
     assert!(refused(&["compare", &missing, &json]).contains("missing.json"));
+}
+
+#[test]
+fn two_replays_begin_with_time_phases_funnel_memory_caches_and_losses() {
+    let dir = Folder::new();
+    let (a, b) = (dir.replay("a", &[]), dir.replay("b", &["--set", "texture.latency=200", "--set", "setup.latency=30"]));
+    let page = dir.path("page.html");
+    let (code, text, message) = run(&["compare", &a, &b, "--report", &page]);
+    assert_eq!(code, 1, "{message}");
+    let lines: Vec<&str> = text.lines().collect();
+    assert!(lines[0].starts_with("A: traces/triangle on tiny") && lines[1].contains("setup.latency=30"), "{text}");
+    let cycles = |folder: &str| {
+        let text = fs::read_to_string(format!("{folder}/stats.json")).expect("statistics");
+        serde_json::from_str::<serde_json::Value>(&text).expect("JSON")["total"]["cycles"].as_u64().expect("cycles")
+    };
+    let (before, after) = (cycles(&a), cycles(&b));
+    let grouped = |n: u64| if n < 1000 { n.to_string() } else { format!("{},{:03}", n / 1000, n % 1000) };
+    let said = format!("cycles: {} instead of {}; the largest part of the change is +", grouped(after), grouped(before));
+    assert!(lines[3].starts_with("B takes ") && lines[3].contains(&said), "{text}");
+    let place = |line: &str| lines.iter().position(|own| own.starts_with(line)).unwrap_or_else(|| panic!("{line}: {text}"));
+    let order = ["Time", "Cycles of phases", "Funnel", "Memory", "Caches", "Cycles of pipelines", "0 of 1 images", "2 knobs"]
+        .map(place);
+    assert!(order.is_sorted(), "{text}");
+    let written = fs::read_to_string(&page).expect("a page");
+    for part in ["<h1>Two replays</h1>", "id=\"phases\"", "id=\"funnel\"", "id=\"picture\"", "setup.latency", "data:image/png"]
+    {
+        assert!(written.contains(part), "{part}");
+    }
+    // A file of another kind is not replaced.
+    fs::write(&page, "mine").expect("written");
+    let message = refused(&["compare", &a, &b, "--report", &page]);
+    assert!(message.contains("--force"), "{message}");
+}
+
+#[test]
+fn two_machines_of_a_sweep_are_compared_as_two_replays() {
+    let dir = Folder::new();
+    let out = dir.path("results");
+    let sweep =
+        ["sweep", "traces/triangle", "traces/cube", "--config", "tiny", "--vary", "setup.latency=1,30,60", "--out", &out];
+    assert_eq!(run(&sweep).0, 0);
+    let (first, last) = (format!("{out}:0"), format!("{out}:2"));
+    let (code, text, message) = run(&["compare", &first, &last]);
+    assert_eq!(code, 1, "{message}");
+    assert!(text.contains("setup.latency  1 -> 60\n1 knob differs\n") && text.contains("traces/cube: pass"), "{text}");
+    assert!(text.contains("B takes ") && text.contains("Cycles of phases"), "{text}");
+    let (code, text, _) = run(&["compare", &first, &first]);
+    assert!(code == 0 && text.ends_with("All totals are equal.\n\n0 knobs differ\n0 statistics differ\n"), "{text}");
+    let message = refused(&["compare", &first, &format!("{out}:3")]);
+    assert!(message.contains("machines 0 to 2"), "{message}");
+    let message = refused(&["compare", &first, &out]);
+    assert!(message.contains("a machine of a sweep"), "{message}");
 }

@@ -6,6 +6,7 @@
 //! twice: in tables, each with the path of the statistic in `data-path`, and as the JSON that they are from.
 
 mod advice;
+pub mod beside;
 pub mod data;
 mod machine;
 pub mod maps;
