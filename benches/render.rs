@@ -24,7 +24,7 @@ use fillrate::render::pipeline::RenderPipeline;
 use fillrate::render::surface::{Shape, TileSurface};
 use fillrate::render::{Ledger, Need, Options, render};
 use fillrate::shader::{self, Module, Resource, Resources, Uniforms};
-use fillrate::trace::command::{RenderPipelineDesc, Stage};
+use fillrate::trace::command::{RenderPipelineDesc, StageDesc};
 use fillrate::work::RenderKey;
 use mesh::{HEIGHT, Mesh, STRIDE, WIDTH};
 
@@ -189,7 +189,7 @@ fn run(name: &str, workload: &Workload, frames: usize, skips: Skips, record: boo
     });
     let module =
         Module::new(name, shader::Source::Wgsl(&format!("{COMMON}{}", workload.source))).unwrap_or_else(|e| panic!("{e}"));
-    let stage = || Stage { shader: ShaderId(0), entry: None, constants: Vec::new(), zero_workgroup_memory: true };
+    let stage = || StageDesc { shader: ShaderId(0), entry: None, constants: Vec::new(), zero_workgroup_memory: true };
     let depth = DepthStencil {
         format: Format::Depth32Float,
         depth_write: workload.depth_test,

@@ -9,7 +9,7 @@ use crossbeam::channel::{self, Receiver, Sender};
 
 use super::files::{About, json_head};
 use super::owned::Owned;
-use crate::host::{self, Part};
+use crate::host::{self, PartialFile};
 use crate::machine::Shown;
 use crate::num::OUR_FAULT;
 use crate::picture;
@@ -155,7 +155,7 @@ fn is_output(name: &str) -> bool {
 /// A file of the folder that grows.
 struct Growing {
     path: PathBuf,
-    part: Part,
+    part: PartialFile,
     /// Whether nothing was added yet.
     empty: bool,
 }
@@ -164,7 +164,7 @@ impl Growing {
     fn create(owned: &mut Owned, out: &Path, name: &str) -> Result<Growing> {
         let path = out.join(name);
         owned.add(&format!("{name}.part"))?;
-        let part = Part::create(&path).with_context(|| format!("cannot write {}", path.display()))?;
+        let part = PartialFile::create(&path).with_context(|| format!("cannot write {}", path.display()))?;
         Ok(Growing { path, part, empty: true })
     }
 

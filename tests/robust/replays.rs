@@ -205,7 +205,7 @@ fn record() -> Recorder {
     let sums = card.create_buffer("sums", 64);
     let results = card.create_buffer("results", 64 + 256 * 32);
     let shader = card.create_shader("computed", COMPUTED);
-    let stage = Stage { constants: vec![("gain".into(), 1.5)], ..record::stage(shader) };
+    let stage = StageDesc { constants: vec![("gain".into(), 1.5)], ..record::stage(shader) };
     let compute = card.create_compute_pipeline("computed", None, stage);
     let layout = card.get_bind_group_layout(AnyPipeline::Compute(compute), 0);
     let resources = [record::whole(sums), BoundResource::View(color_view), BoundResource::View(other_view)];

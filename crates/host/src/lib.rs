@@ -24,7 +24,7 @@ pub use files::{Links, check_folder, length, open, open_locked, read_text};
 pub use guard::{guarded, is_guarded};
 pub use heap::share_one_heap;
 pub use plain::{Fence, excerpt, is_obeyed, one_line, path_line, printable, ron_reason};
-pub use replace::{Part, exit_without_parts, replace, write_file};
+pub use replace::{PartialFile, exit_without_parts, replace, write_file};
 pub use signal::survive_full_files;
 pub use spool::Spool;
 pub use stack::{with_program_stack, with_room_for};

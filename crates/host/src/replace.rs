@@ -17,7 +17,7 @@ fn parts() -> MutexGuard<'static, BTreeSet<PathBuf>> {
     PARTS.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
-/// Ends the program, whatever its threads do, without a file that [`replace`] or a [`Part`] has begun.
+/// Ends the program, whatever its threads do, without a file that [`replace`] or a [`PartialFile`] has begun.
 pub fn exit_without_parts(code: i32) -> ! {
     let parts = parts();
     for part in parts.iter() {
@@ -55,7 +55,7 @@ pub fn write_file(path: &Path, bytes: &[u8]) -> io::Result<()> {
 
 /// A file that grows while a program works. Until it is kept it is called `NAME.part`: what a killed program leaves can be read, and nobody
 /// takes it for the complete file. A file that is dropped is removed.
-pub struct Part {
+pub struct PartialFile {
     file: BufWriter<File>,
     /// Where it is now.
     part: PathBuf,
@@ -63,12 +63,12 @@ pub struct Part {
     place: PathBuf,
 }
 
-impl Part {
+impl PartialFile {
     /// An empty file for a place. What a killed program left there goes.
     ///
     /// # Errors
     /// If it cannot be made.
-    pub fn create(place: &Path) -> io::Result<Part> {
+    pub fn create(place: &Path) -> io::Result<PartialFile> {
         let mut name = OsString::from(place);
         name.push(".part");
         let part = PathBuf::from(name);
@@ -80,7 +80,7 @@ impl Part {
         let mut parts = parts();
         let file = OpenOptions::new().read(true).write(true).create_new(true).open(&part)?;
         parts.insert(part.clone());
-        Ok(Part { file: BufWriter::new(file), part, place: place.to_owned() })
+        Ok(PartialFile { file: BufWriter::new(file), part, place: place.to_owned() })
     }
 
     /// Adds bytes, which the file has when this returns.
@@ -114,7 +114,7 @@ impl Part {
     }
 }
 
-impl Drop for Part {
+impl Drop for PartialFile {
     fn drop(&mut self) {
         // It has moved, or nobody wants it.
         let _ = std::fs::remove_file(&self.part);
@@ -166,7 +166,7 @@ mod tests {
         let home = tempfile::tempdir().expect("a folder");
         let (place, part) = (home.path().join("out.csv"), home.path().join("out.csv.part"));
         std::fs::write(&part, "left by a killed program").expect("written");
-        let mut file = Part::create(&place).expect("made");
+        let mut file = PartialFile::create(&place).expect("made");
         file.add(b"one\n").expect("written");
         assert_eq!(std::fs::read(&part).expect("there"), b"one\n");
         let mut copy = Vec::new();
@@ -176,7 +176,7 @@ mod tests {
         assert!(!place.exists());
         file.keep().expect("moved");
         assert_eq!(std::fs::read(&place).expect("there"), b"one\ntwo\n");
-        drop(Part::create(&place).expect("made"));
+        drop(PartialFile::create(&place).expect("made"));
         assert_eq!(std::fs::read_dir(home.path()).expect("a folder").count(), 1, "nothing else is left");
     }
 

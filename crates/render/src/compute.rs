@@ -2,11 +2,11 @@
 
 use std::sync::Arc;
 
-use gfx::stage::{Stage as Kind, StageMap};
+use gfx::stage::{Stage, StageMap};
 use host::one_line;
 use num::LANES;
 use shader::{self, Executor, Extra, Module, Program, QuadCost, Recorder};
-use trace::command::{Command, PassTimestamps, Stage};
+use trace::command::{Command, PassTimestamps, StageDesc};
 use work::{Dispatch, Event, Extent, Groups, Packet, Programs, Reach, ShaderShape};
 
 use super::bind::{Lent, ResolvedBindings};
@@ -34,9 +34,9 @@ impl ComputePipeline {
     ///
     /// # Errors
     /// If it does not compile; the message names the place.
-    pub fn new(stage: &Stage, module: &Module, label: &str) -> Result<ComputePipeline, String> {
+    pub fn new(stage: &StageDesc, module: &Module, label: &str) -> Result<ComputePipeline, String> {
         let options = shader::Options { constants: &stage.constants, outputs: None, ..Default::default() };
-        let program = shader::compile(module, Kind::Compute, stage.entry.as_deref(), &options)
+        let program = shader::compile(module, Stage::Compute, stage.entry.as_deref(), &options)
             .map_err(|error| format!("compute pipeline `{}`: {error}", one_line(label)))?;
         Ok(ComputePipeline { label: label.to_owned(), number: 0, program })
     }
@@ -148,7 +148,7 @@ impl ActiveCompute {
             return Ok(());
         }
         let mut instructions = StageMap::default();
-        instructions[Kind::Compute] = pipeline.program.instructions();
+        instructions[Stage::Compute] = pipeline.program.instructions();
         let announced = |pipeline: &ComputePipeline, reach: Reach| Dispatch {
             reach,
             number,

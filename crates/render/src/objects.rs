@@ -77,7 +77,7 @@ pub struct RenderPlan {
 /// The description of a compute pipeline.
 #[derive(Debug)]
 pub struct ComputePlan {
-    stage: Stage,
+    stage: StageDesc,
     label: String,
     /// Its number among all pipelines.
     number: u64,
@@ -330,10 +330,10 @@ fn elements_of(resource: &BoundResource) -> u64 {
 }
 
 /// Bytes that the description of a stage has beside itself, about.
-fn stage_bytes(stage: &Stage) -> u64 {
+fn stage_bytes(stage: &StageDesc) -> u64 {
     let names = stage.constants.iter().map(|(name, _)| name.len()).sum::<usize>();
     let entry = stage.entry.as_ref().map_or(0, String::len);
-    (size_of::<Stage>() + names + entry + size_of_val(&*stage.constants)) as u64
+    (size_of::<StageDesc>() + names + entry + size_of_val(&*stage.constants)) as u64
 }
 
 /// Bytes that a command of a bundle has beside itself.

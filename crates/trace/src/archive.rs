@@ -9,7 +9,7 @@ use zip::{CompressionMethod, ZipArchive};
 use super::COMMANDS_FILE;
 use super::archive_end as end;
 use super::error::TraceError;
-use super::pieces::Source;
+use super::pieces::CommandSource;
 use super::store::{Bytes, Store};
 use super::text::FileEntry;
 use num::Limits;
@@ -73,14 +73,14 @@ impl Package {
         path: &Path,
         mapped: Option<&Path>,
         limits: &Limits,
-    ) -> Result<(Source, u64), TraceError> {
-        let Entry { size, packed, stored, crc, .. } = self.entry(path, COMMANDS_FILE)?;
+    ) -> Result<(CommandSource, u64), TraceError> {
+        let ArchiveEntry { size, packed, stored, crc, .. } = self.entry(path, COMMANDS_FILE)?;
         limits
             .trace_bytes
             .check(size)
             .map_err(|error| TraceError::new(path, format!("{COMMANDS_FILE} in the archive: {error}")))?;
         let (file, archive) = (mapped.map(Path::to_owned), self.bytes.clone());
-        Ok((Source::Entry { file, archive, packed, deflated: stored.is_none(), crc }, size))
+        Ok((CommandSource::Entry { file, archive, packed, deflated: stored.is_none(), crc }, size))
     }
 
     /// The command list, with its checksum verified.
@@ -111,7 +111,7 @@ impl Package {
         .map_err(|reason| TraceError::new(path, reason))
     }
 
-    fn entry(&mut self, path: &Path, name: &str) -> Result<Entry, TraceError> {
+    fn entry(&mut self, path: &Path, name: &str) -> Result<ArchiveEntry, TraceError> {
         let full = format!("{}{name}", self.folder);
         let missing = || TraceError::new(path, format!("the archive holds no {full}"));
         let index = self.archive.index_for_name(&full).ok_or_else(missing)?;
@@ -145,11 +145,11 @@ impl Package {
         };
         let outside = || TraceError::new(path, format!("{full} in the archive reaches outside of it"));
         let packed = start.zip(usize::try_from(packed).ok()).ok_or_else(outside)?;
-        Ok(Entry { index, size, stored, crc, packed })
+        Ok(ArchiveEntry { index, size, stored, crc, packed })
     }
 }
 
-struct Entry {
+struct ArchiveEntry {
     index: usize,
     size: u64,
     /// The bytes, if they lie in the archive as they are.

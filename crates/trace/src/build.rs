@@ -5,17 +5,17 @@ use num::Limits;
 use std::path::{Path, PathBuf};
 
 use super::command::Command;
-use super::error::{Place, TraceError};
+use super::error::{TextLocation, TraceError};
 use super::origin::Origin;
 use super::store::{Bytes, Store};
-use super::stream::Part;
+use super::stream::CommandChunk;
 use super::{Commands, Trace};
 
 /// A trace in the making: commands in order, and named blobs that may be files of a foreign trace, used where they are.
 pub struct Builder {
     file: PathBuf,
     commands: Vec<Command>,
-    places: Vec<Place>,
+    places: Vec<TextLocation>,
     store: Store,
 }
 
@@ -34,7 +34,7 @@ impl Builder {
     }
 
     /// Appends a command that was read from a place of the trace's file and answers its number.
-    pub fn push_at(&mut self, command: Command, place: Place) -> u64 {
+    pub fn push_at(&mut self, command: Command, place: TextLocation) -> u64 {
         self.places.resize(self.commands.len() + 1, place);
         self.commands.push(command);
         self.len() - 1
@@ -79,9 +79,9 @@ impl Builder {
     }
 
     /// Takes commands and blobs out. The blobs must be bytes, not files.
-    pub fn drain(&mut self) -> Part {
+    pub fn drain(&mut self) -> CommandChunk {
         self.places.clear();
-        Part { commands: std::mem::take(&mut self.commands), blobs: self.store.take_ready(), read: 0 }
+        CommandChunk { commands: std::mem::take(&mut self.commands), blobs: self.store.take_ready(), read: 0 }
     }
 
     /// The trace.

@@ -173,8 +173,8 @@ pub struct BindGroupEntry {
 
 /// A programmable stage.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct Stage {
+#[serde(deny_unknown_fields, rename = "Stage")]
+pub struct StageDesc {
     /// The module.
     pub shader: ShaderId,
     /// Entry point; none: the module's only one of this stage.
@@ -204,7 +204,7 @@ pub struct RenderPipelineDesc {
     #[serde(default, skip_serializing_if = "is_default")]
     pub layout: Option<PipelineLayoutId>,
     /// Vertex stage.
-    pub vertex: Stage,
+    pub vertex: StageDesc,
     /// Vertex buffer slots; none: an unused slot.
     #[serde(default, skip_serializing_if = "is_default")]
     pub buffers: Vec<Option<VertexBufferLayout>>,
@@ -219,7 +219,7 @@ pub struct RenderPipelineDesc {
     pub multisample: Multisample,
     /// Fragment stage; none: depth and stencil only.
     #[serde(default, skip_serializing_if = "is_default")]
-    pub fragment: Option<Stage>,
+    pub fragment: Option<StageDesc>,
     /// Colour targets by `@location`; none: an unused slot.
     #[serde(default, skip_serializing_if = "is_default")]
     pub targets: Vec<Option<ColorTarget>>,
@@ -227,7 +227,7 @@ pub struct RenderPipelineDesc {
 
 impl RenderPipelineDesc {
     /// The stages that it has, in the order in which data flow through them.
-    pub fn stages(&self) -> impl DoubleEndedIterator<Item = (gfx::stage::Stage, &Stage)> {
+    pub fn stages(&self) -> impl DoubleEndedIterator<Item = (gfx::stage::Stage, &StageDesc)> {
         let RenderPipelineDesc {
             layout: _,
             vertex,
@@ -435,7 +435,7 @@ pub enum Command {
         id: ComputePipelineId,
         #[serde(default, skip_serializing_if = "is_default")]
         layout: Option<PipelineLayoutId>,
-        stage: Stage,
+        stage: StageDesc,
         #[serde(default, skip_serializing_if = "is_default")]
         label: Option<String>,
     },

@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 
 /// A place in a text file; both count from 1.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Place {
+pub struct TextLocation {
     /// Line.
     pub line: usize,
     /// Column, in characters.
@@ -19,7 +19,7 @@ pub struct TraceError {
     /// The file that is wrong: the trace's text or one of its blobs.
     pub file: PathBuf,
     /// The place in that file.
-    pub place: Option<Place>,
+    pub place: Option<TextLocation>,
     /// Number of the command in the trace, from 0.
     pub command: Option<u64>,
     /// What is wrong.
@@ -46,7 +46,7 @@ impl TraceError {
     }
 
     /// The same error at a place of its file.
-    pub fn at(mut self, place: Option<Place>) -> TraceError {
+    pub fn at(mut self, place: Option<TextLocation>) -> TraceError {
         self.place = place;
         self
     }

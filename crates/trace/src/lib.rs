@@ -66,17 +66,17 @@ use std::sync::{Mutex, MutexGuard, PoisonError};
 pub use build::Builder;
 pub use check::{Checker, Summary, check};
 use command::{Command, Data};
-pub use error::{Place, TraceError};
+pub use error::{TextLocation, TraceError};
 pub use geometry::{LinearExtent, copy_block_bytes};
 use host::Links;
 use num::Limits;
 pub use origin::Origin;
-use pieces::{Pieces, Source};
+use pieces::{CommandSource, Pieces};
 use store::Store;
 pub use store::check_name;
 pub use store::{Bytes, NAME_MAX};
 use stream::Landmarks;
-pub use stream::{Part, Stream};
+pub use stream::{CommandChunk, Stream};
 pub use write::{Packing, write, write_archive, write_zip};
 
 /// The version of the format that is written and read.
@@ -135,7 +135,7 @@ enum Commands {
     /// A long one, which is not in memory.
     Pieces(Pieces),
     /// Commands in memory, and their places in the file that they were read from, if there is one.
-    List(Vec<Command>, Vec<Place>),
+    List(Vec<Command>, Vec<TextLocation>),
     /// Commands that are made while they are read, and how far that is.
     Stream(Box<dyn Stream>, Mutex<Landmarks>),
 }
@@ -284,14 +284,15 @@ impl Trace {
         let limits = reading.limits;
         let fail = |error| TraceError::new(file, error);
         let size = commands_file_size(file, links, &limits)?;
-        let (header, commands, size) = match Pieces::open(file, Source::File(file.to_owned(), links), size).map_err(fail)? {
-            Some((header, pieces)) => (header, Commands::Pieces(pieces), size),
-            None => {
-                let text = read_commands_file(file, links, &limits)?;
-                let size = text.len() as u64;
-                (text::read_header(file, check_utf8(file, &text)?)?, Commands::Text(text), size)
-            }
-        };
+        let (header, commands, size) =
+            match Pieces::open(file, CommandSource::File(file.to_owned(), links), size).map_err(fail)? {
+                Some((header, pieces)) => (header, Commands::Pieces(pieces), size),
+                None => {
+                    let text = read_commands_file(file, links, &limits)?;
+                    let size = text.len() as u64;
+                    (text::read_header(file, check_utf8(file, &text)?)?, Commands::Text(text), size)
+                }
+            };
         header.check(file, size, &limits)?;
         let mut store = Store::default();
         for (name, entry) in header.files {
@@ -371,7 +372,7 @@ impl Trace {
             Commands::Stream(stream, landmarks) => {
                 let (mut index, mut frames) = (0, 0);
                 // What has been visited; an error of the stream comes behind the parts before it.
-                let mut parts = |Part { commands, blobs, read }: Part| -> Result<ControlFlow<()>, E> {
+                let mut parts = |CommandChunk { commands, blobs, read }: CommandChunk| -> Result<ControlFlow<()>, E> {
                     frames += commands.iter().filter(|command| matches!(command, Command::Present { .. })).count() as u64;
                     landmarks.lock().unwrap_or_else(PoisonError::into_inner).pass(frames, read);
                     self.store.with(blobs, || -> Result<ControlFlow<()>, E> {
@@ -425,7 +426,7 @@ impl Trace {
     }
 
     /// Where a command is in the trace's file, if it has one.
-    pub fn place(&self, index: u64) -> Option<Place> {
+    pub fn place(&self, index: u64) -> Option<TextLocation> {
         match &self.commands {
             Commands::List(_, places) => places.get(usize::try_from(index).ok()?).copied(),
             Commands::Stream(..) => None,
@@ -475,6 +476,6 @@ fn check_utf8<'a>(file: &Path, text: &'a [u8]) -> Result<&'a str, TraceError> {
         let good = String::from_utf8_lossy(&text[..error.valid_up_to()]);
         let line = good.matches('\n').count() + 1;
         let column = good.rsplit('\n').next().map_or(0, |last| last.chars().count()) + 1;
-        TraceError::new(file, "is not UTF-8 text").at(Some(Place { line, column }))
+        TraceError::new(file, "is not UTF-8 text").at(Some(TextLocation { line, column }))
     })
 }

@@ -23,7 +23,7 @@ const WHOLE: u64 = 256 << 10;
 const READ: usize = 32 << 10;
 
 /// Where the text of a trace lies.
-pub(super) enum Source {
+pub(super) enum CommandSource {
     /// A file, which must not change.
     File(PathBuf, Links),
     /// A part of an archive.
@@ -39,12 +39,12 @@ pub(super) enum Source {
     },
 }
 
-impl Source {
+impl CommandSource {
     /// The text from its start.
     fn open(&self) -> io::Result<Box<dyn Read + '_>> {
         let (file, archive, (start, size), deflated) = match self {
-            Source::File(path, links) => return Ok(Box::new(host::open(path, *links)?)),
-            Source::Entry { file, archive, packed, deflated, .. } => (file, archive, *packed, *deflated),
+            CommandSource::File(path, links) => return Ok(Box::new(host::open(path, *links)?)),
+            CommandSource::Entry { file, archive, packed, deflated, .. } => (file, archive, *packed, *deflated),
         };
         let packed: Box<dyn Read> = match file {
             // Not the mapping: its pages that have been read count as memory of this process.
@@ -64,15 +64,15 @@ impl Source {
     /// What the checksum of the text must be, if it has one.
     fn crc(&self) -> Option<u32> {
         match self {
-            Source::File(..) => None,
-            Source::Entry { crc, .. } => Some(*crc),
+            CommandSource::File(..) => None,
+            CommandSource::Entry { crc, .. } => Some(*crc),
         }
     }
 }
 
 /// Text that is read in pieces.
 pub(super) struct Pieces {
-    source: Source,
+    source: CommandSource,
     length: u64,
 }
 
@@ -82,7 +82,7 @@ impl Pieces {
     ///
     /// # Errors
     /// If the text cannot be read.
-    pub fn open(file: &Path, source: Source, length: u64) -> io::Result<Option<(Header, Pieces)>> {
+    pub fn open(file: &Path, source: CommandSource, length: u64) -> io::Result<Option<(Header, Pieces)>> {
         if length <= WHOLE {
             return Ok(None);
         }
@@ -277,7 +277,7 @@ mod tests {
             std::fs::write(&file, &text).expect("written");
             let size = text.len() as u64;
             assert!(size > 2 * WHOLE);
-            let opened = Pieces::open(&file, Source::File(file.clone(), Links::Follow), size).expect("read");
+            let opened = Pieces::open(&file, CommandSource::File(file.clone(), Links::Follow), size).expect("read");
             assert!(opened.is_some(), "{special:?}, {end:?}");
             let pieces = Trace::open(&file).expect("it opens");
             let whole = Trace::open_files(&file, text.into_bytes(), []).expect("it opens");

@@ -119,7 +119,7 @@ impl AsRef<[u8]> for Bytes {
 }
 
 /// Where the bytes of a blob come from.
-enum Source {
+enum BlobSource {
     /// They are here.
     Ready(Bytes),
     /// A file, opened at first use.
@@ -130,7 +130,7 @@ enum Source {
 
 /// One blob.
 pub(super) struct Blob {
-    source: Source,
+    source: BlobSource,
     size: u64,
     /// What the trace says of its contents; none for blobs that never were in a native trace.
     expected: Option<blake3::Hash>,
@@ -138,15 +138,15 @@ pub(super) struct Blob {
 }
 
 impl Blob {
-    fn new(source: Source, size: u64, expected: Option<blake3::Hash>) -> Blob {
+    fn new(source: BlobSource, size: u64, expected: Option<blake3::Hash>) -> Blob {
         Blob { source, size, expected, loaded: OnceLock::new() }
     }
 
     fn load(&self) -> Result<Bytes, String> {
         let bytes = match &self.source {
-            Source::Ready(bytes) => bytes.clone(),
-            Source::File(path, links) => Bytes::read(path, *links).map_err(|error| error.to_string())?,
-            Source::Entry(archive, index) => archive::inflate(archive, *index, self.size)?.into(),
+            BlobSource::Ready(bytes) => bytes.clone(),
+            BlobSource::File(path, links) => Bytes::read(path, *links).map_err(|error| error.to_string())?,
+            BlobSource::Entry(archive, index) => archive::inflate(archive, *index, self.size)?.into(),
         };
         if bytes.len() as u64 != self.size {
             return Err(format!("is {} bytes long, the trace says {}", bytes.len(), self.size));
@@ -173,7 +173,7 @@ impl Store {
     /// Adds bytes.
     pub fn add_bytes(&mut self, name: &str, bytes: Bytes, expected: Option<blake3::Hash>) -> Result<(), String> {
         let size = bytes.len() as u64;
-        self.add(name, Blob::new(Source::Ready(bytes), size, expected))
+        self.add(name, Blob::new(BlobSource::Ready(bytes), size, expected))
     }
 
     /// Adds a file that is there and has this size.
@@ -185,7 +185,7 @@ impl Store {
         size: u64,
         expected: Option<blake3::Hash>,
     ) -> Result<(), String> {
-        self.add(name, Blob::new(Source::File(path, links), size, expected))
+        self.add(name, Blob::new(BlobSource::File(path, links), size, expected))
     }
 
     /// Adds an entry of an archive that becomes this many bytes.
@@ -197,7 +197,7 @@ impl Store {
         size: u64,
         expected: Option<blake3::Hash>,
     ) -> Result<(), String> {
-        self.add(name, Blob::new(Source::Entry(archive, index), size, expected))
+        self.add(name, Blob::new(BlobSource::Entry(archive, index), size, expected))
     }
 
     fn add(&mut self, name: &str, blob: Blob) -> Result<(), String> {
@@ -225,8 +225,8 @@ impl Store {
     /// The blobs that are in memory.
     pub fn take_ready(&mut self) -> Vec<(String, Bytes)> {
         let ready = |(name, blob): (String, Blob)| match blob.source {
-            Source::Ready(bytes) => Some((name, bytes)),
-            Source::File(..) | Source::Entry(..) => None,
+            BlobSource::Ready(bytes) => Some((name, bytes)),
+            BlobSource::File(..) | BlobSource::Entry(..) => None,
         };
         std::mem::take(&mut self.blobs).into_iter().filter_map(ready).collect()
     }
@@ -267,7 +267,7 @@ impl Store {
             return passing.ok_or_else(|| TraceError::new(home, format!("there is no blob {name:?}")));
         };
         blob.loaded.get_or_init(|| blob.load()).clone().map_err(|reason| match &blob.source {
-            Source::File(path, _) => TraceError::new(path, reason),
+            BlobSource::File(path, _) => TraceError::new(path, reason),
             _ => TraceError::new(home, format!("blob {name:?} {reason}")),
         })
     }

@@ -12,7 +12,7 @@ use super::store::Bytes;
 
 /// Commands in order, and the blobs that they name. A blob is there as long as the commands of its part are read.
 #[derive(Default)]
-pub struct Part {
+pub struct CommandChunk {
     /// Commands.
     pub commands: Vec<Command>,
     /// Blobs by name; no name occurs twice in a stream.
@@ -27,14 +27,14 @@ pub trait Stream: Send + Sync {
     ///
     /// # Errors
     /// If they cannot be made.
-    fn make(&self, take: &mut dyn FnMut(Part) -> ControlFlow<()>) -> Result<(), TraceError>;
+    fn make(&self, take: &mut dyn FnMut(CommandChunk) -> ControlFlow<()>) -> Result<(), TraceError>;
 
     /// What is known of the recording, if the commands have been made to their end.
     fn origin(&self) -> Origin {
         Origin::default()
     }
 
-    /// The length of what the commands are made from, in the unit of [`Part::read`]; 0 where that is not known.
+    /// The length of what the commands are made from, in the unit of [`CommandChunk::read`]; 0 where that is not known.
     fn length(&self) -> u64 {
         0
     }
@@ -93,7 +93,7 @@ const AHEAD: usize = 1;
 /// stream's errors.
 pub(crate) fn beside<E>(
     stream: &dyn Stream,
-    read: &mut dyn FnMut(Part) -> Result<ControlFlow<()>, E>,
+    read: &mut dyn FnMut(CommandChunk) -> Result<ControlFlow<()>, E>,
 ) -> Result<io::Result<Result<(), TraceError>>, E> {
     scope(|scope| {
         let (send, receive) = sync_channel(AHEAD);

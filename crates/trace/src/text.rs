@@ -11,7 +11,7 @@ use serde::{Deserialize, Serialize};
 
 use super::VERSION;
 use super::command::Command;
-use super::error::{Place, TraceError};
+use super::error::{TextLocation, TraceError};
 use host::ron_reason;
 use num::Limits;
 
@@ -112,7 +112,7 @@ pub(super) fn ends_with(end: &[u8]) -> bool {
 }
 
 /// The place of a command: for messages only, as it reads the text up to there.
-pub(super) fn place_of(text: &str, wanted: u64) -> Option<Place> {
+pub(super) fn place_of(text: &str, wanted: u64) -> Option<TextLocation> {
     let stopped = Cell::new(false);
     let number = Cell::new(None);
     let mut stop_before = |index: u64, _: Command| if index + 1 >= wanted { Next::Stop } else { Next::Continue };
@@ -128,7 +128,7 @@ pub(super) fn place_of(text: &str, wanted: u64) -> Option<Place> {
     let start = end + skip_blank(&text[end..]);
     let before = &text[..start];
     let line_start = before.rfind('\n').map_or(0, |at| at + 1);
-    Some(Place { line: before.matches('\n').count() + 1, column: before[line_start..].chars().count() + 1 })
+    Some(TextLocation { line: before.matches('\n').count() + 1, column: before[line_start..].chars().count() + 1 })
 }
 
 /// Byte offset of a line and column, both from 1.
@@ -168,7 +168,7 @@ fn finish(
         _ if stopped.get() => Ok(()),
         Ok(()) => Ok(()),
         Err(error) => {
-            let place = Place { line: error.span.start.line, column: error.span.start.col };
+            let place = TextLocation { line: error.span.start.line, column: error.span.start.col };
             let reason = match &error.code {
                 // The list of all fifty commands would bury the message.
                 ron::Error::NoSuchEnumVariant { expected, found, .. } if expected.len() > 30 => {

@@ -6,7 +6,7 @@ use std::sync::mpsc::{Receiver, sync_channel};
 use std::sync::{Arc, Mutex, PoisonError};
 use std::thread::{Builder, JoinHandle};
 
-use trace::{Origin, Part, Stream, Trace, TraceError};
+use trace::{CommandChunk, Origin, Stream, Trace, TraceError};
 
 use crate::gl::recording::{Delivery, Recording, Survey, described};
 use crate::gl::report::Report;
@@ -17,14 +17,14 @@ type Imported = Result<(Option<Trace>, Option<Report>), TraceError>;
 /// What the thread has to say.
 enum Message {
     /// The recording is longer than may stay in memory: the next commands.
-    Part(Part),
+    Chunk(CommandChunk),
     /// It has been read to its end.
     Done(Box<Imported>),
 }
 
 /// A recording that has been read in part.
 struct Started {
-    first: Part,
+    first: CommandChunk,
     messages: Receiver<Message>,
     thread: JoinHandle<()>,
 }
@@ -45,7 +45,7 @@ pub fn open(recording: Recording, most: u64) -> Result<(Trace, Option<Report>), 
     let read = move || {
         let send = &send;
         let mut longer = |part| {
-            if send.send(Message::Part(part)).is_ok() { ControlFlow::Continue(()) } else { ControlFlow::Break(()) }
+            if send.send(Message::Chunk(part)).is_ok() { ControlFlow::Continue(()) } else { ControlFlow::Break(()) }
         };
         let imported = reader.import(Delivery::All { most, survey: Survey::Start, longer: Some(&mut longer) });
         // Without a receiver nobody wants to know.
@@ -60,7 +60,7 @@ pub fn open(recording: Recording, most: u64) -> Result<(Trace, Option<Report>), 
         return Ok((described(trace.unwrap_or_else(|| streamed(None)), report.as_ref()), report));
     };
     match messages.recv() {
-        Ok(Message::Part(first)) => Ok((streamed(Some(Started { first, messages, thread })), None)),
+        Ok(Message::Chunk(first)) => Ok((streamed(Some(Started { first, messages, thread })), None)),
         Ok(Message::Done(imported)) => {
             let (trace, report) = (*imported)?;
             Ok((described(trace.unwrap_or_else(|| streamed(None)), report.as_ref()), report))
@@ -70,7 +70,7 @@ pub fn open(recording: Recording, most: u64) -> Result<(Trace, Option<Report>), 
 }
 
 impl Stream for Resumed {
-    fn make(&self, take: &mut dyn FnMut(Part) -> ControlFlow<()>) -> Result<(), TraceError> {
+    fn make(&self, take: &mut dyn FnMut(CommandChunk) -> ControlFlow<()>) -> Result<(), TraceError> {
         let started = self.started.lock().unwrap_or_else(PoisonError::into_inner).take();
         let Some(Started { first, messages, thread }) = started else { return self.recording.make(take) };
         if take(first).is_break() {
@@ -78,7 +78,7 @@ impl Stream for Resumed {
         }
         loop {
             match messages.recv() {
-                Ok(Message::Part(part)) => {
+                Ok(Message::Chunk(part)) => {
                     if take(part).is_break() {
                         return Ok(());
                     }

@@ -10,7 +10,7 @@ use std::rc::Rc;
 use std::sync::{Mutex, PoisonError};
 
 use host::Links;
-use trace::{Origin, Part, Reading, Stream, Trace, TraceError};
+use trace::{CommandChunk, Origin, Reading, Stream, Trace, TraceError};
 
 use crate::gl::call::Fault;
 use crate::gl::machine::Gl;
@@ -113,7 +113,7 @@ impl Read for CountingReader {
 }
 
 impl Stream for Recording {
-    fn make(&self, take: &mut dyn FnMut(Part) -> ControlFlow<()>) -> Result<(), TraceError> {
+    fn make(&self, take: &mut dyn FnMut(CommandChunk) -> ControlFlow<()>) -> Result<(), TraceError> {
         let (_, report) = self.import(Delivery::Parts { part: part_of(self.in_memory()), take })?;
         self.note(report);
         Ok(())
@@ -149,7 +149,7 @@ pub enum Delivery<'a> {
 }
 
 /// Takes parts.
-type Take<'a> = &'a mut dyn FnMut(Part) -> ControlFlow<()>;
+type Take<'a> = &'a mut dyn FnMut(CommandChunk) -> ControlFlow<()>;
 
 /// Imports a recording that is in memory; messages use `path` as its name. `memory` has the two files that accompany a text recording.
 ///
@@ -245,7 +245,7 @@ fn import(
         match &mut delivery {
             Delivery::All { most, survey, longer } => {
                 if bytes > *most {
-                    let made = Part { read: read.get(), ..gl.card.drain() };
+                    let made = CommandChunk { read: read.get(), ..gl.card.drain() };
                     let refused = !reading.lenient && !gl.log.unsupported.is_empty();
                     if kept && *survey == Survey::Start && !refused {
                         let Some(take) = longer.take() else { return Ok((None, None)) };
@@ -263,7 +263,7 @@ fn import(
                 // Commands after an unsupported feature would give wrong pictures. Further unsupported features are still counted.
                 gl.options.survey |= !reading.lenient && !gl.log.unsupported.is_empty();
                 if bytes > *part {
-                    let made = Part { read: read.get(), ..gl.card.drain() };
+                    let made = CommandChunk { read: read.get(), ..gl.card.drain() };
                     if !gl.options.survey && take(made).is_break() {
                         return Ok((None, None));
                     }
@@ -292,7 +292,7 @@ fn import(
         }
         gl.card.end_pass();
         // This is the last part.
-        let _ = take(Part { read: read.get(), ..gl.card.drain() });
+        let _ = take(CommandChunk { read: read.get(), ..gl.card.drain() });
         return Ok((None, Some(report)));
     }
     let trace = gl.finish().map_err(|fault| TraceError::new(path, format!("{fault:?}")))?;

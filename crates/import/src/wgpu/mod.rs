@@ -28,7 +28,7 @@ mod translate;
 use std::path::Path;
 
 use host::Links;
-use trace::{Place, Reading, Trace, TraceError, read_commands_file};
+use trace::{Reading, TextLocation, Trace, TraceError, read_commands_file};
 
 use reader::{Cut, Step};
 use translate::Stop;
@@ -77,7 +77,7 @@ fn import_with(file: &Path, text: &[u8], reading: &Reading) -> Result<Trace, Tra
 
 /// What is said of a recording that has no end.
 fn cut_warning(cut: &Cut, lost: Option<&str>) -> String {
-    let Place { line, column } = cut.place;
+    let TextLocation { line, column } = cut.place;
     let part = match (&cut.half, lost) {
         (Some(name), None) => format!(" and inside action {} ({name}), which is left out", cut.number),
         (Some(name), Some(lost)) => format!(" and inside action {} ({name}); left out are this and {lost}", cut.number),

@@ -9,7 +9,7 @@ use std::rc::Rc;
 use gfx::format::Format;
 use gfx::state::ViewDimension;
 use num::*;
-use trace::Place;
+use trace::TextLocation;
 use trace::command::*;
 
 use wgpu_text::Id;
@@ -59,7 +59,7 @@ pub struct Refusal {
     /// Its name.
     pub name: String,
     /// Where it begins.
-    pub place: Place,
+    pub place: TextLocation,
     /// The object that it should have made.
     pub object: String,
     /// Why it did not.

@@ -109,8 +109,8 @@ impl Translator {
         Ok((Some(layout.id), Some(layout.groups.clone())))
     }
 
-    fn stage(&self, stage: schema::ProgrammableStage) -> Result<Stage, Reason> {
-        let stage = Stage {
+    fn stage(&self, stage: schema::ProgrammableStage) -> Result<StageDesc, Reason> {
+        let stage = StageDesc {
             shader: *self.objects.shaders.get(stage.module)?,
             entry: stage.entry_point,
             constants: stage.constants.into_iter().collect(),

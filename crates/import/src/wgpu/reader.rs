@@ -6,7 +6,7 @@ use std::path::Path;
 
 use host::ron_reason;
 use num::nearest;
-use trace::{Place, TraceError};
+use trace::{TextLocation, TraceError};
 
 use wgpu_text::{Action, Wrong};
 
@@ -17,7 +17,7 @@ pub struct Reader<'a> {
     /// Bytes read.
     at: usize,
     /// Place of `at`.
-    place: Place,
+    place: TextLocation,
     /// Actions read.
     count: u64,
     /// Where the text ends without the end of the list.
@@ -28,7 +28,7 @@ pub struct Reader<'a> {
 #[derive(Clone, Debug)]
 pub struct Cut {
     /// Where the first action begins that is not there, or not whole.
-    pub place: Place,
+    pub place: TextLocation,
     /// Its number.
     pub number: u64,
     /// Its name, if a part of it is there.
@@ -42,7 +42,7 @@ pub struct Step<'a> {
     /// Name of its variant.
     pub name: &'a str,
     /// Where it begins.
-    pub place: Place,
+    pub place: TextLocation,
     /// The action.
     pub action: Action,
 }
@@ -55,14 +55,14 @@ impl<'a> Reader<'a> {
             Err(error) => {
                 let good = std::str::from_utf8(&bytes[..error.valid_up_to()]).unwrap_or("");
                 if error.error_len().is_some() {
-                    let place = advance(Place { line: 1, column: 1 }, good);
+                    let place = advance(TextLocation { line: 1, column: 1 }, good);
                     return Err(TraceError::new(file, "is not UTF-8 text").at(Some(place)));
                 }
                 // The text ends inside a character.
                 good
             }
         };
-        let mut reader = Reader { file, text, at: 0, place: Place { line: 1, column: 1 }, count: 0, cut: None };
+        let mut reader = Reader { file, text, at: 0, place: TextLocation { line: 1, column: 1 }, count: 0, cut: None };
         reader.skip_trivia();
         if !reader.take('[') {
             return Err(reader.error("expected `[`, the beginning of a list of actions"));
@@ -99,7 +99,7 @@ impl<'a> Reader<'a> {
                 // The span is relative to the action.
                 let at = found.span.end;
                 let column = if at.line == 1 { place.column + at.col - 1 } else { at.col };
-                let place = Place { line: place.line + at.line - 1, column };
+                let place = TextLocation { line: place.line + at.line - 1, column };
                 let reason = format!("action {number} ({name}): {}", reason(&found.code));
                 return Err(TraceError::new(self.file, reason).at(Some(place)));
             }
@@ -218,12 +218,12 @@ fn reason(error: &ron::Error) -> String {
 }
 
 /// The place after some text.
-fn advance(place: Place, text: &str) -> Place {
+fn advance(place: TextLocation, text: &str) -> TextLocation {
     match text.rfind('\n') {
-        None => Place { line: place.line, column: place.column + text.chars().count() },
+        None => TextLocation { line: place.line, column: place.column + text.chars().count() },
         Some(last) => {
             let lines = text.bytes().filter(|&byte| byte == b'\n').count();
-            Place { line: place.line + lines, column: text[last + 1..].chars().count() + 1 }
+            TextLocation { line: place.line + lines, column: text[last + 1..].chars().count() + 1 }
         }
     }
 }

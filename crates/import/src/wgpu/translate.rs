@@ -6,7 +6,7 @@ use std::rc::Rc;
 
 use gfx::state::TextureDimension;
 use trace::command::*;
-use trace::{Builder, Origin, Place, Reading, Trace, TraceError};
+use trace::{Builder, Origin, Reading, TextLocation, Trace, TraceError};
 
 use super::blob::Blobs;
 use super::lifetime;
@@ -20,12 +20,12 @@ pub struct Translator {
     pub(super) blobs: Blobs,
     pub(super) builder: Builder,
     commands: Vec<Command>,
-    places: Vec<Place>,
+    places: Vec<TextLocation>,
     dropped: Vec<Object>,
     /// Number, name and place of the action that is translated.
     number: u64,
     name: String,
-    place: Place,
+    place: TextLocation,
     /// The submission that is translated: it may yet turn out to have failed.
     submission: Submission,
     /// The limits that the program asked of its device.
@@ -66,7 +66,7 @@ impl Translator {
             dropped: Vec::new(),
             number: 0,
             name: String::new(),
-            place: Place { line: 1, column: 1 },
+            place: TextLocation { line: 1, column: 1 },
             submission: Submission::default(),
             limits: schema::Limits::default(),
             surfaces: Vec::new(),
@@ -109,7 +109,7 @@ impl Translator {
     }
 
     /// Translates an action.
-    pub fn step(&mut self, number: u64, name: &str, place: Place, action: Action) -> Result<(), Stop> {
+    pub fn step(&mut self, number: u64, name: &str, place: TextLocation, action: Action) -> Result<(), Stop> {
         (self.number, self.place) = (number, place);
         self.name.clear();
         self.name.push_str(name);
@@ -180,7 +180,7 @@ impl Translator {
 
     /// Notes that this action made nothing, as when it was recorded.
     fn skipped(&mut self, object: &str, reason: &str) {
-        let Place { line, column } = self.place;
+        let TextLocation { line, column } = self.place;
         let what = if object.is_empty() { String::new() } else { format!("{object}: ") };
         self.origin.skip(|| format!("{line}:{column}: action {} ({}): {what}{reason}", self.number, self.name));
     }

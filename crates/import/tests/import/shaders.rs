@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 
 use num::ShaderId;
 use shader::{self, Module, Options, Source};
-use trace::command::{Command, ShaderSource, Stage};
+use trace::command::{Command, ShaderSource, StageDesc};
 use trace::{Trace, TraceError};
 
 fn load(trace: &Trace, source: &ShaderSource) -> Module {
@@ -24,7 +24,7 @@ fn compile_all(folder: &Path) -> usize {
     let trace = import::open(folder).unwrap_or_else(|error| panic!("{error}"));
     let mut modules: HashMap<ShaderId, Module> = HashMap::new();
     let mut compiled = 0;
-    let mut compile = |modules: &HashMap<ShaderId, Module>, stage: &Stage, kind: shader::Stage| {
+    let mut compile = |modules: &HashMap<ShaderId, Module>, stage: &StageDesc, kind: shader::Stage| {
         let options = Options { constants: &stage.constants, ..Options::default() };
         shader::compile(&modules[&stage.shader], kind, stage.entry.as_deref(), &options)
             .unwrap_or_else(|error| panic!("{}: {error}", folder.display()));

@@ -481,7 +481,7 @@ fn pipeline_constants_shape_a_program() {
     let result = lab.words(64);
     let shader = lab.card.create_shader("program", &source);
     let constants = [("7", 16.0), ("factor", 1.375), ("enabled", 1.0)].map(|(name, value)| (name.to_owned(), value));
-    let stage = Stage { constants: constants.to_vec(), ..record::stage(shader) };
+    let stage = StageDesc { constants: constants.to_vec(), ..record::stage(shader) };
     let pipeline = lab.card.create_compute_pipeline("", None, stage);
     lab.dispatch(pipeline, [1, 1, 1], [record::whole(result)]);
     let got = lab.read(result, 64);

@@ -21,7 +21,7 @@ pub struct Group {
 }
 
 impl Checker<'_> {
-    pub(super) fn create_bind_group_layout(&mut self, id: BindGroupLayoutId, entries: &[LayoutEntry]) -> Outcome {
+    pub(super) fn create_bind_group_layout(&mut self, id: BindGroupLayoutId, entries: &[LayoutEntry]) -> CheckResult {
         let sorted = bind_group_layout(entries)?;
         Ok(self.group_layouts.create(id.0, Some(sorted.into()))?)
     }
@@ -31,7 +31,7 @@ impl Checker<'_> {
         id: PipelineLayoutId,
         groups: &[Option<BindGroupLayoutId>],
         immediate_size: u32,
-    ) -> Outcome {
+    ) -> CheckResult {
         pipeline_layout(groups.len(), immediate_size)?;
         let groups: Result<Rc<[_]>, String> =
             groups.iter().map(|group| group.map(|group| self.group_layouts.get(group.0).cloned()).transpose()).collect();
@@ -43,7 +43,7 @@ impl Checker<'_> {
         id: BindGroupId,
         layout: BindGroupLayoutId,
         entries: &[BindGroupEntry],
-    ) -> Outcome {
+    ) -> CheckResult {
         let layout = self.group_layouts.get(layout.0)?.clone();
         let mut sorted: Vec<&BindGroupEntry> = entries.iter().collect();
         sorted.sort_by_key(|entry| entry.binding);
@@ -78,8 +78,8 @@ impl Checker<'_> {
         Ok(self.groups.create(id.0, Group { layout, dynamic })?)
     }
 
-    fn bound_resource(&self, entry: &BindGroupEntry) -> Outcome {
-        let buffer = |id: &BufferId, offset: u64, size: Option<u64>| -> Outcome {
+    fn bound_resource(&self, entry: &BindGroupEntry) -> CheckResult {
+        let buffer = |id: &BufferId, offset: u64, size: Option<u64>| -> CheckResult {
             let size = open_range(&id, offset, size, *self.buffers.get(id.0)?)?;
             ensure!(size > 0, "an empty range of {id}");
             Ok(())
@@ -153,7 +153,7 @@ pub fn pipeline_layout(groups: usize, immediate_size: u32) -> Result<(), String>
 
 /// Checks that what a pipeline layout asks for is bound.
 #[inline]
-pub fn groups_fit(layout: &Option<Rc<[Option<GroupLayout>]>>, bound: &Groups) -> Outcome {
+pub fn groups_fit(layout: &Option<Rc<[Option<GroupLayout>]>>, bound: &Groups) -> CheckResult {
     let Some(layout) = layout else { return Ok(()) };
     for (index, wanted) in layout.iter().enumerate() {
         // A derived layout is checked where the shader is known.

@@ -7,7 +7,7 @@ use super::super::geometry::copy_block_bytes;
 use super::*;
 
 impl Checker<'_> {
-    pub(super) fn between_passes(&mut self, command: &Command) -> Outcome {
+    pub(super) fn between_passes(&mut self, command: &Command) -> CheckResult {
         match command {
             Command::WriteBuffer { id, offset, data } => {
                 let length = *self.buffers.get(id.0)?;
@@ -101,14 +101,14 @@ impl Checker<'_> {
         Ok(())
     }
 
-    fn use_data(&mut self, data: &Data) -> Outcome {
+    fn use_data(&mut self, data: &Data) -> CheckResult {
         self.trace.data(data)?;
         self.use_blob(&data.blob);
         Ok(())
     }
 
     /// Checks that a query exists and is of a kind.
-    pub(super) fn query(&self, set: QuerySetId, index: u32, right: impl Fn(QueryKind) -> bool) -> Outcome {
+    pub(super) fn query(&self, set: QuerySetId, index: u32, right: impl Fn(QueryKind) -> bool) -> CheckResult {
         let (kind, count) = *self.query_sets.get(set.0)?;
         ensure!(right(kind), "{set} counts {kind:?}");
         ensure!(index < count, "query {index} is not in the {count} of {set}");
@@ -150,7 +150,7 @@ impl Checker<'_> {
         Ok(desc)
     }
 
-    fn copy_texture(&self, from: &TextureEnd, to: &TextureEnd, size: [u32; 3]) -> Outcome {
+    fn copy_texture(&self, from: &TextureEnd, to: &TextureEnd, size: [u32; 3]) -> CheckResult {
         let (a, b) = (self.texture_end(from, size)?, self.texture_end(to, size)?);
         ensure!(
             same_but_srgb(a.format, b.format) || (from.aspect != Aspect::All && from.aspect == to.aspect),

@@ -11,7 +11,7 @@ const VIEWPORT_REACH: f32 = 65_536.0;
 
 impl Checker<'_> {
     #[inline]
-    pub(super) fn inside_pass(&mut self, command: &Command) -> Outcome {
+    pub(super) fn inside_pass(&mut self, command: &Command) -> CheckResult {
         // The scope is taken out while it is checked against the tables beside it.
         let mut scope = std::mem::replace(&mut self.scope, Scope::Outside);
         let outcome = match &mut scope {
@@ -36,7 +36,7 @@ impl Checker<'_> {
     }
 
     #[inline]
-    fn inside_render_pass(&mut self, pass: &mut RenderScope, command: &Command) -> Outcome {
+    fn inside_render_pass(&mut self, pass: &mut RenderScope, command: &Command) -> CheckResult {
         match command {
             Command::SetRenderPipeline(id) => pipeline_fits(self.render_pipelines.get(id.0)?, &pass.attachments)?,
             Command::SetViewport(viewport) => return check_viewport(viewport),
@@ -89,7 +89,7 @@ impl Checker<'_> {
         Ok(())
     }
 
-    fn inside_compute_pass(&mut self, pass: &mut ComputeScope, command: &Command) -> Outcome {
+    fn inside_compute_pass(&mut self, pass: &mut ComputeScope, command: &Command) -> CheckResult {
         match command {
             Command::SetComputePipeline(id) => pass.pipeline = Some(self.compute_pipelines.get(id.0)?.clone()),
             Command::SetBindGroup { index, group, offsets } => {
@@ -113,14 +113,14 @@ impl Checker<'_> {
         Ok(())
     }
 
-    fn dispatch(&mut self, pass: &ComputeScope) -> Outcome {
+    fn dispatch(&mut self, pass: &ComputeScope) -> CheckResult {
         let pipeline = pass.pipeline.as_ref().ok_or("no compute pipeline is set")?;
         groups_fit(&pipeline.layout, &pass.groups)?;
         self.summary.dispatches += 1;
         Ok(())
     }
 
-    fn begin_statistics(&self, open: &mut bool, set: QuerySetId, index: u32) -> Outcome {
+    fn begin_statistics(&self, open: &mut bool, set: QuerySetId, index: u32) -> CheckResult {
         ensure!(!*open, "a statistics query is open already");
         self.query(set, index, |kind| matches!(kind, QueryKind::PipelineStatistics(_)))?;
         *open = true;
@@ -160,7 +160,7 @@ impl Checker<'_> {
     }
 
     #[inline]
-    fn draws(&self, draw: &DrawState, draws: &Draws) -> Outcome {
+    fn draws(&self, draw: &DrawState, draws: &Draws) -> CheckResult {
         let bound = if draws.indexed() { draw.indices.ok_or("no index buffer is set")? } else { 0 };
         match *draws {
             Draws::Direct { indexed, range: DrawRange { first, count, first_instance, instances, .. } } => {
@@ -187,7 +187,7 @@ impl Checker<'_> {
 
 /// Checks that a pipeline is set and has the groups and buffers that it asks for.
 #[inline]
-fn ready(draw: &DrawState) -> Outcome {
+fn ready(draw: &DrawState) -> CheckResult {
     let pipeline = draw.pipeline.as_ref().ok_or("no render pipeline is set")?;
     for (slot, layout) in pipeline.buffers.iter().enumerate() {
         ensure!(layout.is_none() || draw.vertex[slot].is_some(), "vertex buffer {slot} is not set");
@@ -197,7 +197,7 @@ fn ready(draw: &DrawState) -> Outcome {
 
 /// Checks that the vertices or instances `first` + `count` are in the buffers that advance with them.
 #[inline]
-fn vertex_ranges(draw: &DrawState, step: StepMode, first: u32, count: u32) -> Outcome {
+fn vertex_ranges(draw: &DrawState, step: StepMode, first: u32, count: u32) -> CheckResult {
     let Some(pipeline) = draw.pipeline.as_ref().filter(|_| count > 0) else { return Ok(()) };
     for (slot, layout) in pipeline.buffers.iter().enumerate() {
         let (Some(layout), Some(bytes)) = (layout, draw.vertex[slot]) else { continue };
@@ -213,14 +213,14 @@ fn vertex_ranges(draw: &DrawState, step: StepMode, first: u32, count: u32) -> Ou
     Ok(())
 }
 
-fn immediates(offset: u32, words: &[u32]) -> Outcome {
+fn immediates(offset: u32, words: &[u32]) -> CheckResult {
     let end = u64::from(offset) + 4 * words.len() as u64;
     let fits = offset.is_multiple_of(4) && end <= u64::from(IMMEDIATES_MAX);
     ensure!(fits, "bytes {offset} + {} are no words of the {IMMEDIATES_MAX} bytes of immediates", 4 * words.len());
     Ok(())
 }
 
-fn check_viewport(viewport: &Viewport) -> Outcome {
+fn check_viewport(viewport: &Viewport) -> CheckResult {
     let Viewport { x, y, width, height, min_depth, max_depth } = *viewport;
     let near = [x, y, x + width, y + height].iter().all(|edge| edge.abs() <= VIEWPORT_REACH);
     ensure!(near && width >= 0.0 && height >= 0.0, "a viewport at {x}, {y} of {width} x {height}");
@@ -229,7 +229,7 @@ fn check_viewport(viewport: &Viewport) -> Outcome {
     Ok(())
 }
 
-fn end_statistics(open: &mut bool) -> Outcome {
+fn end_statistics(open: &mut bool) -> CheckResult {
     ensure!(std::mem::take(open), "no statistics query is open");
     Ok(())
 }

@@ -85,7 +85,7 @@ impl From<TraceError> for Reason {
     }
 }
 
-type Outcome = Result<(), Reason>;
+type CheckResult = Result<(), Reason>;
 
 /// Fails with a formatted reason unless a condition holds.
 macro_rules! ensure {
@@ -191,7 +191,7 @@ impl<'a> Checker<'a> {
     }
 
     #[inline]
-    fn rule(&mut self, command: &Command) -> Outcome {
+    fn rule(&mut self, command: &Command) -> CheckResult {
         use Command::*;
         match command {
             // Creation and destruction are allowed everywhere: they are no part of a pass.

@@ -89,7 +89,7 @@ impl Scope {
 
 impl Attachments {
     /// Adds an attachment; all have the same size and number of samples.
-    fn add(&mut self, what: &str, view: &View, depth_slice: Option<u32>) -> Outcome {
+    fn add(&mut self, what: &str, view: &View, depth_slice: Option<u32>) -> CheckResult {
         let flat = view.levels == 1
             && match view.dimension {
                 ViewDimension::D3 => depth_slice.is_some_and(|slice| slice < view.size[2]),
@@ -115,7 +115,7 @@ impl Attachments {
 
 /// Checks that a pipeline fits the attachments of a pass.
 #[inline]
-pub fn pipeline_fits(pipeline: &Render, pass: &Attachments) -> Outcome {
+pub fn pipeline_fits(pipeline: &Render, pass: &Attachments) -> CheckResult {
     let list = |formats: &[Option<Format>]| {
         let names: Vec<&str> = formats.iter().map(|format| format.map_or("none", |format| format.name())).collect();
         format!("[{}]", names.join(", "))
@@ -136,7 +136,7 @@ pub fn pipeline_fits(pipeline: &Render, pass: &Attachments) -> Outcome {
 }
 
 impl Checker<'_> {
-    fn begin(&mut self, scope: Scope) -> Outcome {
+    fn begin(&mut self, scope: Scope) -> CheckResult {
         if let Some(open) = self.scope.name() {
             return Err(format!("not allowed inside a {open}").into());
         }
@@ -144,7 +144,7 @@ impl Checker<'_> {
         Ok(())
     }
 
-    fn timestamps(&self, timestamps: Option<&PassTimestamps>) -> Outcome {
+    fn timestamps(&self, timestamps: Option<&PassTimestamps>) -> CheckResult {
         let Some(stamps) = timestamps else { return Ok(()) };
         stamps
             .begin
@@ -159,7 +159,7 @@ impl Checker<'_> {
         depth: Option<&DepthAttachment>,
         occlusion: Option<QuerySetId>,
         timestamps: Option<&PassTimestamps>,
-    ) -> Outcome {
+    ) -> CheckResult {
         ensure!(color.len() <= COLOR_TARGETS_MAX, "{} colour attachments, at most {COLOR_TARGETS_MAX}", color.len());
         let mut pass = Attachments::default();
         for (index, attachment) in color.iter().enumerate() {
@@ -220,17 +220,17 @@ impl Checker<'_> {
         })))
     }
 
-    pub(super) fn begin_compute_pass(&mut self, timestamps: Option<&PassTimestamps>) -> Outcome {
+    pub(super) fn begin_compute_pass(&mut self, timestamps: Option<&PassTimestamps>) -> CheckResult {
         self.timestamps(timestamps)?;
         self.summary.compute_passes += 1;
         self.begin(Scope::Compute(Box::default()))
     }
 
-    pub(super) fn begin_bundle(&mut self, id: BundleId) -> Outcome {
+    pub(super) fn begin_bundle(&mut self, id: BundleId) -> CheckResult {
         self.begin(Scope::Bundle(Box::new(BundleScope { id, draw: DrawState::default(), bundle: Bundle::default() })))
     }
 
-    pub(super) fn end_render_pass(&mut self) -> Outcome {
+    pub(super) fn end_render_pass(&mut self) -> CheckResult {
         match &self.scope {
             Scope::Render(pass) => {
                 ensure!(!pass.occlusion_open && !pass.statistics_open, "a query is still open");
@@ -241,7 +241,7 @@ impl Checker<'_> {
         }
     }
 
-    pub(super) fn end_compute_pass(&mut self) -> Outcome {
+    pub(super) fn end_compute_pass(&mut self) -> CheckResult {
         match &self.scope {
             Scope::Compute(pass) => {
                 ensure!(!pass.statistics_open, "a query is still open");
@@ -252,7 +252,7 @@ impl Checker<'_> {
         }
     }
 
-    pub(super) fn end_bundle(&mut self) -> Outcome {
+    pub(super) fn end_bundle(&mut self) -> CheckResult {
         match std::mem::replace(&mut self.scope, Scope::Outside) {
             Scope::Bundle(open) => Ok(self.bundles.create(open.id.0, open.bundle)?),
             _ => Err("no bundle is open".into()),

@@ -47,7 +47,7 @@ impl Checker<'_> {
         Ok(layout.map(|id| self.pipeline_layouts.get(id.0).map(|layout| layout.groups.clone())).transpose()?)
     }
 
-    fn stage(&self, stage: &Stage) -> Outcome {
+    fn stage(&self, stage: &StageDesc) -> CheckResult {
         self.shaders.get(stage.shader.0)?;
         Ok(constants(stage)?)
     }
@@ -56,14 +56,14 @@ impl Checker<'_> {
         &mut self,
         id: ComputePipelineId,
         layout: Option<PipelineLayoutId>,
-        stage: &Stage,
-    ) -> Outcome {
+        stage: &StageDesc,
+    ) -> CheckResult {
         self.stage(stage)?;
         let layout = self.layout_groups(layout)?;
         Ok(self.compute_pipelines.create(id.0, Compute { layout })?)
     }
 
-    pub(super) fn get_bind_group_layout(&mut self, id: BindGroupLayoutId, pipeline: AnyPipeline, group: u32) -> Outcome {
+    pub(super) fn get_bind_group_layout(&mut self, id: BindGroupLayoutId, pipeline: AnyPipeline, group: u32) -> CheckResult {
         let layout = match pipeline {
             AnyPipeline::Render(id) => &self.render_pipelines.get(id.0)?.layout,
             AnyPipeline::Compute(id) => &self.compute_pipelines.get(id.0)?.layout,
@@ -79,7 +79,7 @@ impl Checker<'_> {
         Ok(self.group_layouts.create(id.0, group)?)
     }
 
-    pub(super) fn create_render_pipeline(&mut self, id: RenderPipelineId, desc: &RenderPipelineDesc) -> Outcome {
+    pub(super) fn create_render_pipeline(&mut self, id: RenderPipelineId, desc: &RenderPipelineDesc) -> CheckResult {
         let layout = self.layout_groups(desc.layout)?;
         desc.stages().try_for_each(|(_, stage)| self.stage(stage))?;
         let buffers = render_pipeline(desc)?;
@@ -111,7 +111,7 @@ impl Checker<'_> {
 ///
 /// # Errors
 /// The rule that is broken.
-pub fn constants(stage: &Stage) -> Result<(), String> {
+pub fn constants(stage: &StageDesc) -> Result<(), String> {
     let mut names = BTreeSet::new();
     for (name, value) in &stage.constants {
         ensure!(names.insert(name), "constant {name:?} is given twice");

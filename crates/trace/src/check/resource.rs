@@ -21,7 +21,7 @@ pub struct View {
 }
 
 impl Checker<'_> {
-    fn claim(&mut self, what: &str, bytes: u64) -> Outcome {
+    fn claim(&mut self, what: &str, bytes: u64) -> CheckResult {
         ensure!(bytes <= OBJECT_MAX, "{what} of {bytes} bytes, it must be {OBJECT_MAX} at most");
         let alive = self.memory;
         let total = alive.saturating_add(bytes);
@@ -32,13 +32,13 @@ impl Checker<'_> {
         Ok(())
     }
 
-    pub(super) fn create_buffer(&mut self, id: BufferId, size: u64) -> Outcome {
+    pub(super) fn create_buffer(&mut self, id: BufferId, size: u64) -> CheckResult {
         self.claim("a buffer", size)?;
         self.summary.buffer_bytes += size;
         Ok(self.buffers.create(id.0, size)?)
     }
 
-    pub(super) fn create_texture(&mut self, id: TextureId, desc: &TextureDesc) -> Outcome {
+    pub(super) fn create_texture(&mut self, id: TextureId, desc: &TextureDesc) -> CheckResult {
         texture(desc)?;
         let bytes = desc.bytes().ok_or("the texture is larger than memory can be")?;
         self.claim("a texture", bytes)?;
@@ -46,17 +46,17 @@ impl Checker<'_> {
         Ok(self.textures.create(id.0, desc.clone())?)
     }
 
-    pub(super) fn create_view(&mut self, id: ViewId, texture: TextureId, desc: &ViewDesc) -> Outcome {
+    pub(super) fn create_view(&mut self, id: ViewId, texture: TextureId, desc: &ViewDesc) -> CheckResult {
         let view = view(texture, self.textures.get(texture.0)?, desc)?;
         Ok(self.views.create(id.0, view)?)
     }
 
-    pub(super) fn create_sampler(&mut self, id: SamplerId, desc: &SamplerDesc) -> Outcome {
+    pub(super) fn create_sampler(&mut self, id: SamplerId, desc: &SamplerDesc) -> CheckResult {
         sampler(desc)?;
         Ok(self.samplers.create(id.0, ())?)
     }
 
-    pub(super) fn create_shader(&mut self, id: ShaderId, source: &ShaderSource) -> Outcome {
+    pub(super) fn create_shader(&mut self, id: ShaderId, source: &ShaderSource) -> CheckResult {
         let (ShaderSource::Wgsl(name) | ShaderSource::SpirV(name) | ShaderSource::NagaIr(name)) = source;
         match source {
             ShaderSource::SpirV(_) => {
@@ -71,12 +71,12 @@ impl Checker<'_> {
         Ok(self.shaders.create(id.0, ())?)
     }
 
-    pub(super) fn create_query_set(&mut self, id: QuerySetId, kind: QueryKind, count: u32) -> Outcome {
+    pub(super) fn create_query_set(&mut self, id: QuerySetId, kind: QueryKind, count: u32) -> CheckResult {
         query_set(kind, count)?;
         Ok(self.query_sets.create(id.0, (kind, count))?)
     }
 
-    pub(super) fn destroy(&mut self, object: Object) -> Outcome {
+    pub(super) fn destroy(&mut self, object: Object) -> CheckResult {
         match object {
             Object::Buffer(id) => self.memory -= self.buffers.destroy(id.0)?,
             Object::Texture(id) => self.memory -= self.textures.destroy(id.0)?.bytes().unwrap_or(0),

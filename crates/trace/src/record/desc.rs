@@ -22,13 +22,13 @@ pub fn texture_multisampled(width: u32, height: u32, samples: u32, format: Forma
 }
 
 /// A stage: the module's only entry point of that stage, no constants.
-pub fn stage(shader: ShaderId) -> Stage {
-    Stage { shader, entry: None, constants: Vec::new(), zero_workgroup_memory: true }
+pub fn stage(shader: ShaderId) -> StageDesc {
+    StageDesc { shader, entry: None, constants: Vec::new(), zero_workgroup_memory: true }
 }
 
 /// A stage that starts at a named entry point.
-pub fn stage_entry(shader: ShaderId, entry: &str) -> Stage {
-    Stage { entry: Some(entry.to_owned()), ..stage(shader) }
+pub fn stage_entry(shader: ShaderId, entry: &str) -> StageDesc {
+    StageDesc { entry: Some(entry.to_owned()), ..stage(shader) }
 }
 
 /// A pipeline of one module for one colour target that replaces what is there: triangle list, no culling, no depth, no vertex

@@ -38,7 +38,7 @@ use gfx::state::{Aspect, SamplerDesc};
 use num::*;
 
 use super::command::*;
-use super::{Builder, Packing, Part, Trace, TraceError};
+use super::{Builder, CommandChunk, Packing, Trace, TraceError};
 
 pub use desc::*;
 pub use pass::{BundleEncoder, ComputePass, RenderPass};
@@ -121,7 +121,7 @@ impl Recorder {
     }
 
     /// Takes what has been recorded so far; the recording goes on behind it.
-    pub fn drain(&mut self) -> Part {
+    pub fn drain(&mut self) -> CommandChunk {
         self.by_sample.clear();
         self.by_hash.clear();
         self.bytes = 0;
@@ -329,7 +329,7 @@ impl Recorder {
         &mut self,
         label: &str,
         layout: Option<PipelineLayoutId>,
-        stage: Stage,
+        stage: StageDesc,
     ) -> ComputePipelineId {
         let id = ComputePipelineId(take(&mut self.next.compute_pipeline));
         self.push(Command::CreateComputePipeline { id, layout, stage, label: some_label(label) });

@@ -6,7 +6,7 @@ use std::path::Path;
 
 use num::BufferId;
 use trace::command::{Command, Data};
-use trace::{Builder, Place, Trace, TraceError};
+use trace::{Builder, TextLocation, Trace, TraceError};
 
 /// Writes a trace folder with these files and commands, hashes filled in.
 fn folder(dir: &Path, files: &[(&str, &[u8])], commands: &str) {
@@ -58,9 +58,9 @@ fn a_folder_gives_its_commands_and_blobs() {
             ]
         );
         assert_eq!(*trace.data(&data).unwrap(), *b"23456789");
-        assert_eq!(trace.place(0), Some(Place { line: 8, column: 9 }));
-        assert_eq!(trace.place(1), Some(Place { line: 9, column: 20 }));
-        assert_eq!(trace.place(2), Some(Place { line: 10, column: 9 }));
+        assert_eq!(trace.place(0), Some(TextLocation { line: 8, column: 9 }));
+        assert_eq!(trace.place(1), Some(TextLocation { line: 9, column: 20 }));
+        assert_eq!(trace.place(2), Some(TextLocation { line: 10, column: 9 }));
         let past = trace.data(&Data { blob: "a.bin".into(), offset: 3, size: 8 }).unwrap_err().to_string();
         assert!(past.ends_with("bytes 3 + 8 of blob \"a.bin\" reach past its 10"), "{past}");
     }
@@ -90,7 +90,7 @@ fn a_built_trace_uses_foreign_files_where_they_are() {
     fs::write(&foreign, vec![7u8; 1 << 20]).unwrap();
     let mut builder = Builder::new("foreign.ron");
     builder.push(Command::PopDebugGroup);
-    builder.push_at(Command::PopDebugGroup, Place { line: 4, column: 2 });
+    builder.push_at(Command::PopDebugGroup, TextLocation { line: 4, column: 2 });
     builder.push(Command::PopDebugGroup);
     builder.add_file("data0.bin", &foreign).unwrap();
     builder.add_blob("own.wgsl", b"text".to_vec()).unwrap();

@@ -132,7 +132,7 @@ impl Card {
     }
 
     /// Takes the recorded commands; pending passes stay.
-    pub fn drain(&mut self) -> trace::Part {
+    pub fn drain(&mut self) -> trace::CommandChunk {
         self.bytes = 0;
         self.recorder.drain()
     }

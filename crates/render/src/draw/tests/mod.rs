@@ -88,8 +88,8 @@ const USUAL: How = How {
     areas: false,
 };
 
-fn stage(entry: &str) -> command::Stage {
-    command::Stage { shader: ShaderId(0), entry: Some(entry.into()), constants: Vec::new(), zero_workgroup_memory: true }
+fn stage(entry: &str) -> command::StageDesc {
+    command::StageDesc { shader: ShaderId(0), entry: Some(entry.into()), constants: Vec::new(), zero_workgroup_memory: true }
 }
 
 fn depth_state(format: Format, compare: Compare, write: bool) -> DepthStencil {
