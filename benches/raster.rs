@@ -4,7 +4,7 @@ use std::hint::black_box;
 
 use criterion::{Criterion, Throughput, criterion_group, criterion_main};
 use fillrate::gfx::clip::ClipVolume;
-use fillrate::gfx::interpolate::{self, Place, Site, Weights};
+use fillrate::gfx::interpolate::{self, PixelPoint, Site, Weights};
 use fillrate::gfx::setup::{self, Bounds, DepthBias, Screen, ScreenVertex, SetupState, Triangle};
 use fillrate::gfx::state::{CullMode, FrontFace, Rect, VertexFormat, Viewport};
 use fillrate::gfx::traverse::Blocks;
@@ -166,13 +166,15 @@ fn interpolation(c: &mut Criterion) {
     let mut weights = Weights::default();
     let mut out = Lanes::ZERO;
     group.bench_function("perspective", |b| {
-        b.iter(|| interpolate::perspective(&all, black_box(&mixed), Place::Center, &mut weights, &mut out))
+        b.iter(|| interpolate::perspective(&all, black_box(&mixed), PixelPoint::Center, &mut weights, &mut out))
     });
     group.bench_function("perspective_centroid", |b| {
-        b.iter(|| interpolate::perspective(&all, black_box(&mixed), Place::PerLane(&codes), &mut weights, &mut out))
+        b.iter(|| interpolate::perspective(&all, black_box(&mixed), PixelPoint::PerLane(&codes), &mut weights, &mut out))
     });
-    group.bench_function("linear", |b| b.iter(|| interpolate::linear(&all, black_box(&mixed), Place::Center, &mut weights)));
-    group.bench_function("depth", |b| b.iter(|| interpolate::depth(&all, black_box(&mixed), Place::Center, &mut out)));
+    group.bench_function("linear", |b| {
+        b.iter(|| interpolate::linear(&all, black_box(&mixed), PixelPoint::Center, &mut weights))
+    });
+    group.bench_function("depth", |b| b.iter(|| interpolate::depth(&all, black_box(&mixed), PixelPoint::Center, &mut out)));
     let values: [[f32; QUADS]; 3] = std::array::from_fn(|i| std::array::from_fn(|q| unit((i * 16 + q) as u32)));
     group.bench_function("attribute", |b| b.iter(|| interpolate::attribute(&weights, black_box(&values), &mut out)));
     group.bench_function("attribute_uniform", |b| {

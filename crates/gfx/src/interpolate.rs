@@ -30,7 +30,7 @@ pub struct Site {
 
 /// Where in each pixel to evaluate.
 #[derive(Clone, Copy, Debug)]
-pub enum Place<'a> {
+pub enum PixelPoint<'a> {
     /// The centre.
     Center,
     /// One of four samples.
@@ -39,14 +39,14 @@ pub enum Place<'a> {
     PerLane(&'a [u8; LANES]),
 }
 
-impl Place<'_> {
+impl PixelPoint<'_> {
     /// The offset from the centre where it is the same in all pixels.
     #[inline(always)]
     fn same(&self) -> Option<Same> {
         match self {
-            Place::Center => Some(Same([0, 0])),
-            Place::Sample(s) => Some(Same(OFFSETS[(s + 1) & 7])),
-            Place::PerLane(_) => None,
+            PixelPoint::Center => Some(Same([0, 0])),
+            PixelPoint::Sample(s) => Some(Same(OFFSETS[(s + 1) & 7])),
+            PixelPoint::PerLane(_) => None,
         }
     }
 }
@@ -60,7 +60,7 @@ pub struct Weights {
     pub two: Lanes,
 }
 
-/// Offsets from the pixel's centre in 1/256 pixel, by a lane's code in [`Place::PerLane`]; unknown codes mean the centre.
+/// Offsets from the pixel's centre in 1/256 pixel, by a lane's code in [`PixelPoint::PerLane`]; unknown codes mean the centre.
 const OFFSETS: [[i32; 2]; 8] = [[0, 0], SAMPLES_4[0], SAMPLES_4[1], SAMPLES_4[2], SAMPLES_4[3], [0, 0], [0, 0], [0, 0]];
 
 /// Defines a function of the batch that is compiled for the host's instruction set ([`crate::simd`]).
@@ -168,11 +168,11 @@ impl Offsets for Own {
 macro_rules! for_each_quad {
     ($sites:ident, $place:ident, |$q:ident, $site:ident, $offsets:ident| $one:block) => {
         match $place {
-            Place::Center | Place::Sample(_) => {
+            PixelPoint::Center | PixelPoint::Sample(_) => {
                 let $offsets = $place.same().unwrap_or(Same([0, 0]));
                 for ($q, $site) in $sites.iter().take(QUADS).enumerate() $one
             }
-            Place::PerLane(codes) => {
+            PixelPoint::PerLane(codes) => {
                 for ($q, $site) in $sites.iter().take(QUADS).enumerate() {
                     let $offsets = Own([codes[4 * $q], codes[4 * $q + 1], codes[4 * $q + 2], codes[4 * $q + 3]]);
                     $one
@@ -282,7 +282,7 @@ widest! {
     ///
     /// # Panics
     /// If a site names a primitive that is not there.
-    pub fn perspective(triangles: &[Triangle], sites: &[Site], place: Place<'_>, weights: &mut Weights, inv_w: &mut Lanes) {
+    pub fn perspective(triangles: &[Triangle], sites: &[Site], place: PixelPoint<'_>, weights: &mut Weights, inv_w: &mut Lanes) {
         let Some(first) = sites.first() else { return };
         let (mut current, mut basis) = (first.triangle, Basis::new(&triangles[first.triangle as usize]));
         if let Some(sites) = sites.first_chunk::<QUADS>()
@@ -312,7 +312,7 @@ widest! {
     ///
     /// # Panics
     /// If a site names a primitive that is not there.
-    pub fn linear(triangles: &[Triangle], sites: &[Site], place: Place<'_>, weights: &mut Weights) {
+    pub fn linear(triangles: &[Triangle], sites: &[Site], place: PixelPoint<'_>, weights: &mut Weights) {
         for_each_quad!(sites, place, |q, site, offsets| {
             let basis = Basis::new(&triangles[site.triangle as usize]);
             let [e1, e2] = basis.values(site, offsets);
@@ -329,7 +329,7 @@ widest! {
     ///
     /// # Panics
     /// If a site names a primitive that is not there.
-    pub fn position_depth(triangles: &[Triangle], sites: &[Site], place: Place<'_>, out: &mut Lanes) {
+    pub fn position_depth(triangles: &[Triangle], sites: &[Site], place: PixelPoint<'_>, out: &mut Lanes) {
         for_each_quad!(sites, place, |q, site, offsets| {
             let triangle = &triangles[site.triangle as usize];
             let [min, max] = triangle.depth_ends;
@@ -356,7 +356,7 @@ widest! {
     ///
     /// # Panics
     /// If a site names a primitive that is not there.
-    pub fn depth(triangles: &[Triangle], sites: &[Site], place: Place<'_>, out: &mut Lanes) {
+    pub fn depth(triangles: &[Triangle], sites: &[Site], place: PixelPoint<'_>, out: &mut Lanes) {
         for_each_quad!(sites, place, |q, site, offsets| {
             depths(&triangles[site.triangle as usize].depth, q, site, offsets, out);
         });
@@ -367,7 +367,7 @@ widest! {
     /// Window x and y of each lane in pixels.
     ///
     /// At most [`QUADS`] sites count; lanes beyond them are left as they are.
-    pub fn window(sites: &[Site], place: Place<'_>, x: &mut Lanes, y: &mut Lanes) {
+    pub fn window(sites: &[Site], place: PixelPoint<'_>, x: &mut Lanes, y: &mut Lanes) {
         for_each_quad!(sites, place, |q, site, offsets| {
             let (left, top) = (f32::from(site.x) + 0.5, f32::from(site.y) + 0.5);
             let (x, y) = (&mut x.f32_mut()[4 * q..4 * q + 4], &mut y.f32_mut()[4 * q..4 * q + 4]);

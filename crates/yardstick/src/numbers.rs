@@ -5,7 +5,7 @@ use anyhow::{Result, ensure};
 use super::draw::{Image, state, viewport, walk};
 use crate::{Row, Section, Setting, Target};
 use gfx::format::Format;
-use gfx::interpolate::{self, Place, Site, Weights};
+use gfx::interpolate::{self, PixelPoint, Site, Weights};
 use gfx::reference::{self, Position};
 use gfx::setup::{self, Screen, ScreenVertex, Triangle};
 use gfx::texel::depth_code;
@@ -64,7 +64,7 @@ fn covered<const S: usize>(t: &Triangle, sample: usize, mut visit: impl FnMut(Co
     walk::<S>(t, |block| {
         sites.extend(block.quads().map(|q| (Site { triangle: 0, x: q.x, y: q.y }, q.mask >> (4 * sample) & 15)));
     });
-    let place = if S == 1 { Place::Center } else { Place::Sample(sample) };
+    let place = if S == 1 { PixelPoint::Center } else { PixelPoint::Sample(sample) };
     let offset = reference::samples(S as u32)[sample];
     for chunk in sites.chunks(QUADS) {
         let batch: Vec<Site> = chunk.iter().map(|c| c.0).collect();
@@ -171,7 +171,7 @@ fn at_vertices(random: &mut Random, inject_fault: bool) -> (u64, u64) {
         let (x, y) = ((v[i].x >> 8) as u16, (v[i].y >> 8) as u16);
         let site = Site { triangle: 0, x: x & !1, y: y & !1 };
         let (mut weights, mut inv_w, mut out) = (Weights::default(), Lanes::ZERO, Lanes::ZERO);
-        interpolate::perspective(&[t], &[site], Place::Center, &mut weights, &mut inv_w);
+        interpolate::perspective(&[t], &[site], PixelPoint::Center, &mut weights, &mut inv_w);
         interpolate::attribute_uniform(&weights, values, &mut out);
         wrong += u64::from(out.f32()[usize::from(x & 1) + 2 * usize::from(y & 1)] != values[i]);
     }

@@ -5,7 +5,7 @@ use anyhow::{Result, ensure};
 use super::draw::{Image, position, state, vertex, viewport};
 use crate::{Row, Section, Setting, Target};
 use gfx::clip::ClipVolume;
-use gfx::interpolate::{self, Place, Site, Weights};
+use gfx::interpolate::{self, PixelPoint, Site, Weights};
 use gfx::reference::{self, Position};
 use gfx::setup::{self, Screen, ScreenVertex};
 use num::{Lanes, QUADS, Random, snap};
@@ -308,7 +308,7 @@ fn place(v: [ScreenVertex; 3], [dx, dy]: [i32; 2], samples: usize, fault: i32) -
     let sites: Vec<Site> = quads.map(|(x, y)| Site { triangle: 0, x: (x + dx) as u16, y: (y + dy) as u16 }).collect();
     for batch in sites.chunks(QUADS) {
         let (mut weights, mut inv_w) = (Weights::default(), Lanes::ZERO);
-        interpolate::perspective(&[t], batch, Place::Center, &mut weights, &mut inv_w);
+        interpolate::perspective(&[t], batch, PixelPoint::Center, &mut weights, &mut inv_w);
         for lane in 0..4 * batch.len() {
             placed.weights.push([weights.one.0[lane], weights.two.0[lane]]);
         }

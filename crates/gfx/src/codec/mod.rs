@@ -140,7 +140,7 @@ fn write(format: Format, samples: usize, codes: &[u32], sink: &mut impl Sink) {
 
 /// What the numbers of a plane are.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Kind {
+enum PlaneKind {
     /// A byte of a colour, or a stencil value: no geometry behind it.
     Byte,
     /// A normalised depth: linear over a triangle.
@@ -152,7 +152,7 @@ enum Kind {
 /// One number per sample: some bits of one word of its code.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 struct Plane {
-    kind: Kind,
+    kind: PlaneKind,
     word: usize,
     shift: u32,
     bits: u32,
@@ -179,7 +179,7 @@ fn mask(bits: u32) -> u32 {
 const BYTES: [[Plane; 16]; 3] = [bytes(1), bytes(2), bytes(4)];
 
 const fn bytes(words: usize) -> [Plane; 16] {
-    let mut planes = [Plane { kind: Kind::Byte, word: 0, shift: 0, bits: 8, words }; 16];
+    let mut planes = [Plane { kind: PlaneKind::Byte, word: 0, shift: 0, bits: 8, words }; 16];
     let mut byte = 0;
     while byte < 16 {
         (planes[byte].word, planes[byte].shift) = (byte / 4, byte as u32 % 4 * 8);
@@ -188,14 +188,14 @@ const fn bytes(words: usize) -> [Plane; 16] {
     planes
 }
 
-const fn depth(kind: Kind, bits: u32, words: usize) -> Plane {
+const fn depth(kind: PlaneKind, bits: u32, words: usize) -> Plane {
     Plane { kind, word: 0, shift: 0, bits, words }
 }
 
-const DEPTH16: [Plane; 1] = [depth(Kind::Depth, 16, 1)];
-const DEPTH24: [Plane; 2] = [depth(Kind::Depth, 24, 1), Plane { shift: 24, ..BYTES[0][0] }];
-const DEPTH32: [Plane; 1] = [depth(Kind::FloatDepth, 32, 1)];
-const DEPTH32_STENCIL: [Plane; 5] = [depth(Kind::FloatDepth, 32, 2), BYTES[1][4], BYTES[1][5], BYTES[1][6], BYTES[1][7]];
+const DEPTH16: [Plane; 1] = [depth(PlaneKind::Depth, 16, 1)];
+const DEPTH24: [Plane; 2] = [depth(PlaneKind::Depth, 24, 1), Plane { shift: 24, ..BYTES[0][0] }];
+const DEPTH32: [Plane; 1] = [depth(PlaneKind::FloatDepth, 32, 1)];
+const DEPTH32_STENCIL: [Plane; 5] = [depth(PlaneKind::FloatDepth, 32, 2), BYTES[1][4], BYTES[1][5], BYTES[1][6], BYTES[1][7]];
 
 /// The planes of a format's codes, those of one word side by side, and the words of a code; no bit of a stored texel is left out.
 fn planes(format: Format) -> (&'static [Plane], usize) {

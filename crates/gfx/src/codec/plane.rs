@@ -1,7 +1,7 @@
 //! The four forms of a plane of numbers.
 
 use super::bits::{Reader, Sink};
-use super::{Kind, PIXELS, Plane, mask};
+use super::{PIXELS, Plane, PlaneKind, mask};
 use crate::setup::{SAMPLES_1, SAMPLES_4};
 use num::SUBPIXEL;
 
@@ -77,7 +77,7 @@ pub(super) struct Flat {
     at: f64,
     dx: f64,
     dy: f64,
-    kind: Kind,
+    kind: PlaneKind,
     most: f64,
 }
 
@@ -92,11 +92,11 @@ impl Flat {
     #[inline(always)]
     fn new(plane: &Plane, corners: [u32; 3]) -> Option<Flat> {
         let value = |code: u32| match plane.kind {
-            Kind::FloatDepth => f64::from(f32::from_bits(code)),
+            PlaneKind::FloatDepth => f64::from(f32::from_bits(code)),
             _ => f64::from(code),
         };
         let [a, b, c] = corners.map(value);
-        let usable = plane.kind != Kind::Byte && a.is_finite() && b.is_finite() && c.is_finite();
+        let usable = plane.kind != PlaneKind::Byte && a.is_finite() && b.is_finite() && c.is_finite();
         let most = f64::from(mask(plane.bits));
         usable.then(|| Flat { at: a, dx: (b - a) / 7.0, dy: (c - a) / 7.0, kind: plane.kind, most })
     }
@@ -106,7 +106,7 @@ impl Flat {
     pub(super) fn predict(&self, [x, y]: [f64; 2]) -> u32 {
         let value = self.at + self.dx * x + self.dy * y;
         match self.kind {
-            Kind::FloatDepth => (value as f32).to_bits(),
+            PlaneKind::FloatDepth => (value as f32).to_bits(),
             _ => (value + 0.5).clamp(0.0, self.most) as u32,
         }
     }

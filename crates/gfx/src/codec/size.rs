@@ -1,7 +1,7 @@
 //! What the smallest form of a block takes, counted without writing it: a ROP asks this of every dirty block that leaves its cache.
 
 use super::plane::{Flat, GROUP, Layout, TAG, WIDTH, fold, median, width};
-use super::{Kind, PIXELS, Plane, mask, planes};
+use super::{PIXELS, Plane, PlaneKind, mask, planes};
 use crate::format::Format;
 use crate::simd::wide;
 
@@ -38,13 +38,13 @@ fn sum(planes: &[Plane], samples: usize, words: usize, agree: bool, codes: &[u32
         }
         for plane in planes {
             total += match plane.kind {
-                Kind::Byte => {
+                PlaneKind::Byte => {
                     let mut values = [0_u8; 4 * PIXELS];
                     let values = &mut values[..count];
                     values.iter_mut().zip(rows.iter()).for_each(|(value, code)| *value = (code >> plane.shift) as u8);
                     byte_bits(values)
                 }
-                Kind::Depth | Kind::FloatDepth => {
+                PlaneKind::Depth | PlaneKind::FloatDepth => {
                     let mut values = [0_u32; 4 * PIXELS];
                     let values = &mut values[..count];
                     let mask = mask(plane.bits);

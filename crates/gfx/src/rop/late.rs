@@ -172,7 +172,7 @@ impl DepthStencilState {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::interpolate::{self, Place};
+    use crate::interpolate::{self, PixelPoint};
     use crate::rop::block::tests::Cases;
     use crate::setup::{self, Bounds, DepthBias, ScreenVertex, SetupState};
     use crate::simd::dispatch;
@@ -230,7 +230,7 @@ mod tests {
             let quads = LateQuads { triangles: &triangles, count: n, sites: &sites, at: &at };
             let passed = dispatch!(simd => state.test_quads_late(simd, quads, mask, &mut tile));
             let (mut z, mut codes) = (Lanes::ZERO, Lanes::ZERO);
-            interpolate::depth(&triangles, &sites[..n], Place::Center, &mut z);
+            interpolate::depth(&triangles, &sites[..n], PixelPoint::Center, &mut z);
             state.codes(&z, &mut codes);
             let mut kept: [u16; QUADS] = std::array::from_fn(|q| (mask >> (4 * q) & 15) as u16);
             state.test_batch(1, n, 0, &at, &[codes], &mut expected, &mut kept);

@@ -95,7 +95,7 @@ impl Factor {
 
 /// What becomes of the source.
 #[derive(Clone, Copy, Debug, PartialEq)]
-enum Way {
+enum BlendOperation {
     Replace,
     /// The source times a factor.
     Source(Factor),
@@ -111,7 +111,7 @@ enum Way {
 /// The state of a target with four 8-bit channels, not sRGB.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Pairs {
-    way: Way,
+    way: BlendOperation,
     bgra: bool,
     /// Codes of the constant.
     constant: [u16; 4],
@@ -122,7 +122,7 @@ pub(super) struct Pairs {
 impl Pairs {
     /// The source replaces what is stored.
     pub(super) fn replace(bgra: bool, bits: u32) -> Pairs {
-        Pairs { way: Way::Replace, bgra, constant: [0; 4], bits }
+        Pairs { way: BlendOperation::Replace, bgra, constant: [0; 4], bits }
     }
 
     /// The source is blended; none where the equation is another: two operations, minimum and maximum, or a factor that [`Factor`] is not.
@@ -130,12 +130,12 @@ impl Pairs {
         let factors = [Factor::of([color.src, alpha.src])?, Factor::of([color.dst, alpha.dst])?];
         let way = match color.op {
             _ if color.op != alpha.op => return None,
-            BlendOp::Add if factors[1].is_zero() => Way::Source(factors[0]),
-            BlendOp::Add if factors[0].is_zero() => Way::Stored(factors[1]),
-            BlendOp::Add if factors[1].is_one() => Way::AddTo(factors[0]),
-            BlendOp::Add => Way::Add(factors),
-            BlendOp::Subtract => Way::Subtract(factors),
-            BlendOp::ReverseSubtract => Way::ReverseSubtract(factors),
+            BlendOp::Add if factors[1].is_zero() => BlendOperation::Source(factors[0]),
+            BlendOp::Add if factors[0].is_zero() => BlendOperation::Stored(factors[1]),
+            BlendOp::Add if factors[1].is_one() => BlendOperation::AddTo(factors[0]),
+            BlendOp::Add => BlendOperation::Add(factors),
+            BlendOp::Subtract => BlendOperation::Subtract(factors),
+            BlendOp::ReverseSubtract => BlendOperation::ReverseSubtract(factors),
             BlendOp::Min | BlendOp::Max => return None,
         };
         Some(Pairs { way, bgra, constant, bits })
@@ -167,17 +167,17 @@ impl Pairs {
     fn blend_all<const S: usize, const P: usize>(&self, batch: &Batch<'_, P>, tile: &mut [u32]) {
         let tile = tile.as_chunks_mut().0;
         match &self.way {
-            Way::Replace => self.run::<S, _>(batch, tile, |[source, ..]| join(source)),
-            Way::Source(factor) => self.run::<S, _>(batch, tile, |of| times(of[0], factor, of)),
-            Way::Stored(factor) => self.run::<S, _>(batch, tile, |of| times(of[1], factor, of)),
-            Way::AddTo(factor) if factor.is_one() => {
+            BlendOperation::Replace => self.run::<S, _>(batch, tile, |[source, ..]| join(source)),
+            BlendOperation::Source(factor) => self.run::<S, _>(batch, tile, |of| times(of[0], factor, of)),
+            BlendOperation::Stored(factor) => self.run::<S, _>(batch, tile, |of| times(of[1], factor, of)),
+            BlendOperation::AddTo(factor) if factor.is_one() => {
                 self.run::<S, _>(batch, tile, |[source, stored, _]| _mm256_adds_epu8(join(source), join(stored)));
             }
-            Way::AddTo(factor) => {
+            BlendOperation::AddTo(factor) => {
                 self.run::<S, _>(batch, tile, |of| _mm256_adds_epu8(times(of[0], factor, of), join(of[1])));
             }
             // The most frequent of all.
-            Way::Add([a, b]) if a.is_by_source_alpha() && b.is_by_source_alpha() => {
+            BlendOperation::Add([a, b]) if a.is_by_source_alpha() && b.is_by_source_alpha() => {
                 self.run::<S, _>(batch, tile, |[source, stored, _]| {
                     let alpha = alphas(source);
                     let (a, b) = (a.of_half(0, alpha), b.of_half(0, alpha));
@@ -186,13 +186,13 @@ impl Pairs {
                     _mm256_adds_epu8(join(source), join(stored))
                 });
             }
-            Way::Add([a, b]) => {
+            BlendOperation::Add([a, b]) => {
                 self.run::<S, _>(batch, tile, |of| _mm256_adds_epu8(times(of[0], a, of), times(of[1], b, of)));
             }
-            Way::Subtract([a, b]) => {
+            BlendOperation::Subtract([a, b]) => {
                 self.run::<S, _>(batch, tile, |of| _mm256_subs_epu8(times(of[0], a, of), times(of[1], b, of)));
             }
-            Way::ReverseSubtract([a, b]) => {
+            BlendOperation::ReverseSubtract([a, b]) => {
                 self.run::<S, _>(batch, tile, |of| _mm256_subs_epu8(times(of[1], b, of), times(of[0], a, of)));
             }
         }

@@ -12,7 +12,7 @@
 
 use super::lod::{BIAS, clamp_one};
 use super::sampler::{fold, wrap};
-use super::taps::Place;
+use super::taps::TexturePoint;
 use super::{Lod, Sample, Sampler, View};
 use crate::math::{exp, log2};
 use crate::state::ViewDimension;
@@ -142,7 +142,7 @@ impl Ellipse {
         &self,
         view: &View,
         sampler: &Sampler,
-        place: Place,
+        place: TexturePoint,
         offset: [i32; 3],
         mut one: impl FnMut([i32; 3], f32),
     ) {
@@ -196,7 +196,7 @@ mod tests {
 
     fn texels(view: &View, sampler: &Sampler, ellipse: &Ellipse, coords: [f32; 2]) -> Vec<([i32; 3], f32)> {
         let mut found = Vec::new();
-        let place = Place { coords: [coords[0], coords[1], 0.0], slice: 0 };
+        let place = TexturePoint { coords: [coords[0], coords[1], 0.0], slice: 0 };
         ellipse.texels(view, sampler, place, [0; 3], |texel, weight| found.push((texel, weight)));
         found
     }

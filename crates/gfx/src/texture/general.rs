@@ -3,7 +3,7 @@
 use super::ellipse::{self, Ellipses};
 use super::lod::{Levels, Selection};
 use super::sampler::BORDER;
-use super::taps::{Place, Taps, gather_taps, taps};
+use super::taps::{Taps, TexturePoint, gather_taps, taps};
 use super::view::{Level, ROWS, Texels, word_in_columns};
 use super::{Sample, Sampler, View};
 use crate::simd::wide;
@@ -11,7 +11,7 @@ use crate::texel::srgb_table;
 use num::{LANES, Lanes, Mask};
 
 /// Texels that filter as four numbers.
-pub(super) trait Source: Copy {
+pub(super) trait TexelSource: Copy {
     /// The place in the store of a texel of a level: column, row, and slice or layer.
     #[inline(always)]
     fn place(level: &Level, texel: [i32; 3]) -> usize {
@@ -38,7 +38,7 @@ struct Single<'a>(&'a [f32]);
 #[derive(Clone, Copy)]
 struct Float<'a>(&'a [[f32; 4]]);
 
-impl Source for Unorm<'_> {
+impl TexelSource for Unorm<'_> {
     #[inline(always)]
     fn place(level: &Level, [x, y, slice]: [i32; 3]) -> usize {
         let [first, per_slice] = level.columns.map(|v| v as usize);
@@ -52,7 +52,7 @@ impl Source for Unorm<'_> {
     }
 }
 
-impl Source for Srgb<'_> {
+impl TexelSource for Srgb<'_> {
     #[inline(always)]
     fn texel(self, place: usize) -> [f32; 4] {
         let [r, g, b, a] = self.0[place].to_le_bytes();
@@ -60,14 +60,14 @@ impl Source for Srgb<'_> {
     }
 }
 
-impl Source for Single<'_> {
+impl TexelSource for Single<'_> {
     #[inline(always)]
     fn texel(self, place: usize) -> [f32; 4] {
         [self.0[place], 0.0, 0.0, 1.0]
     }
 }
 
-impl Source for Float<'_> {
+impl TexelSource for Float<'_> {
     #[inline(always)]
     fn texel(self, place: usize) -> [f32; 4] {
         self.0[place]
@@ -103,20 +103,20 @@ pub(super) fn sample(view: &View, sampler: &Sampler, args: &Sample<'_>, mask: Ma
     }
 }
 
-fn sample_from<S: Source>(view: &View, source: S, sampler: &Sampler, args: &Sample<'_>, mask: Mask, out: &mut [Lanes; 4]) {
+fn sample_from<S: TexelSource>(view: &View, source: S, sampler: &Sampler, args: &Sample<'_>, mask: Mask, out: &mut [Lanes; 4]) {
     if ellipse::applies(view, sampler, args) {
         return average(view, source, sampler, args, mask, out);
     }
     let selection = Selection::new(view, sampler, args);
     for lane in lanes_of(mask) {
         let levels = Levels::new(selection.lambda[lane], view.levels.len(), sampler);
-        let place = Place::new(view, args, lane);
+        let place = TexturePoint::new(view, args, lane);
         let reference = args.compare.map(|r| reference(view, r.f32()[lane]));
-        let one = |level: usize, place: Place| {
+        let one = |level: usize, place: TexturePoint| {
             let taps = taps(view, sampler, level, levels.linear, place, args.offset);
             filter(view, source, sampler, level, &taps, reference)
         };
-        let probe = |place: Place| {
+        let probe = |place: TexturePoint| {
             let a = one(levels.first, place);
             if levels.weight > 0.0 { mix(a, one(levels.second, place), levels.weight) } else { a }
         };
@@ -145,18 +145,25 @@ fn sample_from<S: Source>(view: &View, source: S, sampler: &Sampler, args: &Samp
 
 wide! {
     /// Samples by elliptical weighted averages.
-    fn average [S: Source] (view: &View, source: S, sampler: &Sampler, args: &Sample<'_>, mask: Mask, out: &mut [Lanes; 4]) = average_body;
+    fn average [S: TexelSource] (view: &View, source: S, sampler: &Sampler, args: &Sample<'_>, mask: Mask, out: &mut [Lanes; 4]) = average_body;
 }
 
 #[inline(always)]
-fn average_body<S: Source>(view: &View, source: S, sampler: &Sampler, args: &Sample<'_>, mask: Mask, out: &mut [Lanes; 4]) {
+fn average_body<S: TexelSource>(
+    view: &View,
+    source: S,
+    sampler: &Sampler,
+    args: &Sample<'_>,
+    mask: Mask,
+    out: &mut [Lanes; 4],
+) {
     let mut ellipses = Ellipses::new(view, sampler, args);
     for lane in lanes_of(mask) {
         let footprint = ellipses.of(lane);
         let level = &view.levels[footprint.level];
         let reference = args.compare.map(|r| reference(view, r.f32()[lane]));
         let (mut sum, mut total) = ([0.0_f32; 4], 0.0);
-        footprint.texels(view, sampler, Place::new(view, args, lane), args.offset, |texel, weight| {
+        footprint.texels(view, sampler, TexturePoint::new(view, args, lane), args.offset, |texel, weight| {
             let value = if texel.contains(&BORDER) { sampler.border } else { source.texel(S::place(level, texel)) };
             total += weight;
             match reference {
@@ -189,7 +196,14 @@ fn mix(a: [f32; 4], b: [f32; 4], weight: f32) -> [f32; 4] {
 
 /// The weighted mean of texels, or of the results of comparing them.
 #[inline(always)]
-fn filter<S: Source>(view: &View, source: S, sampler: &Sampler, level: usize, taps: &Taps, reference: Option<f32>) -> [f32; 4] {
+fn filter<S: TexelSource>(
+    view: &View,
+    source: S,
+    sampler: &Sampler,
+    level: usize,
+    taps: &Taps,
+    reference: Option<f32>,
+) -> [f32; 4] {
     let mut sum = [0.0_f32; 4];
     for i in 0..taps.count {
         let texel = taps.texel[i];
@@ -209,7 +223,7 @@ fn filter<S: Source>(view: &View, source: S, sampler: &Sampler, level: usize, ta
 /// The bits of a texel of a level as a shader sees it.
 #[inline(always)]
 pub(super) fn bits(view: &View, level: usize, texel: [i32; 3]) -> [u32; 4] {
-    fn of<S: Source>(source: S, level: &Level, texel: [i32; 3]) -> [u32; 4] {
+    fn of<S: TexelSource>(source: S, level: &Level, texel: [i32; 3]) -> [u32; 4] {
         source.texel(S::place(level, texel)).map(f32::to_bits)
     }
     let level = &view.levels[level];
@@ -225,7 +239,7 @@ pub(super) fn bits(view: &View, level: usize, texel: [i32; 3]) -> [u32; 4] {
 /// Gathers one component of the four texels that a bilinear filter would read at the first level.
 pub(super) fn gather(view: &View, sampler: &Sampler, args: &Sample<'_>, component: u32, mask: Mask, out: &mut [Lanes; 4]) {
     for lane in lanes_of(mask) {
-        let place = Place::new(view, args, lane);
+        let place = TexturePoint::new(view, args, lane);
         let texels = gather_taps(view, sampler, place, args.offset);
         for (i, texel) in texels.into_iter().enumerate() {
             let value = if texel[0] == BORDER { sampler.border.map(f32::to_bits) } else { bits(view, 0, texel) };

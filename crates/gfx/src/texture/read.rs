@@ -192,7 +192,7 @@ impl Reader<'_> {
                     let groups = (level.size[1] - first).min(PART_ROWS).div_ceil(ROWS);
                     let (out, behind) = rest.split_at_mut((groups * level.stride) as usize);
                     rest = behind;
-                    parts.push(Mutex::new(Part { level, texels, first: first as usize, out }));
+                    parts.push(Mutex::new(RowBlock { level, texels, first: first as usize, out }));
                 }
             }
         }
@@ -206,7 +206,7 @@ impl Reader<'_> {
 const PART_ROWS: u32 = 32 * ROWS;
 
 /// Some rows of a slice of a level, and where their columns go.
-struct Part<'a, T> {
+struct RowBlock<'a, T> {
     level: &'a Level,
     /// Those of the slice.
     texels: &'a [T],
@@ -215,7 +215,7 @@ struct Part<'a, T> {
     out: &'a mut [[u32; 4]],
 }
 
-impl<T> Part<'_, T> {
+impl<T> RowBlock<'_, T> {
     fn fill(&mut self, code: impl Fn(&T) -> u32) {
         let (height, stride) = (self.level.size[1] as usize, self.level.stride as usize);
         let width = self.texels.len() / height;

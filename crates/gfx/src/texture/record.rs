@@ -8,7 +8,7 @@ use super::general::{lanes_of, locate};
 use super::lod::{Levels, Selection};
 use super::sampler::BORDER;
 use super::squares::Room;
-use super::taps::{Place, gather_taps, taps};
+use super::taps::{TexturePoint, gather_taps, taps};
 use super::{Sample, Sampler, View};
 use crate::format::TexelClass;
 use num::{Lanes, Mask, QUADS};
@@ -91,7 +91,7 @@ impl Footprint {
         let both = self.takes_both(view, sampler);
         self.fill(mask, |lane, quad| {
             let levels = Levels::new(selection.lambda[lane], view.levels.len(), sampler);
-            let place = Place::new(view, args, lane);
+            let place = TexturePoint::new(view, args, lane);
             let count = selection.probes[lane];
             for step in 1..=count {
                 let t = f32::from(step) / f32::from(count + 1) - 0.5;
@@ -109,7 +109,7 @@ impl Footprint {
     fn average(&mut self, view: &View, sampler: &Sampler, args: &Sample<'_>, mask: Mask) {
         self.fill(mask, |lane, quad| {
             let footprint = Ellipses::new(view, sampler, args).of(lane);
-            footprint.texels(view, sampler, Place::new(view, args, lane), args.offset, |texel, _| {
+            footprint.texels(view, sampler, TexturePoint::new(view, args, lane), args.offset, |texel, _| {
                 let texel = if texel.contains(&BORDER) { [BORDER; 3] } else { texel };
                 quad.texel(view, footprint.level, texel);
             });
@@ -121,7 +121,7 @@ impl Footprint {
         (self.texel, self.loads) = (view.texel, false);
         self.fill(mask, |lane, quad| {
             quad.operations += 1;
-            for texel in gather_taps(view, sampler, Place::new(view, args, lane), args.offset) {
+            for texel in gather_taps(view, sampler, TexturePoint::new(view, args, lane), args.offset) {
                 quad.texel(view, 0, texel);
             }
         });
@@ -146,7 +146,7 @@ pub(super) struct Quad<'a> {
 }
 
 impl Quad<'_> {
-    fn level(&mut self, view: &View, sampler: &Sampler, args: &Sample<'_>, level: usize, linear: bool, place: Place) {
+    fn level(&mut self, view: &View, sampler: &Sampler, args: &Sample<'_>, level: usize, linear: bool, place: TexturePoint) {
         let taps = taps(view, sampler, level, linear, place, args.offset);
         self.operations += if taps.count > 4 { 2 } else { 1 };
         for i in 0..taps.count {

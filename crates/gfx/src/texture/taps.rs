@@ -27,30 +27,30 @@ impl Taps {
 
 /// Where a lane samples: coordinates of the texture (on the face of a cube) and the layer (or face).
 #[derive(Clone, Copy)]
-pub(super) struct Place {
+pub(super) struct TexturePoint {
     pub coords: [f32; 3],
     pub slice: u32,
 }
 
-impl Place {
+impl TexturePoint {
     /// The place of a lane. Array layers are rounded as integers already; they are clamped to those there are.
     #[inline(always)]
-    pub(super) fn new(view: &View, args: &Sample<'_>, lane: usize) -> Place {
+    pub(super) fn new(view: &View, args: &Sample<'_>, lane: usize) -> TexturePoint {
         let coords = args.coords.map(|c| c.f32()[lane]);
         let layer = args.layer.map_or(0, |l| l.i32()[lane].clamp(0, view.layers() as i32 - 1)) as u32;
         if view.is_cube() {
             let on = project(coords);
             let [s, t] = on.coordinates();
-            Place { coords: [s, t, 0.0], slice: 6 * layer + on.face }
+            TexturePoint { coords: [s, t, 0.0], slice: 6 * layer + on.face }
         } else {
-            Place { coords, slice: layer }
+            TexturePoint { coords, slice: layer }
         }
     }
 }
 
 /// The texels and weights of a place in a level.
 #[inline(always)]
-pub(super) fn taps(view: &View, sampler: &Sampler, level: usize, filter: bool, place: Place, offset: [i32; 3]) -> Taps {
+pub(super) fn taps(view: &View, sampler: &Sampler, level: usize, filter: bool, place: TexturePoint, offset: [i32; 3]) -> Taps {
     let [w, h, d] = view.levels[level].size;
     let [u, v, r] = place.coords;
     let mut out = Taps::NONE;
@@ -92,7 +92,7 @@ pub(super) fn taps(view: &View, sampler: &Sampler, level: usize, filter: bool, p
 
 /// The texels of a cube: always edge to edge over the faces (WebGPU has seamless cubes only), address modes and offsets aside.
 #[inline(always)]
-fn cube_taps(out: &mut Taps, filter: bool, place: Place, n: u32) {
+fn cube_taps(out: &mut Taps, filter: bool, place: TexturePoint, n: u32) {
     let (cube, face) = (place.slice / 6, place.slice % 6);
     let size = n as f32;
     // NaN, from a zero direction, becomes the middle.
@@ -130,7 +130,7 @@ fn cube_taps(out: &mut Taps, filter: bool, place: Place, n: u32) {
 
 /// The four texels of a gather in WGSL's order: (left, bottom), (right, bottom), (right, top), (left, top), v running down.
 #[inline(always)]
-pub(super) fn gather_taps(view: &View, sampler: &Sampler, place: Place, offset: [i32; 3]) -> [[i32; 3]; 4] {
+pub(super) fn gather_taps(view: &View, sampler: &Sampler, place: TexturePoint, offset: [i32; 3]) -> [[i32; 3]; 4] {
     let [w, h, _] = view.levels[0].size;
     let [u, v, _] = place.coords;
     if view.is_cube() {

@@ -3,7 +3,7 @@
 
 use crate::common::*;
 use gfx::clip::{ClipVolume, Clipped, Polygon};
-use gfx::interpolate::{self, Place, Site, Weights};
+use gfx::interpolate::{self, PixelPoint, Site, Weights};
 use gfx::setup::{self, BiasUnit, Bounds, DepthBias, SAMPLES_4, Screen, ScreenVertex, SetupState, Triangle};
 use gfx::state::Viewport;
 use gfx::traverse;
@@ -39,7 +39,7 @@ fn each_lane(t: &Triangle, mut check: impl FnMut(f32, f32, f32, bool, [i64; 2], 
     for chunk in sites(t).chunks(QUADS) {
         let batch: Vec<Site> = chunk.iter().map(|c| c.0).collect();
         let (mut weights, mut inv_w) = (Weights::default(), Lanes::ZERO);
-        interpolate::perspective(&triangles, &batch, Place::Center, &mut weights, &mut inv_w);
+        interpolate::perspective(&triangles, &batch, PixelPoint::Center, &mut weights, &mut inv_w);
         for (q, (site, mask)) in chunk.iter().enumerate() {
             for p in 0..4 {
                 let lane = 4 * q + p;
@@ -115,7 +115,7 @@ fn orthographic_weights_are_those_of_one_distance() {
             let batch: Vec<Site> = chunk.iter().map(|c| c.0).collect();
             let [(near, near_w), (far, far_w)] = [near, far].map(|triangle| {
                 let (mut weights, mut inv_w) = (Weights::default(), Lanes::ZERO);
-                interpolate::perspective(&[triangle], &batch, Place::Center, &mut weights, &mut inv_w);
+                interpolate::perspective(&[triangle], &batch, PixelPoint::Center, &mut weights, &mut inv_w);
                 (weights, inv_w)
             });
             assert_eq!(near, far);
@@ -151,7 +151,7 @@ fn mixed_batches_and_uniform_ones_give_the_same_bits() {
             .collect();
         let codes: [u8; LANES] = std::array::from_fn(|_| random.between(0, 5) as u8);
         let sample = random.between(0, 4) as usize;
-        for place in [Place::Center, Place::Sample(sample), Place::PerLane(&codes)] {
+        for place in [PixelPoint::Center, PixelPoint::Sample(sample), PixelPoint::PerLane(&codes)] {
             let (mut all, mut all_w, mut all_z) = (Weights::default(), Lanes::ZERO, Lanes::ZERO);
             interpolate::perspective(&triangles, &batch, place, &mut all, &mut all_w);
             interpolate::depth(&triangles, &batch, place, &mut all_z);
@@ -163,7 +163,7 @@ fn mixed_batches_and_uniform_ones_give_the_same_bits() {
             runs_of_quads(&all, values.map(|values| values[0]), &mut random);
             for (q, site) in batch.iter().enumerate() {
                 let own: [u8; LANES] = std::array::from_fn(|i| if i < 4 { codes[4 * q + i] } else { 0 });
-                let place = if let Place::PerLane(_) = place { Place::PerLane(&own) } else { place };
+                let place = if let PixelPoint::PerLane(_) = place { PixelPoint::PerLane(&own) } else { place };
                 let (mut one, mut one_w, mut one_out) = (Weights::default(), Lanes::ZERO, Lanes::ZERO);
                 interpolate::perspective(&triangles, &[*site], place, &mut one, &mut one_w);
                 interpolate::attribute_uniform(&one, [0, 1, 2].map(|i| values[i][q]), &mut one_out);
@@ -177,9 +177,9 @@ fn mixed_batches_and_uniform_ones_give_the_same_bits() {
                     // Extrapolation stays finite and depth is the plane's.
                     assert!(one_out.f32()[p].is_finite());
                     let code = match place {
-                        Place::Center => 0,
-                        Place::Sample(s) => s + 1,
-                        Place::PerLane(_) => usize::from(codes[lane]),
+                        PixelPoint::Center => 0,
+                        PixelPoint::Sample(s) => s + 1,
+                        PixelPoint::PerLane(_) => usize::from(codes[lane]),
                     };
                     let offset = if code == 0 { [0; 2] } else { SAMPLES_4[code - 1] };
                     let at = [f32::from(site.x) + (p & 1) as f32, f32::from(site.y) + (p >> 1) as f32];
@@ -394,7 +394,7 @@ fn weights_are_finite_where_they_are_said_to_be() {
             .map(|_| Site { triangle: 0, x: 2 * random.between(0, 8192) as u16, y: 2 * random.between(0, 8192) as u16 })
             .collect();
         let (mut weights, mut inv_w) = (Weights::default(), Lanes::ZERO);
-        interpolate::perspective(&[triangle], &sites, Place::Center, &mut weights, &mut inv_w);
+        interpolate::perspective(&[triangle], &sites, PixelPoint::Center, &mut weights, &mut inv_w);
         if interpolate::has_finite_weights(&triangle) {
             promised += 1;
             assert!(weights.are_finite(), "{corners:?}");

@@ -1,6 +1,6 @@
 //! The work on a batch of fragments after its program: discard, masks, and the tests of depth and stencil that could not be made before.
 
-use gfx::interpolate::{self, Place};
+use gfx::interpolate::{self, PixelPoint};
 use gfx::rop;
 use gfx::simd::Simd;
 use num::{LANES, Lanes, QUADS};
@@ -106,7 +106,7 @@ impl TileRun<'_, '_, '_> {
         }
         let sites = &self.pending.sites[..self.pending.n];
         for (s, codes) in codes.iter_mut().enumerate() {
-            let place = if S == 1 { Place::Center } else { Place::Sample(s) };
+            let place = if S == 1 { PixelPoint::Center } else { PixelPoint::Sample(s) };
             let mut z = Lanes::ZERO;
             interpolate::depth(&self.pending.triangles, sites, place, &mut z);
             state.codes(&z, codes);

@@ -2,7 +2,7 @@
 
 use std::mem::MaybeUninit;
 
-use gfx::interpolate::{self, Place, Weights};
+use gfx::interpolate::{self, PixelPoint, Weights};
 use gfx::simd::{Simd, dispatch};
 use num::{LANES, Lanes, QUADS};
 use shader::{Bound, BuiltIn, Interpolation, Sampling};
@@ -163,11 +163,11 @@ impl TileRun<'_, '_, '_> {
             let flat = class.interpolation == Interpolation::Flat;
             let mut centroid = [0; LANES];
             let place = match class.sampling {
-                Sampling::Center => Place::Center,
-                Sampling::Sample => Place::PerLane(&at_sample),
+                Sampling::Center => PixelPoint::Center,
+                Sampling::Sample => PixelPoint::PerLane(&at_sample),
                 Sampling::Centroid => {
                     interpolate::centroids(&pending.coverage[..n], &mut centroid);
-                    Place::PerLane(&centroid)
+                    PixelPoint::PerLane(&centroid)
                 }
             };
             // Colours of many programs are those of a whole triangle. Where triangles are small, to find that out takes longer than to interpolate.
@@ -216,14 +216,14 @@ impl TileRun<'_, '_, '_> {
             }
         }
         if call.fragment().is_some_and(|bound| !bound.stage.builtins.is_empty()) {
-            let place = if S > 1 && call.per_sample { Place::PerLane(&at_sample) } else { Place::Center };
+            let place = if S > 1 && call.per_sample { PixelPoint::PerLane(&at_sample) } else { PixelPoint::Center };
             self.builtins::<S>(place, has_inv_w);
         }
         all_constant
     }
 
     /// Writes the built-in inputs.
-    fn builtins<const S: usize>(&mut self, place: Place<'_>, has_inv_w: bool) {
+    fn builtins<const S: usize>(&mut self, place: PixelPoint<'_>, has_inv_w: bool) {
         let call = self.call;
         let pending = &*self.pending;
         let n = pending.n;

@@ -301,7 +301,7 @@ proptest! {
                 for (l, counts) in [(levels.first, true), (levels.second, levels.weight > 0.0)] {
                     if counts {
                         operations += 1;
-                        let taps = taps::taps(&view, &sampler, l, true, taps::Place::new(&view, &args, lane), [0; 3]);
+                        let taps = taps::taps(&view, &sampler, l, true, taps::TexturePoint::new(&view, &args, lane), [0; 3]);
                         // A tap without weight need not be read.
                         for i in (0..taps.count).filter(|i| taps.weight[*i] > 1e-3) {
                             let [x, y, s] = taps.texel[i];
