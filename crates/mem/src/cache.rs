@@ -66,7 +66,7 @@ impl CacheShape {
 
 /// The place of a line: set and way in one number.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Place(pub u32);
+pub struct CacheSlot(pub u32);
 
 /// No line has this number: lines are addresses divided by at least 4.
 const EMPTY: u64 = u64::MAX;
@@ -160,24 +160,24 @@ impl Cache {
 
     /// Where a line is, if it is: nothing is counted, and its age stays.
     #[inline(always)]
-    pub fn find(&self, line: u64) -> Option<Place> {
+    pub fn find(&self, line: u64) -> Option<CacheSlot> {
         let hint = self.hints[self.hint(line)];
         if self.tags[hint as usize] == line {
-            return Some(Place(hint));
+            return Some(CacheSlot(hint));
         }
         let set = self.set(line);
         let tags = &self.tags[set..set + self.shape.ways as usize];
         if tags.len() > 16 {
-            return tags.iter().position(|&tag| tag == line).map(|way| Place((set + way) as u32));
+            return tags.iter().position(|&tag| tag == line).map(|way| CacheSlot((set + way) as u32));
         }
         // All ways are looked at: leaving at the right one would be a branch that the host cannot foresee.
         let found = tags.iter().rev().fold(0_u32, |found, &tag| found << 1 | u32::from(tag == line));
-        (found != 0).then(|| Place(set as u32 + found.trailing_zeros()))
+        (found != 0).then(|| CacheSlot(set as u32 + found.trailing_zeros()))
     }
 
     /// Makes a line the youngest of its set.
     #[inline(always)]
-    pub fn touch(&mut self, place: Place) {
+    pub fn touch(&mut self, place: CacheSlot) {
         self.clock = self.clock.wrapping_add(1);
         self.states[place.0 as usize].used = self.clock;
         let hint = self.hint(self.tags[place.0 as usize]);
@@ -195,18 +195,18 @@ impl Cache {
     /// The place that a line which is not there would take: an empty one, else the least recently used with nothing on its way.
     /// `None` if all lines of the set are being fetched.
     #[inline(always)]
-    pub fn victim(&self, line: u64) -> Option<Place> {
+    pub fn victim(&self, line: u64) -> Option<CacheSlot> {
         let set = self.set(line);
         let mut best = None;
         let mut oldest = 0;
         for place in set..set + self.shape.ways as usize {
             if self.tags[place] == EMPTY {
-                return Some(Place(place as u32));
+                return Some(CacheSlot(place as u32));
             }
             // Ages are differences, so that the clock may wrap; the youngest has age 0 and still is a victim if it is the only.
             let age = self.clock.wrapping_sub(self.states[place].used);
             if self.states[place].fetching == 0 && (best.is_none() || age > oldest) {
-                (best, oldest) = (Some(Place(place as u32)), age);
+                (best, oldest) = (Some(CacheSlot(place as u32)), age);
             }
         }
         best
@@ -214,7 +214,7 @@ impl Cache {
 
     /// Puts a line without any valid sector into a place, as the youngest. Returns the line that was there and its dirty sectors.
     #[inline(always)]
-    pub fn replace(&mut self, place: Place, line: u64) -> Option<(u64, u8)> {
+    pub fn replace(&mut self, place: CacheSlot, line: u64) -> Option<(u64, u8)> {
         let old = self.tags[place.0 as usize];
         let dirty = self.states[place.0 as usize].dirty;
         self.tags[place.0 as usize] = line;
@@ -229,31 +229,31 @@ impl Cache {
 
     /// The line in a place.
     #[inline(always)]
-    pub fn line(&self, place: Place) -> u64 {
+    pub fn line(&self, place: CacheSlot) -> u64 {
         self.tags[place.0 as usize]
     }
 
     /// Sectors that are there.
     #[inline(always)]
-    pub fn valid(&self, place: Place) -> u8 {
+    pub fn valid(&self, place: CacheSlot) -> u8 {
         self.states[place.0 as usize].valid
     }
 
     /// Sectors on their way.
     #[inline(always)]
-    pub fn fetching(&self, place: Place) -> u8 {
+    pub fn fetching(&self, place: CacheSlot) -> u8 {
         self.states[place.0 as usize].fetching
     }
 
     /// Sectors are on their way from now on; until they come, the line stays.
     #[inline(always)]
-    pub fn fetch(&mut self, place: Place, sectors: u8) {
+    pub fn fetch(&mut self, place: CacheSlot, sectors: u8) {
         self.states[place.0 as usize].fetching |= sectors;
     }
 
     /// Sectors have come.
     #[inline(always)]
-    pub fn fill(&mut self, place: Place, sectors: u8) {
+    pub fn fill(&mut self, place: CacheSlot, sectors: u8) {
         let state = &mut self.states[place.0 as usize];
         state.fetching &= !sectors;
         state.valid |= sectors;
@@ -261,7 +261,7 @@ impl Cache {
 
     /// Sectors are written: those `whole` are valid by that, and all of `sectors` must be written back.
     #[inline(always)]
-    pub fn write(&mut self, place: Place, sectors: u8, whole: u8) {
+    pub fn write(&mut self, place: CacheSlot, sectors: u8, whole: u8) {
         let state = &mut self.states[place.0 as usize];
         state.valid |= whole;
         state.dirty |= sectors;

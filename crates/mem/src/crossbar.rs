@@ -1,6 +1,6 @@
 //! The ways between clients and slices.
 
-use super::port::{Answer, HEADER, Kind, Request, SliceAnswer, SliceRequest};
+use super::port::{AccessKind, Answer, HEADER, Request, SliceAnswer, SliceRequest};
 use super::system::Interleave;
 use super::tlb::{TLB, TlbConfig, TlbCounts, Translation};
 use sim::{Counted, In, Out, Tick, Unit, Wires};
@@ -28,9 +28,9 @@ impl ClientCounts {
         let bytes = u64::from(request.bytes);
         self.requests += 1;
         match request.kind() {
-            Kind::Read => self.read_bytes += bytes,
-            Kind::Write => self.write_bytes += bytes,
-            Kind::Atomic => {
+            AccessKind::Read => self.read_bytes += bytes,
+            AccessKind::Write => self.write_bytes += bytes,
+            AccessKind::Atomic => {
                 self.read_bytes += bytes;
                 self.write_bytes += bytes;
             }
@@ -136,7 +136,7 @@ impl<C> Unit<C> for Crossbar {
                 (Some(place), Some(translation)) => translation.take(client, place),
                 _ => wires.take(&self.inputs[client]),
             }
-            let bytes = if request.kind() == Kind::Read { HEADER } else { HEADER + u32::from(request.bytes) };
+            let bytes = if request.kind() == AccessKind::Read { HEADER } else { HEADER + u32::from(request.bytes) };
             wires.push_sized(output, SliceRequest::new(request, client as u16, address), bytes);
             self.counts[client].count(&request);
             self.items += 1;

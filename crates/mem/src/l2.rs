@@ -4,7 +4,7 @@ use std::collections::VecDeque;
 
 use super::cache::{self, CACHES, Cache, CacheShape};
 use super::misses::Misses;
-use super::port::{DramAnswer, DramRequest, Kind, SliceAnswer, SliceRequest};
+use super::port::{AccessKind, DramAnswer, DramRequest, SliceAnswer, SliceRequest};
 use super::system::ChannelShare;
 use knob::Allowed;
 use sim::{Budget, Counted, In, Out, Tick, Unit, Wires};
@@ -83,7 +83,7 @@ stats::counters! {
 
 /// A request that is past its lookups and waits for sectors or for its turn on the way back.
 #[derive(Clone, Copy, Debug)]
-struct Entry {
+struct PendingRequest {
     answer: SliceAnswer,
     /// Lines it waits for, and one while it is being looked up.
     waits: u32,
@@ -95,7 +95,7 @@ pub struct L2Slice {
     config: L2Config,
     cache: Cache,
     misses: Misses,
-    entries: Vec<Entry>,
+    entries: Vec<PendingRequest>,
     free: Vec<u32>,
     /// Entries that can be answered.
     ready: VecDeque<u32>,
@@ -130,7 +130,7 @@ impl L2Slice {
         from_dram: In<DramAnswer>,
     ) -> L2Slice {
         let shape = config.shape().expect("a shape that was checked");
-        let fresh = Entry { answer: SliceAnswer { tag: 0, client: 0, bytes: 0 }, waits: 0 };
+        let fresh = PendingRequest { answer: SliceAnswer { tag: 0, client: 0, bytes: 0 }, waits: 0 };
         L2Slice {
             cache: Cache::new(shape),
             misses: Misses::new(shape.lines(), config.misses, config.waiting),
@@ -238,7 +238,7 @@ impl L2Slice {
                 serve(id);
                 continue;
             }
-            let (place, sectors) = (cache::Place(id >> 8), id as u8);
+            let (place, sectors) = (cache::CacheSlot(id >> 8), id as u8);
             self.cache.fill(place, sectors);
             let valid = self.cache.valid(place);
             self.misses.serve(place, valid, serve);
@@ -275,7 +275,7 @@ impl L2Slice {
             if self.entry.is_none() && request.kind().is_answered() {
                 let Some(entry) = self.free.pop() else { return did.or(Tick::Memory) };
                 let answer = SliceAnswer { tag: request.tag, client: request.client, bytes: request.bytes() as u16 };
-                self.entries[entry as usize] = Entry { answer, waits: 1 };
+                self.entries[entry as usize] = PendingRequest { answer, waits: 1 };
                 self.entry = Some(entry);
                 did = Tick::Moved;
             }
@@ -291,9 +291,9 @@ impl L2Slice {
             self.done = 0;
             wires.take(&self.input);
             match request.kind() {
-                Kind::Read => self.counts.read_bytes += u64::from(request.bytes()),
-                Kind::Write => self.counts.write_bytes += u64::from(request.bytes()),
-                Kind::Atomic => {
+                AccessKind::Read => self.counts.read_bytes += u64::from(request.bytes()),
+                AccessKind::Write => self.counts.write_bytes += u64::from(request.bytes()),
+                AccessKind::Atomic => {
                     self.counts.read_bytes += u64::from(request.bytes());
                     self.counts.write_bytes += u64::from(request.bytes());
                 }
@@ -327,7 +327,7 @@ impl L2Slice {
             self.outgoing.push_back(DramRequest { address: first, id: entry, bytes: length as u16, write: 0 });
             self.counts.fetched_bytes += u64::from(length);
         }
-        if request.kind() != Kind::Read {
+        if request.kind() != AccessKind::Read {
             self.outgoing.push_back(DramRequest { address: first, id: 0, bytes: length as u16, write: 1 });
             self.counts.written_back_bytes += u64::from(length);
         }
@@ -345,7 +345,7 @@ impl L2Slice {
         let line = self.cache.line_of(address);
         let sectors = self.cache.sectors(offset, bytes);
         // A write needs from DRAM what it covers only in part; all else needs all it touches.
-        let whole = if request.kind() == Kind::Write { self.cache.covered(offset, bytes) } else { 0 };
+        let whole = if request.kind() == AccessKind::Write { self.cache.covered(offset, bytes) } else { 0 };
         let needs = sectors & !whole;
 
         let found = self.cache.find(line);
@@ -388,7 +388,7 @@ impl L2Slice {
             self.entries[entry as usize].waits += 1;
             self.misses.wait(place, entry, missing);
         }
-        if request.kind() != Kind::Read {
+        if request.kind() != AccessKind::Read {
             self.cache.write(place, sectors, whole);
         }
         self.done += bytes;

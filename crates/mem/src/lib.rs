@@ -37,14 +37,15 @@ mod port;
 mod system;
 mod tlb;
 
-pub use cache::{CACHES, Cache, CacheCounts, CacheShape, Place};
+pub use cache::{CACHES, Cache, CacheCounts, CacheShape, CacheSlot};
 pub use crossbar::{CLIENTS, ClientCounts, Crossbar, ReturnPath};
 pub use dram::{BUSY_CYCLES, DRAM, Dram, DramConfig, DramCounts, PagePolicy, RefreshScope};
 pub use ideal::{Ideal, IdealConfig};
 pub use l2::{L2Config, L2Counts, L2Slice, SLICES};
 pub use misses::Misses;
 pub use port::{
-    Answer, DramAnswer, DramRequest, HEADER, Kind, MemoryPort, REQUEST_BYTES, Request, SliceAnswer, SliceRequest, requests,
+    AccessKind, Answer, DramAnswer, DramRequest, HEADER, MemoryPort, REQUEST_BYTES, Request, SliceAnswer, SliceRequest,
+    requests,
 };
 pub use system::{
     ChannelShare, Interleave, Memory, MemoryConfig, MemoryCounts, MemoryIds, MemoryKind, MemoryKnobs, MemoryPlan, MemoryUnits,

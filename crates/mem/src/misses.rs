@@ -1,6 +1,6 @@
 //! Miss status: who waits for which sectors of which line.
 
-use super::cache::Place;
+use super::cache::CacheSlot;
 
 /// No node.
 const NONE: u32 = u32::MAX;
@@ -69,14 +69,14 @@ impl Misses {
 
     /// Gives the register of a line back: nothing of it is on its way any more.
     #[inline(always)]
-    pub fn close(&mut self, place: Place) {
+    pub fn close(&mut self, place: CacheSlot) {
         debug_assert_eq!(self.lists[place.0 as usize].0, NONE, "somebody still waits");
         self.registers_left += 1;
     }
 
     /// `who` waits until all of `needs` are there.
     #[inline(always)]
-    pub fn wait(&mut self, place: Place, who: u32, needs: u8) {
+    pub fn wait(&mut self, place: CacheSlot, who: u32, needs: u8) {
         let node = self.free;
         self.free = self.waiters[node as usize].next;
         self.waiters_left -= 1;
@@ -92,7 +92,7 @@ impl Misses {
 
     /// Sectors have come: calls `served` with each whose needs are among the valid ones, in the order of their coming.
     #[inline(always)]
-    pub fn serve(&mut self, place: Place, valid: u8, mut served: impl FnMut(u32)) {
+    pub fn serve(&mut self, place: CacheSlot, valid: u8, mut served: impl FnMut(u32)) {
         let (mut node, _) = self.lists[place.0 as usize];
         let mut list = (NONE, NONE);
         while node != NONE {

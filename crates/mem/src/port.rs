@@ -23,7 +23,7 @@ pub fn requests(address: u64, bytes: u32) -> impl Iterator<Item = (u64, u32)> {
 /// What a request does.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[repr(u16)]
-pub enum Kind {
+pub enum AccessKind {
     /// Reads; answered when the bytes are there.
     Read = 0,
     /// Writes; never answered.
@@ -32,20 +32,20 @@ pub enum Kind {
     Atomic = 2,
 }
 
-impl Kind {
+impl AccessKind {
     #[inline(always)]
-    fn from_bits(bits: u16) -> Kind {
+    fn from_bits(bits: u16) -> AccessKind {
         match bits {
-            0 => Kind::Read,
-            1 => Kind::Write,
-            _ => Kind::Atomic,
+            0 => AccessKind::Read,
+            1 => AccessKind::Write,
+            _ => AccessKind::Atomic,
         }
     }
 
     /// Whether an answer comes.
     #[inline(always)]
     pub fn is_answered(self) -> bool {
-        self != Kind::Write
+        self != AccessKind::Write
     }
 }
 
@@ -65,7 +65,7 @@ pub struct Request {
 impl Request {
     /// A request.
     #[inline(always)]
-    pub fn new(kind: Kind, address: u64, bytes: u32, tag: u32) -> Request {
+    pub fn new(kind: AccessKind, address: u64, bytes: u32, tag: u32) -> Request {
         debug_assert!(
             bytes > 0 && address / REQUEST_BYTES == (address + u64::from(bytes) - 1) / REQUEST_BYTES,
             "{bytes} bytes at {address} are not one request"
@@ -75,8 +75,8 @@ impl Request {
 
     /// What it does.
     #[inline(always)]
-    pub fn kind(&self) -> Kind {
-        Kind::from_bits(self.kind)
+    pub fn kind(&self) -> AccessKind {
+        AccessKind::from_bits(self.kind)
     }
 }
 
@@ -112,19 +112,19 @@ impl MemoryPort {
     /// Asks for bytes; the tag comes back when they are there.
     #[inline(always)]
     pub fn read(&self, wires: &mut Wires, address: u64, bytes: u32, tag: u32) {
-        wires.push_sized(&self.requests, Request::new(Kind::Read, address, bytes, tag), HEADER);
+        wires.push_sized(&self.requests, Request::new(AccessKind::Read, address, bytes, tag), HEADER);
     }
 
     /// Writes bytes. Nothing comes back.
     #[inline(always)]
     pub fn write(&self, wires: &mut Wires, address: u64, bytes: u32) {
-        wires.push_sized(&self.requests, Request::new(Kind::Write, address, bytes, 0), HEADER + bytes);
+        wires.push_sized(&self.requests, Request::new(AccessKind::Write, address, bytes, 0), HEADER + bytes);
     }
 
     /// Reads and writes bytes where they are; the tag comes back when it is done.
     #[inline(always)]
     pub fn atomic(&self, wires: &mut Wires, address: u64, bytes: u32, tag: u32) {
-        wires.push_sized(&self.requests, Request::new(Kind::Atomic, address, bytes, tag), HEADER + bytes);
+        wires.push_sized(&self.requests, Request::new(AccessKind::Atomic, address, bytes, tag), HEADER + bytes);
     }
 
     /// The next answer's tag.
@@ -163,8 +163,8 @@ impl SliceRequest {
 
     /// What it does.
     #[inline(always)]
-    pub fn kind(&self) -> Kind {
-        Kind::from_bits(self.meta >> 8)
+    pub fn kind(&self) -> AccessKind {
+        AccessKind::from_bits(self.meta >> 8)
     }
 }
 

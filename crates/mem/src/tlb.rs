@@ -57,7 +57,7 @@ stats::counters! {
 
 /// A translation.
 #[derive(Clone, Copy, Debug)]
-struct Entry {
+struct CachedPage {
     page: u64,
     used: u64,
     /// When it is there.
@@ -67,7 +67,7 @@ struct Entry {
 /// One buffer: the least recently used page goes.
 #[derive(Clone, Debug)]
 struct Buffer {
-    entries: Vec<Entry>,
+    entries: Vec<CachedPage>,
     capacity: usize,
     shift: u32,
     clock: u64,
@@ -95,7 +95,7 @@ impl Buffer {
 
     fn put(&mut self, address: u64, ready: Cycle) {
         self.clock += 1;
-        let entry = Entry { page: address >> self.shift, used: self.clock, ready };
+        let entry = CachedPage { page: address >> self.shift, used: self.clock, ready };
         if self.entries.len() < self.capacity {
             self.entries.push(entry);
         } else if let Some(oldest) = self.entries.iter_mut().min_by_key(|entry| entry.used) {

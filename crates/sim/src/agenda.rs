@@ -11,7 +11,7 @@ const WHEEL: u64 = 64;
 /// What every tick of a unit touches, in one cache line of the host.
 #[derive(Clone, Debug)]
 #[repr(align(64))]
-struct Entry {
+struct UnitAgenda {
     /// When the unit wakes: the truth. A bit on the wheel whose unit wakes later is out of date.
     wake: Cycle,
     account: Account,
@@ -25,7 +25,7 @@ pub const GROUP: usize = 64;
 #[repr(C, align(64))]
 struct Group {
     /// Places beyond the last unit never wake.
-    units: [Entry; GROUP],
+    units: [UnitAgenda; GROUP],
     /// For each cycle of the wheel, those that wake in it.
     wheel: [u64; WHEEL as usize],
     /// Those that may be due in this cycle.
@@ -46,7 +46,7 @@ pub struct Agenda {
 impl Agenda {
     /// Every one of `units` units wakes in cycle 0.
     pub fn new(units: usize) -> Agenda {
-        let nobody = Entry { wake: NEVER, account: Account::new(0) };
+        let nobody = UnitAgenda { wake: NEVER, account: Account::new(0) };
         let group = Group { units: std::array::from_fn(|_| nobody.clone()), wheel: [0; WHEEL as usize], due: 0 };
         let mut agenda = Agenda { groups: vec![group; units.div_ceil(GROUP).max(1)], units, occupied: 0, far: NEVER };
         agenda.wake_all(0);

@@ -1,6 +1,6 @@
 //! Tags alone.
 
-use crate::{Cache, CacheShape, Misses, Place};
+use crate::{Cache, CacheShape, CacheSlot, Misses};
 
 fn fully_associative(lines: u32) -> Cache {
     Cache::new(CacheShape::new(lines, lines, 64, 64).unwrap())
@@ -70,17 +70,17 @@ fn misses_are_merged_and_served() {
     misses.open();
     assert!(!misses.has_register());
     for (who, needs) in [(10, 0b01), (11, 0b11), (12, 0b01), (13, 0b10)] {
-        misses.wait(Place(5), who, needs);
+        misses.wait(CacheSlot(5), who, needs);
     }
     assert!(!misses.has_waiter());
     let mut served = Vec::new();
-    misses.serve(Place(5), 0b01, |who| served.push(who));
+    misses.serve(CacheSlot(5), 0b01, |who| served.push(who));
     assert_eq!(served, [10, 12]);
     assert!(misses.has_waiter());
-    misses.wait(Place(5), 14, 0b10);
-    misses.serve(Place(5), 0b11, |who| served.push(who));
+    misses.wait(CacheSlot(5), 14, 0b10);
+    misses.serve(CacheSlot(5), 0b11, |who| served.push(who));
     assert_eq!(served, [10, 12, 11, 13, 14]);
-    misses.close(Place(5));
+    misses.close(CacheSlot(5));
     assert!(misses.is_empty());
 }
 

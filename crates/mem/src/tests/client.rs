@@ -1,6 +1,6 @@
 //! A client that sends a list of requests and notes when they were sent and answered.
 
-use crate::{Kind, MemoryPort};
+use crate::{AccessKind, MemoryPort};
 use num::Cycle;
 use sim::{Tick, Unit, Wires};
 
@@ -8,18 +8,18 @@ use sim::{Tick, Unit, Wires};
 #[derive(Clone, Copy, Debug)]
 pub struct Order {
     pub from: Cycle,
-    pub kind: Kind,
+    pub kind: AccessKind,
     pub address: u64,
     pub bytes: u32,
 }
 
 impl Order {
     pub fn read(from: Cycle, address: u64, bytes: u32) -> Order {
-        Order { from, kind: Kind::Read, address, bytes }
+        Order { from, kind: AccessKind::Read, address, bytes }
     }
 
     pub fn write(from: Cycle, address: u64, bytes: u32) -> Order {
-        Order { from, kind: Kind::Write, address, bytes }
+        Order { from, kind: AccessKind::Write, address, bytes }
     }
 }
 
@@ -71,9 +71,9 @@ impl<C> Unit<C> for Client {
             }
             let tag = self.next as u32;
             match order.kind {
-                Kind::Read => self.port.read(wires, order.address, order.bytes, tag),
-                Kind::Write => self.port.write(wires, order.address, order.bytes),
-                Kind::Atomic => self.port.atomic(wires, order.address, order.bytes, tag),
+                AccessKind::Read => self.port.read(wires, order.address, order.bytes, tag),
+                AccessKind::Write => self.port.write(wires, order.address, order.bytes),
+                AccessKind::Atomic => self.port.atomic(wires, order.address, order.bytes, tag),
             }
             self.sent.push(wires.now());
             self.next += 1;

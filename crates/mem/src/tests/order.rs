@@ -2,7 +2,7 @@
 
 use super::client::Order;
 use super::slices::{Rig, dram_memory, is_done, rig};
-use crate::{IdealConfig, Kind, MemoryConfig};
+use crate::{AccessKind, IdealConfig, MemoryConfig};
 use num::{Cycle, Random};
 use sim::kit::{permutations, step};
 use sim::{Circuit, Clock, run};
@@ -14,7 +14,7 @@ fn orders(clients: u64, each: u64) -> Vec<Vec<Order>> {
     let mut order = || {
         let bytes = [4, 32, 64, 256][random(4) as usize];
         let address = random(1 << 14) / bytes * bytes;
-        let kind = [Kind::Read, Kind::Read, Kind::Write, Kind::Atomic][random(4) as usize];
+        let kind = [AccessKind::Read, AccessKind::Read, AccessKind::Write, AccessKind::Atomic][random(4) as usize];
         Order { from: random(40), kind, address, bytes: bytes as u32 }
     };
     (0..clients).map(|_| (0..each).map(|_| order()).collect()).collect()

@@ -3,7 +3,7 @@
 use super::client::{Client, Order};
 use super::dram::ddr4;
 use crate::{
-    Crossbar, Dram, DramConfig, Ideal, IdealConfig, Interleave, Kind, L2Config, L2Slice, MemoryConfig, MemoryCounts,
+    AccessKind, Crossbar, Dram, DramConfig, Ideal, IdealConfig, Interleave, L2Config, L2Slice, MemoryConfig, MemoryCounts,
     MemoryPlan, PortShape, ReturnPath, TlbConfig,
 };
 use num::{Cycle, Random};
@@ -179,7 +179,7 @@ fn dirty_lines_that_go_are_written_back() {
 
 #[test]
 fn atomics_are_answered_and_leave_the_line_dirty() {
-    let order = Order { from: 0, kind: Kind::Atomic, address: 8, bytes: 4 };
+    let order = Order { from: 0, kind: AccessKind::Atomic, address: 8, bytes: 4 };
     let machine = go(dram_memory(1, 1), vec![vec![order]]);
     assert_eq!(machine.client[0].answers, 1);
     assert_eq!(machine.l2[0].counts().fetched_bytes, 32);
@@ -209,7 +209,7 @@ fn without_a_cache_all_that_is_asked_for_is_asked_of_dram() {
     let row_hit = miss - Cycle::from(c.t_rcd);
     assert_eq!([0, 1, 3].map(|order| client.latency(order)), [miss, row_hit, row_hit]);
     // Whole sectors go, line by line, and an atomic goes both ways: one sector for 4 bytes, and three for the 72 from byte 8 on.
-    let atomic = Order { from: 0, kind: Kind::Atomic, address: 8, bytes: 4 };
+    let atomic = Order { from: 0, kind: AccessKind::Atomic, address: 8, bytes: 4 };
     let machine = go(uncached(1, 1), vec![vec![atomic, Order::write(500, 4096 + 8, 72)]]);
     let counts = machine.l2[0].counts();
     assert_eq!((counts.fetched_bytes, counts.written_back_bytes), (32, 32 + 96));
@@ -238,7 +238,8 @@ fn random_traffic_is_conserved_over_slices_and_channels() {
                     .map(|_| {
                         let bytes = [4, 16, 32, 64, 128, 256][random(6) as usize];
                         let address = random(1 << 18) / bytes * bytes;
-                        let kind = [Kind::Read, Kind::Read, Kind::Write, Kind::Atomic][random(4) as usize];
+                        let kind =
+                            [AccessKind::Read, AccessKind::Read, AccessKind::Write, AccessKind::Atomic][random(4) as usize];
                         Order { from: random(2000), kind, address, bytes: bytes as u32 }
                     })
                     .collect()
@@ -246,23 +247,23 @@ fn random_traffic_is_conserved_over_slices_and_channels() {
             .collect();
         let without = go(uncached(slices, channels), orders.clone());
         let machine = go(dram_memory(slices, channels), orders.clone());
-        let asked = |kinds: &[Kind]| {
+        let asked = |kinds: &[AccessKind]| {
             orders.iter().flatten().filter(|o| kinds.contains(&o.kind)).map(|o| u64::from(o.bytes)).sum::<u64>()
         };
         let l2 = |of: fn(&L2Slice) -> u64| machine.l2.iter().map(of).sum::<u64>();
-        assert_eq!(l2(|s| s.counts().read_bytes), asked(&[Kind::Read, Kind::Atomic]));
-        assert_eq!(l2(|s| s.counts().write_bytes), asked(&[Kind::Write, Kind::Atomic]));
+        assert_eq!(l2(|s| s.counts().read_bytes), asked(&[AccessKind::Read, AccessKind::Atomic]));
+        assert_eq!(l2(|s| s.counts().write_bytes), asked(&[AccessKind::Write, AccessKind::Atomic]));
         let crossbar = machine.crossbar.as_ref().unwrap();
-        assert_eq!(crossbar.counts().iter().map(|c| c.read_bytes).sum::<u64>(), asked(&[Kind::Read, Kind::Atomic]));
+        assert_eq!(crossbar.counts().iter().map(|c| c.read_bytes).sum::<u64>(), asked(&[AccessKind::Read, AccessKind::Atomic]));
         let dram = |of: fn(&Dram) -> u64| machine.dram.iter().map(of).sum::<u64>();
         assert!(dram(|d| d.counts().read_bytes) >= l2(|s| s.counts().fetched_bytes), "bursts are whole");
         assert!(dram(|d| d.counts().read_bytes) <= 2 * l2(|s| s.counts().fetched_bytes));
         assert!(machine.dram.iter().all(|d| d.counts().read_bytes > 0), "every channel has its share");
         // A queue keeps nothing back.
         let sum = |of: fn(&L2Slice) -> u64| without.l2.iter().map(of).sum::<u64>();
-        assert_eq!(sum(|s| s.counts().read_bytes), asked(&[Kind::Read, Kind::Atomic]));
-        assert!(sum(|s| s.counts().fetched_bytes) >= asked(&[Kind::Read, Kind::Atomic]));
-        assert!(sum(|s| s.counts().written_back_bytes) >= asked(&[Kind::Write, Kind::Atomic]));
+        assert_eq!(sum(|s| s.counts().read_bytes), asked(&[AccessKind::Read, AccessKind::Atomic]));
+        assert!(sum(|s| s.counts().fetched_bytes) >= asked(&[AccessKind::Read, AccessKind::Atomic]));
+        assert!(sum(|s| s.counts().written_back_bytes) >= asked(&[AccessKind::Write, AccessKind::Atomic]));
     }
 }
 

@@ -45,9 +45,9 @@ fn done(machine: &Diamond) -> bool {
     machine.merge.log.len() as u64 == ITEMS
 }
 
-type Outcome = (Vec<(Cycle, u64)>, Reading, Vec<u64>);
+type RunRecord = (Vec<(Cycle, u64)>, Reading, Vec<u64>);
 
-fn outcome(mut machine: Diamond) -> Outcome {
+fn outcome(mut machine: Diamond) -> RunRecord {
     assert_eq!(machine.wires().resident(), 0);
     machine.wires_mut().settle();
     let (items, resident) = machine.tally();
