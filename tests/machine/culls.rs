@@ -12,7 +12,7 @@ use fillrate::render;
 use fillrate::sim::Clock;
 use fillrate::trace::Trace;
 use fillrate::trace::record::{self, Recorder};
-use fillrate::work::{End, Event, Outcome, Segment};
+use fillrate::work::{End, Event, PrimitiveOutcome, Segment};
 
 const SHADER: &str = "
 struct Varying { @builtin(position) position: vec4<f32>, @location(0) tint: vec4<f32> }
@@ -201,12 +201,13 @@ fn each_switch_is_about_the_primitives_that_the_funnel_counts_for_it() {
     let trace = scene(1);
     let plain = work(&trace, &machine("sort-middle", 4, &[], &[]));
     assert!(segments(&plain).all(|s| s.triangles.iter().all(|t| t.end == End::Nowhere)));
-    let ended = |outcome: Outcome| segments(&plain).flat_map(|s| &s.primitives).filter(|p| p.outcome == outcome).count();
+    let ended =
+        |outcome: PrimitiveOutcome| segments(&plain).flat_map(|s| &s.primitives).filter(|p| p.outcome == outcome).count();
     for (switch, outcomes) in SWITCHES.iter().zip([
-        &[Outcome::Backface][..],
-        &[Outcome::Frustum],
-        &[Outcome::Scissor],
-        &[Outcome::NoSample, Outcome::Degenerate],
+        &[PrimitiveOutcome::Backface][..],
+        &[PrimitiveOutcome::Frustum],
+        &[PrimitiveOutcome::Scissor],
+        &[PrimitiveOutcome::NoSample, PrimitiveOutcome::Degenerate],
     ]) {
         let events = work(&trace, &machine("sort-middle", 4, &[switch], &[]));
         let (mut late, mut cut_away, mut clipped) = (0, 0, 0);
@@ -216,7 +217,7 @@ fn each_switch_is_about_the_primitives_that_the_funnel_counts_for_it() {
                 assert_eq!(primitive.first_triangle, next, "triangles lie in the order of primitives");
                 next += u32::from(primitive.triangles);
                 let own = &segment.triangles[primitive.first_triangle as usize..next as usize];
-                let is = own.iter().any(|t| t.end != End::Nowhere) && primitive.outcome != Outcome::Drawn;
+                let is = own.iter().any(|t| t.end != End::Nowhere) && primitive.outcome != PrimitiveOutcome::Drawn;
                 assert!(!is || outcomes.contains(&primitive.outcome), "{switch}: {primitive:?}");
                 late += usize::from(is);
                 cut_away += usize::from(primitive.cut_away);

@@ -35,7 +35,7 @@ fn grid(rows: u32, index_bytes: u32) -> Segment {
                     triangles: 0,
                     clipped: false,
                     cut_away: false,
-                    outcome: Outcome::Backface,
+                    outcome: PrimitiveOutcome::Backface,
                 });
             }
         }

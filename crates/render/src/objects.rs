@@ -9,7 +9,7 @@ use host::one_line;
 use num::{BundleId, Limits, NoMemory, TextureId, Words};
 use shader::{self, Module};
 use trace::command::*;
-use work::Needless;
+use work::CulledLate;
 
 use super::compute::ComputePipeline;
 use super::deferred::Deferred;
@@ -71,7 +71,7 @@ pub struct RenderPlan {
     /// Its number among all pipelines.
     number: u64,
     shaders: StageMap<Option<Arc<Shader>>>,
-    needless: Needless,
+    needless: CulledLate,
 }
 
 /// The description of a compute pipeline.

@@ -12,7 +12,7 @@ use gfx::vertex::{ComponentKind, component_kind};
 use host::one_line;
 use shader::{self, BuiltIn, Connection, InputRegister, Interface, Interpolation, Module, Program, Sampling, Scalar, Slot};
 use trace::command::RenderPipelineDesc;
-use work::{Needless, Programs};
+use work::{CulledLate, Programs};
 
 /// A vertex attribute that the vertex stage reads.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -175,7 +175,7 @@ impl RenderPipeline {
     pub fn new(
         desc: &RenderPipelineDesc,
         modules: &StageMap<Option<Arc<Module>>>,
-        needless: Needless,
+        needless: CulledLate,
         label: &str,
     ) -> Result<Self, String> {
         let fail = |message: String| {
@@ -191,7 +191,7 @@ impl RenderPipeline {
     fn build(
         desc: &RenderPipelineDesc,
         modules: &StageMap<Option<Arc<Module>>>,
-        needless: Needless,
+        needless: CulledLate,
         label: &str,
     ) -> Result<Self, String> {
         let written = |(location, target): (usize, &Option<ColorTarget>)| {

@@ -28,7 +28,7 @@ use gfx::state::{
 };
 use gfx::texel;
 use num::Random;
-use segment::Painter;
+use segment::SegmentRecorder;
 use work::*;
 
 /// What a scene is made of.
@@ -333,7 +333,7 @@ fn draw(scene: &Scene, number: u32, random: &mut Random, reference: &mut Referen
         scene.samples,
         DepthBias::NONE,
     );
-    let mut painter = Painter {
+    let mut painter = SegmentRecorder {
         scene,
         random,
         reference,

@@ -12,7 +12,7 @@ use num::snap;
 use work::*;
 
 /// Draws a scene's triangles into its reference and keeps the work.
-pub(super) struct Painter<'a> {
+pub(super) struct SegmentRecorder<'a> {
     pub(super) scene: &'a Scene,
     pub(super) random: &'a mut Random,
     pub(super) reference: &'a mut Reference,
@@ -30,7 +30,7 @@ struct Look {
     back: bool,
 }
 
-impl Painter<'_> {
+impl SegmentRecorder<'_> {
     /// The segment of the `count` triangles from number `first` on.
     pub(super) fn segment<const S: usize>(&mut self, count: u32, first: u32) -> Segment {
         let (tiles_x, tiles_y) = (self.scene.width.div_ceil(TILE), self.scene.height.div_ceil(TILE));
@@ -67,13 +67,13 @@ impl Painter<'_> {
             });
             let tint = [self.random.unit(), self.random.unit(), self.random.unit(), self.random.unit()];
             let first_triangle = segment.triangles.len() as u32;
-            let mut outcome = Outcome::Drawn;
+            let mut outcome = PrimitiveOutcome::Drawn;
             let mut triangles = 0;
             match setup::triangle(self.setup, &corners) {
-                Err(setup::Culled::Degenerate) => outcome = Outcome::Degenerate,
-                Err(setup::Culled::Face) => outcome = Outcome::Backface,
-                Err(setup::Culled::NoSample) => outcome = Outcome::NoSample,
-                Err(setup::Culled::Scissor) => outcome = Outcome::Scissor,
+                Err(setup::Culled::Degenerate) => outcome = PrimitiveOutcome::Degenerate,
+                Err(setup::Culled::Face) => outcome = PrimitiveOutcome::Backface,
+                Err(setup::Culled::NoSample) => outcome = PrimitiveOutcome::NoSample,
+                Err(setup::Culled::Scissor) => outcome = PrimitiveOutcome::Scissor,
                 Ok(triangle) => {
                     triangles = 1;
                     let b = triangle.bounds;
@@ -99,7 +99,7 @@ impl Painter<'_> {
                     }
                     let visits = segment.visits.len() as u32 - first_visit;
                     if visits == 0 {
-                        outcome = Outcome::NoSample;
+                        outcome = PrimitiveOutcome::NoSample;
                     }
                     segment.triangles.push(Triangle {
                         primitive: t,

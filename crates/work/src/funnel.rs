@@ -3,7 +3,7 @@
 use serde::{Deserialize, Serialize};
 use stats::Heading;
 
-use super::{Outcome, Primitive};
+use super::{Primitive, PrimitiveOutcome};
 
 /// Where the funnel stands.
 pub const FUNNEL: Heading = Heading::new(
@@ -75,16 +75,16 @@ impl Funnel {
     /// Counts how a primitive ended, and what is set up of it beside one triangle of each primitive that is drawn. `pipelines` set it up.
     pub fn end(&mut self, primitive: &Primitive, pipelines: u32) {
         match primitive.outcome {
-            Outcome::Drawn => {}
-            Outcome::Degenerate => self.culled_degenerate += 1,
-            Outcome::Backface => self.culled_backface += 1,
-            Outcome::Frustum => self.culled_frustum += 1,
-            Outcome::Scissor => self.culled_scissor += 1,
-            Outcome::NoSample => self.culled_no_sample += 1,
+            PrimitiveOutcome::Drawn => {}
+            PrimitiveOutcome::Degenerate => self.culled_degenerate += 1,
+            PrimitiveOutcome::Backface => self.culled_backface += 1,
+            PrimitiveOutcome::Frustum => self.culled_frustum += 1,
+            PrimitiveOutcome::Scissor => self.culled_scissor += 1,
+            PrimitiveOutcome::NoSample => self.culled_no_sample += 1,
         }
         let triangles = u64::from(primitive.triangles);
         if triangles > 0 && pipelines > 0 {
-            self.setup_culled += u64::from(primitive.outcome != Outcome::Drawn);
+            self.setup_culled += u64::from(primitive.outcome != PrimitiveOutcome::Drawn);
             self.setup_parts += triangles - 1;
             self.setup_copies += triangles * u64::from(pipelines - 1);
         }

@@ -80,7 +80,7 @@ impl Surface {
 
 /// One image in a store.
 #[derive(Clone, Copy, Debug)]
-struct Held {
+struct HeldImage {
     shape: StoreShape,
     /// The aspects whose texels are those of the image. A pass may have discarded the others.
     aspects: Aspects,
@@ -91,7 +91,7 @@ struct Held {
 /// What the stores of a machine hold of images. See the [module](self).
 #[derive(Clone, Debug, Default)]
 pub struct Holdings {
-    images: BTreeMap<SurfaceKey, Held>,
+    images: BTreeMap<SurfaceKey, HeldImage>,
     /// The pass that has begun.
     pass: Option<Arc<Pass>>,
 }
@@ -188,7 +188,7 @@ impl Holdings {
     }
 
     fn hold(&mut self, surface: &Surface, aspects: Aspects, drawn: bool) {
-        self.images.insert(surface.key, Held { shape: surface.store_shape(), aspects, drawn });
+        self.images.insert(surface.key, HeldImage { shape: surface.store_shape(), aspects, drawn });
     }
 
     fn ask(&self, surface: &Surface, aspects: Aspects, what: impl Fn() -> String) -> Result<(), NotHeld> {

@@ -2,7 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 
-use crate::Outcome;
+use crate::PrimitiveOutcome;
 
 /// What of a render the work depends on, beside the trace.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize, Deserialize)]
@@ -19,7 +19,7 @@ pub struct RenderKey {
     /// Whether costs count instructions that work on up to four components at once, instead of those that work on one.
     pub vectors: bool,
     /// Work that changes no picture and is recorded all the same.
-    pub needless: Needless,
+    pub needless: CulledLate,
     /// What is left out where its bounds lie outside the view volume.
     pub cull: Cull,
 }
@@ -27,7 +27,7 @@ pub struct RenderKey {
 /// Work that changes no picture, which a card leaves out where it finds out in time. Recorded for machines that do not.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
-pub struct Needless {
+pub struct CulledLate {
     /// Triangles that face away, which setup finds out.
     pub facing: bool,
     /// Primitives outside the view volume, which setup finds out, or cutting them.
@@ -44,9 +44,9 @@ pub struct Needless {
     pub levels: bool,
 }
 
-impl Needless {
+impl CulledLate {
     /// Nothing of it.
-    pub const NONE: Needless = Needless {
+    pub const NONE: CulledLate = CulledLate {
         facing: false,
         frustum: false,
         scissor: false,
@@ -57,13 +57,13 @@ impl Needless {
     };
 
     /// Whether primitives are recorded that end so.
-    pub fn keeps(&self, outcome: Outcome) -> bool {
+    pub fn keeps(&self, outcome: PrimitiveOutcome) -> bool {
         match outcome {
-            Outcome::Drawn => false,
-            Outcome::Degenerate | Outcome::NoSample => self.no_sample,
-            Outcome::Backface => self.facing,
-            Outcome::Frustum => self.frustum,
-            Outcome::Scissor => self.scissor,
+            PrimitiveOutcome::Drawn => false,
+            PrimitiveOutcome::Degenerate | PrimitiveOutcome::NoSample => self.no_sample,
+            PrimitiveOutcome::Backface => self.facing,
+            PrimitiveOutcome::Frustum => self.frustum,
+            PrimitiveOutcome::Scissor => self.scissor,
         }
     }
 }
@@ -91,7 +91,7 @@ impl Default for RenderKey {
             signatures: false,
             paths: false,
             vectors: false,
-            needless: Needless::NONE,
+            needless: CulledLate::NONE,
             cull: Cull::None,
         }
     }

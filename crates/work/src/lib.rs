@@ -42,12 +42,12 @@ pub use draw::{AttributeFetch, Culling, Draw, RecordedState, ShaderShape, Target
 pub use funnel::{FUNNEL, Funnel};
 pub use groups::{Dispatch, Groups, Packet};
 pub use held::{Aspects, Holdings, NotHeld, StoreShape};
-pub use key::{Cull, Needless, RenderKey, Shade, Signature};
+pub use key::{Cull, CulledLate, RenderKey, Shade, Signature};
 pub use pass::{Attachment, Contents, EndFrame, Load, Pass, Sprite, Surface, SurfaceKey, Transfer, TransferKind};
 pub use reach::{Extent, Extents, Reach};
 pub use segment::{
-    Areas, Block, End, LINES, Outcome, Primitive, Programs, QUAD_SHADED, Quad, Request, Segment, TileWork, Triangle, Vertex,
-    Visit,
+    Areas, Block, End, LINES, Primitive, PrimitiveOutcome, Programs, QUAD_SHADED, Quad, Request, Segment, TileWork, Triangle,
+    Vertex, Visit,
 };
 
 /// Bytes of a memory line, the granularity at which work names memory.

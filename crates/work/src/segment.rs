@@ -7,7 +7,7 @@ use gfx::stage::StageMap;
 
 /// How an input primitive ended.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Outcome {
+pub enum PrimitiveOutcome {
     /// At least one triangle, line or point went to setup and covers samples.
     Drawn,
     /// Zero area, NaN, or repeated vertices.
@@ -35,10 +35,10 @@ pub struct Primitive {
     pub triangles: u8,
     /// Whether it had to be clipped against a plane.
     pub clipped: bool,
-    /// Outside the view volume, which is found out by cutting it: nothing is left ([`Needless::frustum`](crate::Needless::frustum)).
+    /// Outside the view volume, which is found out by cutting it: nothing is left ([`CulledLate::frustum`](crate::CulledLate::frustum)).
     pub cut_away: bool,
     /// How it ended.
-    pub outcome: Outcome,
+    pub outcome: PrimitiveOutcome,
 }
 
 /// Where it is found out that nothing of a triangle is drawn.
@@ -85,7 +85,7 @@ pub struct Triangle {
     pub first_visit: u32,
     /// Screen tiles in which it covers samples.
     pub visits: u32,
-    /// Where it ends, if nothing of it is drawn and that is not found out before ([`Needless`](crate::Needless)).
+    /// Where it ends, if nothing of it is drawn and that is not found out before ([`CulledLate`](crate::CulledLate)).
     pub end: End,
 }
 

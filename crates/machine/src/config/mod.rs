@@ -41,7 +41,7 @@ use unit::{
     traverse::TraverseConfig,
     warp::Execution,
 };
-use work::{Cull, Needless, RenderKey, Shade};
+use work::{Cull, CulledLate, RenderKey, Shade};
 
 /// The configurations that are built in: name and text.
 pub const BUILT_IN: &[(&str, &str)] = &[
@@ -302,7 +302,7 @@ impl Config {
         let signatures = (class.signatures)(self);
         let paths = self.core.execution != Execution::Longest;
         let vectors = self.core.instructions == Instructions::Vector;
-        let needless = Needless {
+        let needless = CulledLate {
             facing: !self.clip.cull_facing,
             frustum: !self.clip.cull_frustum,
             scissor: !self.clip.cull_scissor,

@@ -7,7 +7,7 @@ use gfx::assemble::PrimitiveKind;
 use gfx::setup::{self, Bounds, ScreenVertex, Shape, Triangle, is_small};
 use gfx::state::{PolygonMode, Topology};
 use num::{SUBPIXEL, prefetch};
-use work::{Areas, Funnel, Outcome, TILE};
+use work::{Areas, Funnel, PrimitiveOutcome, TILE};
 
 use super::DrawCall;
 use super::areas;
@@ -52,7 +52,7 @@ pub struct Ended {
     pub first_triangle: u32,
     pub triangles: u8,
     pub clipped: bool,
-    pub outcome: Outcome,
+    pub outcome: PrimitiveOutcome,
 }
 
 /// Consecutive entries of a segment's stream: of a list, or of one strip.

@@ -1,12 +1,12 @@
 //! Primitives of which nothing is drawn, and which a card that does not find that out in geometry takes further: recorded for such
-//! machines ([`Needless`](work::Needless)). A primitive has one triangle of this kind, whatever it would be cut into.
+//! machines ([`CulledLate`](work::CulledLate)). A primitive has one triangle of this kind, whatever it would be cut into.
 
 use gfx::assemble::PrimitiveKind;
 use gfx::clip::ClipVolume;
 use gfx::setup::{DepthPlane, ScreenVertex};
 use gfx::state::{FrontFace, PolygonMode};
 use num::{SUBPIXEL, SUBPIXEL_BITS};
-use work::{self, BLOCK, End, Outcome, Segment};
+use work::{self, BLOCK, End, PrimitiveOutcome, Segment};
 
 use super::batch::{Batch, Input};
 
@@ -27,7 +27,14 @@ pub struct Late {
 
 impl Batch {
     /// Notes a primitive that has ended, if its triangle goes on. `made` is the first of the vertices that cutting it made.
-    pub(super) fn note_late(&mut self, input: &Input<'_, '_>, number: u32, v: [u32; 3], outcome: Outcome, made: usize) {
+    pub(super) fn note_late(
+        &mut self,
+        input: &Input<'_, '_>,
+        number: u32,
+        v: [u32; 3],
+        outcome: PrimitiveOutcome,
+        made: usize,
+    ) {
         let (call, vertices) = (input.call, input.vertices);
         if !call.options.key.needless.keeps(outcome) {
             return;
@@ -36,7 +43,7 @@ impl Batch {
         // Outside as a whole, without a plane of its own to be cut at: its corners have a place in the window. All others that are
         // outside are found to be so by cutting them.
         let codes = v.map(|v| vertices.codes[v]);
-        if outcome == Outcome::Frustum && !ClipVolume::is_in_band(&codes) {
+        if outcome == PrimitiveOutcome::Frustum && !ClipVolume::is_in_band(&codes) {
             return self.late.push(Late { primitive: number, end: None, back: false, pixels: [0; 4], unclipped: 0 });
         }
         let cut = &self.made_screen[made..];
@@ -48,11 +55,11 @@ impl Batch {
         let drawn = call.setup.bounds;
         // A primitive of which the scissor rectangle leaves nothing is looked for in the area of the attachments.
         let within = match outcome {
-            Outcome::Scissor | Outcome::Frustum => [0, 0, call.width as i32, call.height as i32],
+            PrimitiveOutcome::Scissor | PrimitiveOutcome::Frustum => [0, 0, call.width as i32, call.height as i32],
             _ => [drawn.x0, drawn.y0, drawn.x1, drawn.y1].map(i32::from),
         };
         let pixels = pixels(corners, margin, within);
-        let walked = matches!(outcome, Outcome::Scissor | Outcome::NoSample) && pixels != [0; 4];
+        let walked = matches!(outcome, PrimitiveOutcome::Scissor | PrimitiveOutcome::NoSample) && pixels != [0; 4];
         let end = Some(if walked { End::Traversal } else { End::Setup });
         let [x0, y0, x1, y1] = box_of(corners, margin);
         let unclipped = (x1 - x0) as u64 * (y1 - y0) as u64;

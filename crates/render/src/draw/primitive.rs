@@ -5,7 +5,7 @@ use gfx::clip::{ClipVolume, Clipped, MAX_VERTICES, Polygon};
 use gfx::setup::{self, Culled, EightBounds, ScreenVertex};
 use gfx::simd::{Simd, dispatch};
 use gfx::state::{PolygonMode, Topology};
-use work::Outcome;
+use work::PrimitiveOutcome;
 
 use super::batch::{Batch, Corners, Ended, Input, MADE, Part};
 use super::clip_distance;
@@ -106,7 +106,7 @@ impl Batch {
         vertices: [u32; 3],
         stream_end: u32,
         (first, made): (usize, usize),
-        (outcome, clipped): (Outcome, bool),
+        (outcome, clipped): (PrimitiveOutcome, bool),
     ) {
         self.note_late(input, number, vertices, outcome, made);
         let triangles = (self.corners.len() - first) as u8;
@@ -153,7 +153,7 @@ impl Batch {
                         } else {
                             self.put_bounds(input, number, &screen[i], bounds, corners, pairs);
                         }
-                        (Outcome::Drawn, false)
+                        (PrimitiveOutcome::Drawn, false)
                     }
                     Err(reason) => (self.end(outcome_of(reason)), false),
                 }
@@ -173,18 +173,18 @@ impl Batch {
         v: [u32; 3],
         flat: usize,
         pairs: &mut Vec<(u32, u32)>,
-    ) -> (Outcome, bool) {
+    ) -> (PrimitiveOutcome, bool) {
         let vertices = input.vertices;
         let [a, b, c] = [v[0] as usize, v[1] as usize, v[2] as usize];
         let codes = [vertices.codes[a], vertices.codes[b], vertices.codes[c]];
         match ClipVolume::trivial(&codes) {
-            Some(Clipped::Rejected) => (self.end(Outcome::Frustum), false),
+            Some(Clipped::Rejected) => (self.end(PrimitiveOutcome::Frustum), false),
             Some(_) => {
                 let screen = [vertices.screen[a], vertices.screen[b], vertices.screen[c]];
                 match setup::bounds(&input.call.setup, &screen) {
                     Ok(bounds) => {
                         self.put_bounds(input, number, &screen, bounds, Corners { vertices: v, flat: v[flat] }, pairs);
-                        (Outcome::Drawn, false)
+                        (PrimitiveOutcome::Drawn, false)
                     }
                     Err(reason) => (self.end(outcome_of(reason)), false),
                 }
@@ -203,7 +203,7 @@ impl Batch {
         flat: usize,
         polygon: &mut Polygon,
         pairs: &mut Vec<(u32, u32)>,
-    ) -> (Outcome, bool) {
+    ) -> (PrimitiveOutcome, bool) {
         let (call, vertices) = (input.call, input.vertices);
         let at = v.map(|v| v as usize);
         let codes = at.map(|v| vertices.codes[v]);
@@ -213,13 +213,13 @@ impl Batch {
             clipped = clip_distance::triangle(vertices, v, &position, clipped, polygon);
         }
         match clipped {
-            Clipped::Rejected => (self.end(Outcome::Frustum), false),
+            Clipped::Rejected => (self.end(PrimitiveOutcome::Frustum), false),
             Clipped::Whole => {
                 let screen = at.map(|v| vertices.screen[v]);
                 match setup::bounds(&call.setup, &screen) {
                     Ok(bounds) => {
                         self.put_bounds(input, number, &screen, bounds, Corners { vertices: v, flat: v[flat] }, pairs);
-                        (Outcome::Drawn, false)
+                        (PrimitiveOutcome::Drawn, false)
                     }
                     Err(reason) => (self.end(outcome_of(reason)), false),
                 }
@@ -229,7 +229,7 @@ impl Batch {
                 let first = self.corners.len();
                 let made = self.make_vertices(input, v, polygon);
                 // If no part is drawn, the primitive's reason is the part's reason that is furthest down the pipeline.
-                let mut reason = Outcome::Degenerate;
+                let mut reason = PrimitiveOutcome::Degenerate;
                 for corners in setup::fan(&self.made_screen[(made & !MADE) as usize..]) {
                     let screen = corners.map(|i| self.made_screen[(made & !MADE) as usize + i]);
                     match setup::bounds(&call.setup, &screen) {
@@ -240,7 +240,7 @@ impl Batch {
                         Err(why) => reason = further(reason, outcome_of(why)),
                     }
                 }
-                if self.corners.len() > first { (Outcome::Drawn, true) } else { (self.end(reason), true) }
+                if self.corners.len() > first { (PrimitiveOutcome::Drawn, true) } else { (self.end(reason), true) }
             }
         }
     }
@@ -271,13 +271,13 @@ impl Batch {
         mode: PolygonMode,
         polygon: &mut Polygon,
         pairs: &mut Vec<(u32, u32)>,
-    ) -> (Outcome, bool) {
+    ) -> (PrimitiveOutcome, bool) {
         let (call, vertices) = (input.call, input.vertices);
         let at = v.map(|v| v as usize);
         let codes = at.map(|v| vertices.codes[v]);
         // Facing is that of the visible part.
         let facing = match call.clip.triangle(&at.map(|v| vertices.clip[v]), codes, polygon) {
-            Clipped::Rejected => return (self.end(Outcome::Frustum), false),
+            Clipped::Rejected => return (self.end(PrimitiveOutcome::Frustum), false),
             Clipped::Whole => setup::facing(&call.setup, &at.map(|v| vertices.screen[v])),
             Clipped::Cut => {
                 let vertices = polygon.vertices();
@@ -295,7 +295,7 @@ impl Batch {
         };
         let first = self.corners.len();
         let before = self.funnel;
-        let (mut reason, mut clipped) = (Outcome::Degenerate, false);
+        let (mut reason, mut clipped) = (PrimitiveOutcome::Degenerate, false);
         for i in 0..3 {
             let (outcome, cut) = if mode == PolygonMode::Line {
                 self.line(input, number, [v[i], v[(i + 1) % 3]], v[flat], front, polygon, pairs)
@@ -308,7 +308,7 @@ impl Batch {
         // The parts counted themselves; the primitive counts once.
         self.funnel = before;
         self.funnel.clipped += u64::from(clipped);
-        if self.corners.len() > first { (Outcome::Drawn, clipped) } else { (self.end(reason), clipped) }
+        if self.corners.len() > first { (PrimitiveOutcome::Drawn, clipped) } else { (self.end(reason), clipped) }
     }
 
     #[inline(never)]
@@ -321,7 +321,7 @@ impl Batch {
         front: bool,
         polygon: &mut Polygon,
         pairs: &mut Vec<(u32, u32)>,
-    ) -> (Outcome, bool) {
+    ) -> (PrimitiveOutcome, bool) {
         let (call, vertices) = (input.call, input.vertices);
         let at = v.map(|v| v as usize);
         let position = at.map(|v| vertices.clip[v]);
@@ -330,7 +330,7 @@ impl Batch {
             clipped = clip_distance::line(vertices, v, &position, clipped, polygon);
         }
         let (screen, corners) = match clipped {
-            Clipped::Rejected => return (self.end(Outcome::Frustum), false),
+            Clipped::Rejected => return (self.end(PrimitiveOutcome::Frustum), false),
             Clipped::Whole => (at.map(|v| vertices.screen[v]), [v[0], v[1], v[1]]),
             Clipped::Cut => {
                 self.funnel.clipped += 1;
@@ -343,7 +343,7 @@ impl Batch {
         match setup::line(&call.setup, &screen, front) {
             Ok(line) => {
                 self.put(input, number, line, Corners { vertices: corners, flat }, pairs);
-                (Outcome::Drawn, cut)
+                (PrimitiveOutcome::Drawn, cut)
             }
             Err(reason) => (self.end(outcome_of(reason)), cut),
         }
@@ -358,18 +358,18 @@ impl Batch {
         flat: u32,
         front: bool,
         pairs: &mut Vec<(u32, u32)>,
-    ) -> (Outcome, bool) {
+    ) -> (PrimitiveOutcome, bool) {
         let (call, vertices) = (input.call, input.vertices);
         let at = v as usize;
         let n = vertices.distance_stride;
         let outside = vertices.distances[at * n..(at + 1) * n].iter().any(|d| !(*d >= 0.0));
         if outside || !call.clip.point(vertices.codes[at]) {
-            return (self.end(Outcome::Frustum), false);
+            return (self.end(PrimitiveOutcome::Frustum), false);
         }
         match setup::point(&call.setup, &vertices.screen[at], front) {
             Ok(point) => {
                 self.put(input, number, point, Corners { vertices: [v; 3], flat }, pairs);
-                (Outcome::Drawn, false)
+                (PrimitiveOutcome::Drawn, false)
             }
             Err(reason) => (self.end(outcome_of(reason)), false),
         }
@@ -377,37 +377,37 @@ impl Batch {
 
     /// Counts a primitive that is not drawn.
     #[inline(always)]
-    fn end(&mut self, outcome: Outcome) -> Outcome {
+    fn end(&mut self, outcome: PrimitiveOutcome) -> PrimitiveOutcome {
         match outcome {
-            Outcome::Degenerate => self.funnel.culled_degenerate += 1,
-            Outcome::Backface => self.funnel.culled_backface += 1,
-            Outcome::Frustum => self.funnel.culled_frustum += 1,
-            Outcome::Scissor => self.funnel.culled_scissor += 1,
-            Outcome::NoSample => self.funnel.culled_no_sample += 1,
-            Outcome::Drawn => {}
+            PrimitiveOutcome::Degenerate => self.funnel.culled_degenerate += 1,
+            PrimitiveOutcome::Backface => self.funnel.culled_backface += 1,
+            PrimitiveOutcome::Frustum => self.funnel.culled_frustum += 1,
+            PrimitiveOutcome::Scissor => self.funnel.culled_scissor += 1,
+            PrimitiveOutcome::NoSample => self.funnel.culled_no_sample += 1,
+            PrimitiveOutcome::Drawn => {}
         }
         outcome
     }
 }
 
-fn outcome_of(reason: Culled) -> Outcome {
+fn outcome_of(reason: Culled) -> PrimitiveOutcome {
     match reason {
-        Culled::Degenerate => Outcome::Degenerate,
-        Culled::Face => Outcome::Backface,
-        Culled::NoSample => Outcome::NoSample,
-        Culled::Scissor => Outcome::Scissor,
+        Culled::Degenerate => PrimitiveOutcome::Degenerate,
+        Culled::Face => PrimitiveOutcome::Backface,
+        Culled::NoSample => PrimitiveOutcome::NoSample,
+        Culled::Scissor => PrimitiveOutcome::Scissor,
     }
 }
 
 /// The outcome that is further down the pipeline.
-fn further(a: Outcome, b: Outcome) -> Outcome {
-    let depth = |o: Outcome| match o {
-        Outcome::Degenerate => 0,
-        Outcome::Frustum => 1,
-        Outcome::Backface => 2,
-        Outcome::Scissor => 3,
-        Outcome::NoSample => 4,
-        Outcome::Drawn => 5,
+fn further(a: PrimitiveOutcome, b: PrimitiveOutcome) -> PrimitiveOutcome {
+    let depth = |o: PrimitiveOutcome| match o {
+        PrimitiveOutcome::Degenerate => 0,
+        PrimitiveOutcome::Frustum => 1,
+        PrimitiveOutcome::Backface => 2,
+        PrimitiveOutcome::Scissor => 3,
+        PrimitiveOutcome::NoSample => 4,
+        PrimitiveOutcome::Drawn => 5,
     };
     if depth(a) >= depth(b) { a } else { b }
 }

@@ -326,8 +326,8 @@ pub fn assemble(
     // A primitive that was set up and covers nothing ended for that reason.
     for primitive in &mut segment.primitives {
         let triangles = &segment.triangles[primitive.first_triangle as usize..][..usize::from(primitive.triangles)];
-        if primitive.outcome == work::Outcome::Drawn && triangles.iter().all(|t| t.visits == 0) {
-            primitive.outcome = work::Outcome::NoSample;
+        if primitive.outcome == work::PrimitiveOutcome::Drawn && triangles.iter().all(|t| t.visits == 0) {
+            primitive.outcome = work::PrimitiveOutcome::NoSample;
         }
     }
     needless::insert(&mut segment, &late, call.options.key.needless.no_sample);

@@ -9,7 +9,7 @@ use crate::assembly::{Assembly, AssemblyConfig, AssemblyPorts, Deal, Mode};
 use crate::token::{Kind, Run, VertexBatch, WarpToken};
 use num::Cycle;
 use sim::{Link, One, Unit, Wiring};
-use work::{Outcome, Segment};
+use work::{PrimitiveOutcome, Segment};
 
 sim::circuit! {
     struct AssemblyCircuit for Card {
@@ -56,7 +56,7 @@ fn told(config: &AssemblyConfig, geometry: usize, batches: &[(u32, Cycle)], tell
                 sinks.push(Sink::new(from));
             }
             let mut card = card(1);
-            let primitives = (0..vertices / 3).map(|p| primitive(3 * p + 3, p, 1, false, Outcome::Drawn)).collect();
+            let primitives = (0..vertices / 3).map(|p| primitive(3 * p + 3, p, 1, false, PrimitiveOutcome::Drawn)).collect();
             card.install(
                 0,
                 Arc::new(Segment { primitives, stream: (0..vertices).collect(), ..Segment::default() }),

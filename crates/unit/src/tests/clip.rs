@@ -9,7 +9,7 @@ use crate::clip::{Clip, ClipConfig};
 use crate::token::{Kind, Run};
 use num::Cycle;
 use sim::{Link, One, Unit, Wiring};
-use work::{Funnel, Outcome, Primitive, Segment};
+use work::{Funnel, Primitive, PrimitiveOutcome, Segment};
 
 sim::circuit! {
     struct ClipCircuit for Card {
@@ -59,12 +59,12 @@ fn clipped_by(interval: u32, primitives: &[Primitive], runs: usize) -> (Runs, Fu
 #[test]
 fn so_many_are_tested_a_cycle_and_one_that_is_cut_holds_the_unit() {
     let kinds = [
-        primitive(0, 0, 1, false, Outcome::Drawn),
-        primitive(0, 1, 0, false, Outcome::Backface),
-        primitive(0, 1, 2, true, Outcome::Drawn),
-        primitive(0, 3, 1, false, Outcome::Drawn),
-        primitive(0, 4, 0, false, Outcome::Frustum),
-        primitive(0, 4, 0, false, Outcome::Degenerate),
+        primitive(0, 0, 1, false, PrimitiveOutcome::Drawn),
+        primitive(0, 1, 0, false, PrimitiveOutcome::Backface),
+        primitive(0, 1, 2, true, PrimitiveOutcome::Drawn),
+        primitive(0, 3, 1, false, PrimitiveOutcome::Drawn),
+        primitive(0, 4, 0, false, PrimitiveOutcome::Frustum),
+        primitive(0, 4, 0, false, PrimitiveOutcome::Degenerate),
     ];
     let (log, funnel) = clipped(&kinds, 3);
     // Cycle 1: one survivor, one culled. Cycle 2: the cut one, which holds the unit to 9. Then the rest.
@@ -74,16 +74,16 @@ fn so_many_are_tested_a_cycle_and_one_that_is_cut_holds_the_unit() {
 
 #[test]
 fn rates_below_one_a_cycle_are_intervals() {
-    let kinds = [0, 1, 2, 3, 4, 5].map(|n| primitive(0, n, 1, false, Outcome::Drawn));
+    let kinds = [0, 1, 2, 3, 4, 5].map(|n| primitive(0, n, 1, false, PrimitiveOutcome::Drawn));
     assert_eq!(clipped_by(1, &kinds, 3).0, [(2, (0, 2)), (3, (2, 2)), (4, (4, 2))]);
     assert_eq!(clipped_by(3, &kinds, 3).0, [(2, (0, 2)), (5, (2, 2)), (8, (4, 2))]);
 }
 
 #[test]
 fn what_is_cut_away_holds_the_unit_and_is_not_drawn() {
-    let outside = |cut_away| Primitive { cut_away, ..primitive(0, 0, 0, false, Outcome::Frustum) };
+    let outside = |cut_away| Primitive { cut_away, ..primitive(0, 0, 0, false, PrimitiveOutcome::Frustum) };
     for (cut_away, at) in [(false, 2), (true, 9)] {
-        let kinds = [outside(cut_away), primitive(0, 0, 1, false, Outcome::Drawn)];
+        let kinds = [outside(cut_away), primitive(0, 0, 1, false, PrimitiveOutcome::Drawn)];
         let (log, funnel) = clipped(&kinds, 1);
         assert_eq!((log, funnel.culled_frustum, funnel.clipped), (vec![(at, (0, 1))], 1, 0));
     }
@@ -92,8 +92,8 @@ fn what_is_cut_away_holds_the_unit_and_is_not_drawn() {
 #[test]
 fn what_is_culled_takes_its_turn() {
     // Seven culled primitives, two per cycle, before the one that is drawn: tested in cycle 4 with the last of them.
-    let mut kinds = vec![primitive(0, 0, 0, false, Outcome::Scissor); 7];
-    kinds.push(primitive(0, 0, 1, false, Outcome::Drawn));
+    let mut kinds = vec![primitive(0, 0, 0, false, PrimitiveOutcome::Scissor); 7];
+    kinds.push(primitive(0, 0, 1, false, PrimitiveOutcome::Drawn));
     let (log, funnel) = clipped(&kinds, 1);
     assert_eq!((log, funnel.culled_scissor), (vec![(5, (0, 1))], 7));
 }

@@ -11,7 +11,7 @@ use crate::sorting::Keep;
 use crate::token::{Kind, Piece, Run};
 use num::Cycle;
 use sim::{Link, One, Wiring};
-use work::{Funnel, Outcome, Segment};
+use work::{Funnel, PrimitiveOutcome, Segment};
 
 sim::circuit! {
     struct DealCircuit for Card {
@@ -28,7 +28,7 @@ fn squares(edges: &[u16]) -> Segment {
     segment.triangles =
         (0..).zip(edges).map(|(n, &edge)| work::Triangle { primitive: n, pixels: [0, 0, edge, edge], ..triangle }).collect();
     segment.stream = vec![0; 3 * edges.len()];
-    segment.primitives = (0..edges.len() as u32).map(|n| primitive(3 * n + 3, n, 1, false, Outcome::Drawn)).collect();
+    segment.primitives = (0..edges.len() as u32).map(|n| primitive(3 * n + 3, n, 1, false, PrimitiveOutcome::Drawn)).collect();
     segment
 }
 

@@ -500,15 +500,17 @@ fn a_line_of_indices_is_read_once_for_draws_that_share_it() {
 /// A segment whose primitives are triangles of a list.
 fn triangles(indices: &[u32]) -> Segment {
     let ends = indices.chunks_exact(3).zip((1..).map(|n| 3 * n));
-    let primitives = ends
-        .map(|(of, end)| Primitive { vertices: of.try_into().expect("three"), ..primitive(end, 0, 1, false, Outcome::Drawn) });
+    let primitives = ends.map(|(of, end)| Primitive {
+        vertices: of.try_into().expect("three"),
+        ..primitive(end, 0, 1, false, PrimitiveOutcome::Drawn)
+    });
     Segment { primitives: primitives.collect(), ..reading(indices.to_vec(), 0) }
 }
 
 /// A strip of `count` triangles.
 fn strip(count: u32) -> Segment {
     let primitives =
-        (0..count).map(|n| Primitive { vertices: [n, n + 1, n + 2], ..primitive(n + 3, 0, 1, false, Outcome::Drawn) });
+        (0..count).map(|n| Primitive { vertices: [n, n + 1, n + 2], ..primitive(n + 3, 0, 1, false, PrimitiveOutcome::Drawn) });
     Segment { primitives: primitives.collect(), ..fresh(count + 2) }
 }
 

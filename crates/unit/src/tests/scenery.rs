@@ -83,7 +83,7 @@ pub fn depth_test(compare: Compare) -> DepthStencil {
 }
 
 /// A primitive that can be assembled once `stream_end` entries of the stream are read.
-pub fn primitive(stream_end: u32, first_triangle: u32, triangles: u8, clipped: bool, outcome: Outcome) -> Primitive {
+pub fn primitive(stream_end: u32, first_triangle: u32, triangles: u8, clipped: bool, outcome: PrimitiveOutcome) -> Primitive {
     Primitive { vertices: [0; 3], stream_end, first_triangle, triangles, clipped, cut_away: false, outcome }
 }
 

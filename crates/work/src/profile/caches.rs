@@ -180,7 +180,7 @@ mod tests {
                 triangles: 0,
                 clipped: false,
                 cut_away: false,
-                outcome: super::super::super::Outcome::Drawn,
+                outcome: super::super::super::PrimitiveOutcome::Drawn,
             };
             let vertex = super::super::super::Vertex { index: 0, instance: 0, cost: 0, first_request: 0 };
             let vertices = vec![vertex; indices.iter().max().map_or(0, |&last| last as usize + 1)];

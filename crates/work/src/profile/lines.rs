@@ -118,7 +118,7 @@ pub(super) struct Lines {
 
 /// Where a lookup is made.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Place {
+pub(super) struct LookupPosition {
     /// Bundles of the pass before.
     pub bundle: u32,
     /// The tile, and the visit of it: a run of quads without any of other tiles.
@@ -137,7 +137,7 @@ impl Lines {
 
     /// Takes a lookup, which counts where the line stands for others; the class of the episode that it begins.
     #[inline(always)]
-    pub fn look_up(&mut self, line: u32, place: Place, counted: bool) -> Option<u16> {
+    pub fn look_up(&mut self, line: u32, place: LookupPosition, counted: bool) -> Option<u16> {
         self.profile.lookups[0] += u64::from(counted);
         let known = self.places.get(&line).copied();
         if let Some(at) = known {
@@ -154,8 +154,8 @@ impl Lines {
     }
 
     #[inline(never)]
-    fn begin(&mut self, line: u32, known: Option<u32>, place: Place, counted: bool) -> u16 {
-        let Place { bundle, tile, visit, request } = place;
+    fn begin(&mut self, line: u32, known: Option<u32>, place: LookupPosition, counted: bool) -> u16 {
+        let LookupPosition { bundle, tile, visit, request } = place;
         let new = Episode { first: bundle, last: bundle, visit, request, requests: 1 << request.min(63), counted };
         let before = match known {
             Some(at) => Some(std::mem::replace(&mut self.episodes[at as usize], new)),
@@ -224,7 +224,7 @@ mod tests {
     #[test]
     fn a_line_that_is_looked_up_again_later_begins_an_episode() {
         let mut lines = Lines::default();
-        let place = |bundle, tile, visit, request| Place { bundle, tile, visit, request };
+        let place = |bundle, tile, visit, request| LookupPosition { bundle, tile, visit, request };
         // Four bundles in a row by two requests, then another tile, then the first tile again.
         for bundle in 0..4 {
             for request in 0..2 {

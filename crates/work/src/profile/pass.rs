@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use super::apart::{APART, Apart, DEALT, Test};
 use super::caches::{BLOCK_CACHES, Caches, batched_vertices, dealt_vertices, shaded_vertices};
-use super::lines::{Lines, Place};
+use super::lines::{Lines, LookupPosition};
 use super::shader::asking;
 use super::touch::{BUNDLE, Touch, Toucher, Touches, WHOLE};
 use super::{ApartProfile, AttachmentProfile, BINS, Cell, DrawProfile, PhaseProfile, WINDOW, Window};
@@ -420,7 +420,7 @@ impl Followed<'_> {
             RequestKind::Texture | RequestKind::Load => {
                 let request = step.min(usize::from(u8::MAX)) as u8;
                 let tile = u32::from(tile.y) << 16 | u32::from(tile.x);
-                let class = self.lines.look_up(line, Place { bundle, tile, visit: self.visit, request }, counted);
+                let class = self.lines.look_up(line, LookupPosition { bundle, tile, visit: self.visit, request }, counted);
                 if let Some(class) = class.filter(|_| self.touches.follows(line)) {
                     self.touches.push(Touch { line, class, by: Toucher::Texture, ..Touch::default() });
                 }

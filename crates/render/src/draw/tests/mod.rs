@@ -79,7 +79,7 @@ const USUAL: How = How {
         signatures: false,
         paths: false,
         vectors: false,
-        needless: work::Needless::NONE,
+        needless: work::CulledLate::NONE,
         cull: work::Cull::None,
     },
     count: false,
@@ -175,7 +175,7 @@ impl Scene {
         let module = Module::with_limits("scene", Source::Wgsl(&self.source), &self.limits).unwrap_or_else(|e| panic!("{e}"));
         let module = Arc::new(module);
         let modules = StageMap::from_fn(|_| Some(module.clone()));
-        RenderPipeline::new(&self.state, &modules, work::Needless::NONE, "scene").map(Arc::new)
+        RenderPipeline::new(&self.state, &modules, work::CulledLate::NONE, "scene").map(Arc::new)
     }
 
     fn draw_with(&self, pipeline: &Arc<RenderPipeline>, how: How) -> Result<Image, String> {

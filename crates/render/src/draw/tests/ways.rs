@@ -1,7 +1,7 @@
 //! The same scenes drawn in different ways, and the work that is recorded of them.
 
 use super::*;
-use work::{Outcome, QUAD_SHADED};
+use work::{PrimitiveOutcome, QUAD_SHADED};
 
 /// Scenes that exercise different paths.
 pub(super) fn variety() -> Vec<(&'static str, Scene)> {
@@ -290,12 +290,12 @@ fn the_funnel_adds_up() {
         recorded.segments.iter().for_each(|s| sum += s.funnel);
         let ended = |o| recorded.segments.iter().flat_map(|s| &s.primitives).filter(|p| p.outcome == o).count() as u64;
         assert_eq!(sum.primitives_in, recorded.segments.iter().map(|s| s.primitives.len() as u64).sum::<u64>(), "{name}");
-        assert_eq!(sum.culled_degenerate, ended(Outcome::Degenerate), "{name}");
-        assert_eq!(sum.culled_backface, ended(Outcome::Backface), "{name}");
-        assert_eq!(sum.culled_frustum, ended(Outcome::Frustum), "{name}");
-        assert_eq!(sum.culled_scissor, ended(Outcome::Scissor), "{name}");
-        assert_eq!(sum.culled_no_sample, ended(Outcome::NoSample), "{name}");
-        assert_eq!(f.primitives_in - thrown, ended(Outcome::Drawn), "{name}");
+        assert_eq!(sum.culled_degenerate, ended(PrimitiveOutcome::Degenerate), "{name}");
+        assert_eq!(sum.culled_backface, ended(PrimitiveOutcome::Backface), "{name}");
+        assert_eq!(sum.culled_frustum, ended(PrimitiveOutcome::Frustum), "{name}");
+        assert_eq!(sum.culled_scissor, ended(PrimitiveOutcome::Scissor), "{name}");
+        assert_eq!(sum.culled_no_sample, ended(PrimitiveOutcome::NoSample), "{name}");
+        assert_eq!(f.primitives_in - thrown, ended(PrimitiveOutcome::Drawn), "{name}");
         assert_eq!(sum.vertices_in, f.vertices_in, "{name}");
         assert_eq!(sum.vertices_shaded, f.vertices_shaded, "{name}");
         // What is counted is what a machine gets to do: a quad of each sample where the program runs once per sample.
