@@ -13,13 +13,13 @@ use super::surface::{ALL, Shape, TileSurface};
 
 /// Where an attachment's image is.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Place {
+pub(super) struct Subresource {
     pub texture: TextureId,
     pub level: u32,
     pub layer: u32,
 }
 
-impl Place {
+impl Subresource {
     /// The image's name among surfaces.
     pub fn key(self) -> SurfaceKey {
         SurfaceKey { texture: self.texture.0, level: self.level, layer: self.layer }
@@ -54,7 +54,7 @@ pub(super) fn discard(keeps: Aspects, tiles: &mut TileSurface) {
 }
 
 /// The image that a view used as an attachment names, and the format it is drawn in.
-pub(super) fn place_of(renderer: &Renderer<'_, '_>, view: u32, slice: Option<u32>) -> Result<(Place, Format), Fault> {
+pub(super) fn place_of(renderer: &Renderer<'_, '_>, view: u32, slice: Option<u32>) -> Result<(Subresource, Format), Fault> {
     let view = renderer.res.views.get(view)?;
     let texture = renderer.res.textures.get(view.texture.0)?;
     let layer = match texture.image.dimension {
@@ -67,7 +67,7 @@ pub(super) fn place_of(renderer: &Renderer<'_, '_>, view: u32, slice: Option<u32
     if view.range.levels != 1 || view.range.layers != 1 && texture.image.dimension != TextureDimension::D3 {
         return Err(format!("an attachment of {} levels and {} layers", view.range.levels, view.range.layers).into());
     }
-    Ok((Place { texture: view.texture, level: view.range.base_level, layer }, view.range.format))
+    Ok((Subresource { texture: view.texture, level: view.range.base_level, layer }, view.range.format))
 }
 
 /// What a pass clears of an attachment when it begins: the bits of stored texels in `mask` become those of `value`.
@@ -92,7 +92,7 @@ impl Clearing {
 }
 
 /// An image's contents, out of the texture for the length of the pass, with some or all of them cleared.
-pub(super) fn take_tiles(res: &mut Resources, place: Place, clearing: Clearing) -> Result<TileSurface, Fault> {
+pub(super) fn take_tiles(res: &mut Resources, place: Subresource, clearing: Clearing) -> Result<TileSurface, Fault> {
     let Resources { textures, ledger, .. } = res;
     let texture = textures.get_mut(place.texture.0)?;
     let state = texture.images.get_or_insert_with((place.level, place.layer), ImageState::default);
@@ -124,7 +124,12 @@ pub(super) fn take_tiles(res: &mut Resources, place: Place, clearing: Clearing) 
 }
 
 /// Puts an image's contents back after a pass. A claim replaces that of the tiles that the image had.
-pub(super) fn put_tiles(res: &mut Resources, place: Place, tiles: TileSurface, claim: Option<Claim>) -> Result<(), Fault> {
+pub(super) fn put_tiles(
+    res: &mut Resources,
+    place: Subresource,
+    tiles: TileSurface,
+    claim: Option<Claim>,
+) -> Result<(), Fault> {
     let texture = res.textures.get_mut(place.texture.0)?;
     texture.version += 1;
     let state = texture.images.get_or_insert_with((place.level, place.layer), ImageState::default);

@@ -14,7 +14,7 @@ use super::resources::Resources;
 use super::state::Bindings;
 
 /// One bound object, kept alive for the length of a draw.
-enum Held {
+enum BoundObject {
     Buffer {
         words: Arc<Words>,
         offset: u64,
@@ -45,7 +45,7 @@ enum Held {
 /// The objects of all bindings of a program, in the order of its interface.
 #[derive(Default)]
 pub(super) struct ResolvedBindings {
-    held: Vec<Held>,
+    held: Vec<BoundObject>,
     /// The end of each binding's objects, if a binding is an array. Empty if each binding has one object.
     ends: Vec<usize>,
     immediates: Vec<u32>,
@@ -102,7 +102,7 @@ impl ResolvedBindings {
     }
 
     /// The objects of each binding.
-    fn bindings(&self) -> impl Iterator<Item = &[Held]> {
+    fn bindings(&self) -> impl Iterator<Item = &[BoundObject]> {
         let count = if self.ends.is_empty() { self.held.len() } else { self.ends.len() };
         (0..count).map(|number| match &*self.ends {
             [] => &self.held[number..=number],
@@ -114,7 +114,7 @@ impl ResolvedBindings {
     pub fn lend<'a>(&'a self, lent: &'a mut Lent<'a>) -> shader::Resources<'a> {
         let Lent { few, single, arrays } = lent;
         if !self.ends.is_empty() {
-            arrays.extend(self.bindings().map(|elements| elements.iter().map(Held::lend).collect::<Vec<_>>()));
+            arrays.extend(self.bindings().map(|elements| elements.iter().map(BoundObject::lend).collect::<Vec<_>>()));
         }
         let single = match few.get_mut(..self.held.len()) {
             _ if !self.ends.is_empty() => &[],
@@ -123,7 +123,7 @@ impl ResolvedBindings {
                 &*few
             }
             None => {
-                single.extend(self.held.iter().map(Held::lend));
+                single.extend(self.held.iter().map(BoundObject::lend));
                 &**single
             }
         };
@@ -132,7 +132,7 @@ impl ResolvedBindings {
 
     /// Bytes that were looked up and copied for it, about.
     pub fn cost(&self) -> u64 {
-        (self.held.len() * size_of::<Held>() + size_of_val(&*self.immediates)) as u64
+        (self.held.len() * size_of::<BoundObject>() + size_of_val(&*self.immediates)) as u64
     }
 
     /// Signs what the program reads: the bytes of buffers, textures by the version of their contents, samplers, and some immediates.
@@ -141,18 +141,18 @@ impl ResolvedBindings {
             signer.value(&elements.len());
             for held in elements {
                 match held {
-                    Held::Buffer { words, offset, size, .. } => {
+                    BoundObject::Buffer { words, offset, size, .. } => {
                         let mut bytes = vec![0; words.len().saturating_sub(*offset).min(*size) as usize];
                         words.read(*offset, &mut bytes);
                         signer.bytes(&bytes);
                     }
-                    Held::Texture { extent, version, range, .. } => signer.value(&(extent.begin, version, range)),
+                    BoundObject::Texture { extent, version, range, .. } => signer.value(&(extent.begin, version, range)),
                     // A storage texture that is only read: its contents have no version apart from the texture's.
-                    Held::Storage { words, desc, level, base_layer, layers, .. } => {
+                    BoundObject::Storage { words, desc, level, base_layer, layers, .. } => {
                         signer.value(&(desc, level, base_layer, layers));
                         signer.bytes(&words.to_vec());
                     }
-                    Held::Sampler(sampler) => signer.value(sampler),
+                    BoundObject::Sampler(sampler) => signer.value(sampler),
                 }
             }
         }
@@ -166,11 +166,11 @@ impl ResolvedBindings {
         for (binding, elements) in interface.bindings.iter().zip(self.bindings()) {
             for held in elements {
                 let extent = match held {
-                    Held::Buffer { words, offset, size, address, .. } => {
+                    BoundObject::Buffer { words, offset, size, address, .. } => {
                         Extent::new(*address, words.len().saturating_sub(*offset).min(*size))
                     }
-                    Held::Texture { extent, .. } | Held::Storage { extent, .. } => *extent,
-                    Held::Sampler(_) => continue,
+                    BoundObject::Texture { extent, .. } | BoundObject::Storage { extent, .. } => *extent,
+                    BoundObject::Sampler(_) => continue,
                 };
                 reach.reads.add(extent);
                 if binding.written {
@@ -188,9 +188,9 @@ impl ResolvedBindings {
         for (_, elements) in interface.bindings.iter().zip(self.bindings()).filter(|(binding, _)| binding.written) {
             for held in elements {
                 match held {
-                    Held::Storage { texture, .. } => res.overwritten_all(TextureId(*texture))?,
-                    Held::Buffer { buffer, .. } => res.buffers.get(buffer.0)?.changed(),
-                    Held::Texture { .. } | Held::Sampler(_) => {}
+                    BoundObject::Storage { texture, .. } => res.overwritten_all(TextureId(*texture))?,
+                    BoundObject::Buffer { buffer, .. } => res.buffers.get(buffer.0)?.changed(),
+                    BoundObject::Texture { .. } | BoundObject::Sampler(_) => {}
                 }
             }
         }
@@ -198,14 +198,14 @@ impl ResolvedBindings {
     }
 }
 
-impl Held {
+impl BoundObject {
     fn lend(&self) -> Resource<'_> {
         match self {
-            Held::Buffer { words, offset, size, address, .. } => {
+            BoundObject::Buffer { words, offset, size, address, .. } => {
                 Resource::Buffer(BufferRange { words, offset: *offset, size: *size, address: *address })
             }
-            Held::Texture { view, .. } => Resource::Texture(view),
-            Held::Storage { words, desc, level, base_layer, layers, extent, .. } => Resource::Storage(StorageImage {
+            BoundObject::Texture { view, .. } => Resource::Texture(view),
+            BoundObject::Storage { words, desc, level, base_layer, layers, extent, .. } => Resource::Storage(StorageImage {
                 words,
                 desc: *desc,
                 level: *level,
@@ -213,7 +213,7 @@ impl Held {
                 layers: *layers,
                 address: extent.begin,
             }),
-            Held::Sampler(sampler) => Resource::Sampler(sampler),
+            BoundObject::Sampler(sampler) => Resource::Sampler(sampler),
         }
     }
 }
@@ -248,7 +248,7 @@ pub(super) fn missing(interface: &Interface, binding: &Binding, reason: &str) ->
 }
 
 /// Appends the objects of a binding.
-fn resolve(res: &mut Resources, binding: &Binding, bound: &Bindings, held: &mut Vec<Held>) -> Result<(), String> {
+fn resolve(res: &mut Resources, binding: &Binding, bound: &Bindings, held: &mut Vec<BoundObject>) -> Result<(), String> {
     let (group, bind_group) = group_of(res, binding, bound)?;
     let resource = bind_group.find(binding.binding).ok_or(NO_SUCH_BINDING)?.clone();
     let dynamic = match bind_group.dynamic.binary_search(&binding.binding) {
@@ -280,11 +280,11 @@ fn resolve(res: &mut Resources, binding: &Binding, bound: &Bindings, held: &mut 
             }
         }
         (BindingKind::Sampler { .. }, BoundResource::Sampler(sampler)) => {
-            held.push(Held::Sampler(res.samplers.get(sampler.0)?.clone()));
+            held.push(BoundObject::Sampler(res.samplers.get(sampler.0)?.clone()));
         }
         (BindingKind::Sampler { .. }, BoundResource::Samplers(samplers)) => {
             for sampler in samplers {
-                held.push(Held::Sampler(res.samplers.get(sampler.0)?.clone()));
+                held.push(BoundObject::Sampler(res.samplers.get(sampler.0)?.clone()));
             }
         }
         (kind, resource) => return Err(format!("the shader wants {kind:?}, bound is {resource:?}")),
@@ -299,7 +299,7 @@ fn hold_buffer(
     offset: u64,
     size: Option<u64>,
     dynamic: u64,
-) -> Result<Held, String> {
+) -> Result<BoundObject, String> {
     let buffer = res.buffers.get(id.0)?;
     let (offset, size) = match size {
         Some(size) => buffer.range(id, offset + dynamic, Some(size))?,
@@ -316,21 +316,21 @@ fn hold_buffer(
     if size < least {
         return Err(format!("{size} bytes of buffer {} are bound, the shader needs {least}", id.0));
     }
-    Ok(Held::Buffer { words: buffer.words.clone(), offset, size, address: buffer.address + offset, buffer: id })
+    Ok(BoundObject::Buffer { words: buffer.words.clone(), offset, size, address: buffer.address + offset, buffer: id })
 }
 
-fn hold_texture(res: &mut Resources, id: ViewId) -> Result<Held, String> {
+fn hold_texture(res: &mut Resources, id: ViewId) -> Result<BoundObject, String> {
     let prepared = res.prepare_view(id.0)?;
     let view = res.views.get(id.0)?;
     let texture = res.textures.get(view.texture.0)?;
-    Ok(Held::Texture { view: prepared, extent: texture.extent(), version: texture.version, range: view.range })
+    Ok(BoundObject::Texture { view: prepared, extent: texture.extent(), version: texture.version, range: view.range })
 }
 
-fn hold_storage(res: &mut Resources, id: ViewId) -> Result<Held, String> {
+fn hold_storage(res: &mut Resources, id: ViewId) -> Result<BoundObject, String> {
     let view = res.views.get(id.0)?;
     let (id, range) = (view.texture, view.range);
     let texture = res.flushed(id)?;
-    Ok(Held::Storage {
+    Ok(BoundObject::Storage {
         words: texture.words.clone(),
         desc: ImageDesc { format: range.format, ..texture.image },
         level: range.base_level,

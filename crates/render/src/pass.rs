@@ -10,7 +10,7 @@ use shader::{BuiltIn, Interface, Uniforms};
 use trace::command::*;
 use work::{Aspects, Attachment, Event, Extent, Funnel, Load, Pass, Reach, Segment, Signature, Stored, Surface};
 
-use super::attachments::{Clearing, Place, announce, clear_bits, discard, lost, place_of, put_tiles, take_tiles};
+use super::attachments::{Clearing, Subresource, announce, clear_bits, discard, lost, place_of, put_tiles, take_tiles};
 use super::bind::{Lent, ResolvedBindings};
 use super::draw::{
     BoundStage, BufferRange, DrawCall, Drawn, DynamicState, IndexRange, OpenQueries, PassOptions, RenderPass, Signer,
@@ -25,11 +25,11 @@ use super::stored::stored_blocks;
 use super::surface::{Shape, TileSurface};
 
 /// One attachment while the pass runs.
-struct Bound {
-    place: Place,
+struct BoundAttachment {
+    place: Subresource,
     /// Format in which it is drawn: the view's.
     format: Format,
-    resolve: Option<Place>,
+    resolve: Option<Subresource>,
     keeps: Aspects,
     /// Neither aspect may be written: the texture keeps its contents, and shaders may read it meanwhile.
     read_only: bool,
@@ -38,8 +38,8 @@ struct Bound {
 /// A render pass between its begin and its end.
 pub(super) struct ActivePass {
     pass: RenderPass,
-    color: Vec<Option<Bound>>,
-    depth: Option<Bound>,
+    color: Vec<Option<BoundAttachment>>,
+    depth: Option<BoundAttachment>,
     state: PassState,
     width: u32,
     height: u32,
@@ -138,7 +138,7 @@ impl ActivePass {
             };
             announce(renderer, &attachment.surface, attachment.loads(), &tiles)?;
             storage.push(Some((tiles, format)));
-            bound.push(Some(Bound { place, format, resolve, keeps, read_only: false }));
+            bound.push(Some(BoundAttachment { place, format, resolve, keeps, read_only: false }));
             attachments.push(Some(attachment));
         }
         let mut depth_storage = None;
@@ -176,7 +176,7 @@ impl ActivePass {
             };
             announce(renderer, &surface, attachment.loads(), &tiles)?;
             depth_storage = Some(tiles);
-            depth_bound = Some(Bound { place, format, resolve: None, keeps, read_only });
+            depth_bound = Some(BoundAttachment { place, format, resolve: None, keeps, read_only });
             depth_attachment = Some(attachment);
         }
         let (width, height, samples) = extent.ok_or("a render pass without attachments")?;
@@ -480,7 +480,7 @@ impl ActivePass {
         }
         for (bound, tiles) in self.color.iter().chain([&self.depth]).zip(images) {
             let (Some(bound), Some(mut tiles)) = (bound, tiles) else { continue };
-            let (Place { texture, level, layer }, shape) = (bound.place, tiles.shape());
+            let (Subresource { texture, level, layer }, shape) = (bound.place, tiles.shape());
             if bound.format.is_depth_stencil() {
                 if bound.read_only {
                     continue;

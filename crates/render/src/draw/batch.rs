@@ -57,7 +57,7 @@ pub struct Ended {
 
 /// Consecutive entries of a segment's stream: of a list, or of one strip.
 #[derive(Clone, Copy, Debug)]
-pub struct Part {
+pub struct StreamRange {
     pub(super) start: u32,
     pub(super) len: u32,
     pub(super) hub: Option<u32>,
@@ -67,7 +67,7 @@ pub struct Part {
 #[derive(Default)]
 pub struct Batch {
     /// The parts of the segment's stream that the batch takes.
-    pub(super) parts: Vec<Part>,
+    pub(super) parts: Vec<StreamRange>,
     /// Primitives before this batch in the segment.
     pub first_primitive: u32,
     primitives: u32,
@@ -125,7 +125,7 @@ pub fn cut(topology: Topology, pieces: &[Piece], batches: &mut Vec<Batch>) -> us
             }
             // A piece of a fan without its start has the hub as its first entry, so it is a fan itself.
             let (start, len, needs_hub) = entries_of(topology, first, count);
-            let part = Part { start: piece.stream + start, len, hub: needs_hub.then_some(piece.stream) };
+            let part = StreamRange { start: piece.stream + start, len, hub: needs_hub.then_some(piece.stream) };
             match batch.parts.last_mut() {
                 // Lists have no state from one primitive to the next.
                 Some(last) if !topology.is_strip() && last.start + last.len == part.start => last.len += len,

@@ -79,13 +79,13 @@ pub struct Candidate<'a> {
 }
 
 /// The instances of a draw that may be seen, and what the tests came to.
-pub struct Seen {
+pub struct VisibleInstances {
     pub instances: Vec<std::ops::Range<u64>>,
     pub culling: Culling,
 }
 
 /// An input and its known range.
-type Given = (InputRegister, Range);
+type KnownInput = (InputRegister, Range);
 
 impl Candidate<'_> {
     /// All instances.
@@ -95,9 +95,9 @@ impl Candidate<'_> {
     }
 
     /// Tests the draw, and its instances where that is asked for and there are several.
-    pub fn test(&self, boxes: &mut Boxes) -> Seen {
+    pub fn test(&self, boxes: &mut Boxes) -> VisibleInstances {
         let all = self.all();
-        let mut seen = Seen { instances: vec![all.clone()], culling: Culling::default() };
+        let mut seen = VisibleInstances { instances: vec![all.clone()], culling: Culling::default() };
         let Some(mut given) = self.vertices(boxes) else { return seen };
         let known = given.len();
         seen.culling.tests += 1;
@@ -117,7 +117,7 @@ impl Candidate<'_> {
     }
 
     /// Tests every instance on its own. Where the first has no bounds, none of them is thought to have any.
-    fn test_each(&self, boxes: &mut Boxes, given: &mut Vec<Given>, known: usize, seen: &mut Seen) {
+    fn test_each(&self, boxes: &mut Boxes, given: &mut Vec<KnownInput>, known: usize, seen: &mut VisibleInstances) {
         let all = self.all();
         let mut fetched = Vec::new();
         for instance in all.clone() {
@@ -145,7 +145,7 @@ impl Candidate<'_> {
     }
 
     /// Whether all positions lie outside one plane. None if the positions have no known bounds.
-    fn outside(&self, boxes: &mut Boxes, given: &[Given]) -> Option<bool> {
+    fn outside(&self, boxes: &mut Boxes, given: &[KnownInput]) -> Option<bool> {
         let vertex = self.call.vertex();
         let program = &vertex.stage.program;
         if !boxes.encloser.enclose(program, &vertex.resources, vertex.uniforms, given) {
@@ -159,7 +159,7 @@ impl Candidate<'_> {
     }
 
     /// The known ranges of the inputs that come from vertices. None if nothing is known.
-    fn vertices(&self, boxes: &mut Boxes) -> Option<Vec<Given>> {
+    fn vertices(&self, boxes: &mut Boxes) -> Option<Vec<KnownInput>> {
         let Candidate { call, .. } = self;
         let ends = match call.index {
             None => (call.range.first, call.range.first.checked_add(call.range.count - 1)?),
@@ -196,7 +196,7 @@ impl Candidate<'_> {
     }
 
     /// Appends the known ranges of the inputs that come from instances, over all instances of a draw.
-    fn instance_ranges(&self, boxes: &mut Boxes, all: std::ops::Range<u64>, given: &mut Vec<Given>) {
+    fn instance_ranges(&self, boxes: &mut Boxes, all: std::ops::Range<u64>, given: &mut Vec<KnownInput>) {
         // Instance numbers beyond 32 bits begin again.
         let Ok(last) = u32::try_from(all.end - 1) else { return };
         let ends = (all.start as u32, last);
@@ -205,7 +205,7 @@ impl Candidate<'_> {
     }
 
     /// Bounds of the attributes of vertices (or instances) from the first to the last.
-    fn attributes(&self, boxes: &mut Boxes, step: StepMode, ends: (u32, u32), given: &mut Vec<Given>) {
+    fn attributes(&self, boxes: &mut Boxes, step: StepMode, ends: (u32, u32), given: &mut Vec<KnownInput>) {
         let Candidate { call, .. } = self;
         for attribute in &call.pipeline.attributes {
             let (program, source) = (&call.vertex().stage.program, call.source(attribute));
@@ -257,7 +257,7 @@ impl Candidate<'_> {
     }
 
     /// Gives a built-in value to the inputs that ask for it.
-    fn builtins(&self, builtin: BuiltIn, range: Range, given: &mut Vec<Given>) {
+    fn builtins(&self, builtin: BuiltIn, range: Range, given: &mut Vec<KnownInput>) {
         let PipelineStage { program, builtins } = self.call.vertex().stage;
         let asked = builtins.iter().filter(|(_, asked)| *asked == builtin);
         given.extend(asked.filter_map(|&(slot, _)| Some((program.input_register(slot, 0)?, range))));

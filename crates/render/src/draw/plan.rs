@@ -77,7 +77,7 @@ impl Default for Planner {
 
 /// Where a walk stands.
 #[derive(Clone, Copy, Debug)]
-pub struct Place {
+pub struct WalkPosition {
     instance: u64,
     turn: usize,
     run: usize,
@@ -196,12 +196,12 @@ impl Planner {
     }
 
     /// Where the walk stands, to come back to.
-    pub fn place(&self) -> Place {
-        Place { instance: self.instance, turn: self.turn, run: self.run, primitive: self.primitive, done: self.done }
+    pub fn place(&self) -> WalkPosition {
+        WalkPosition { instance: self.instance, turn: self.turn, run: self.run, primitive: self.primitive, done: self.done }
     }
 
     /// Goes back to a place.
-    pub fn go_back(&mut self, place: Place) {
+    pub fn go_back(&mut self, place: WalkPosition) {
         (self.instance, self.turn) = (place.instance, place.turn);
         (self.run, self.primitive, self.done) = (place.run, place.primitive, place.done);
     }

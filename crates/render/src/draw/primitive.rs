@@ -7,7 +7,7 @@ use gfx::simd::{Simd, dispatch};
 use gfx::state::{PolygonMode, Topology};
 use work::PrimitiveOutcome;
 
-use super::batch::{Batch, Corners, Ended, Input, MADE, Part};
+use super::batch::{Batch, Corners, Ended, Input, MADE, StreamRange};
 use super::clip_distance;
 
 impl Batch {
@@ -65,7 +65,7 @@ impl Batch {
     fn assemble_part(
         &mut self,
         input: &Input<'_, '_>,
-        part: &Part,
+        part: &StreamRange,
         entries: &[u32],
         number: &mut u32,
         (kind, plain, flat): (PrimitiveKind, bool, usize),

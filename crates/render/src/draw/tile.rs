@@ -72,8 +72,8 @@ pub struct TileRun<'a, 'f, 'j> {
     pub fault: Option<ShaderFault>,
     /// Triangles so far.
     visits: u64,
-    /// Steps of which the ledger was told, beside those of shaders.
-    told: u64,
+    /// Steps of which that were reported to the ledger, beside those of shaders.
+    reported_steps: u64,
     /// The current triangle: its batch, its number there, its place among the pending ones.
     pub batch: u32,
     pub number: u32,
@@ -152,7 +152,7 @@ where
         overwritten: 0,
         fault: None,
         visits: 0,
-        told: 0,
+        reported_steps: 0,
         batch: 0,
         number: 0,
         slot: u32::MAX,
@@ -245,7 +245,7 @@ const TELL: u64 = 1 << 18;
 impl TileRun<'_, '_, '_> {
     /// Work beside shaders that was not charged to the ledger yet, in steps: traversal and tests of triangles and quads take about so long.
     fn work(&self) -> u64 {
-        16 * self.visits + self.counts.tiles_visited + self.call.quad_steps * self.counts.quads_rasterized - self.told
+        16 * self.visits + self.counts.tiles_visited + self.call.quad_steps * self.counts.quads_rasterized - self.reported_steps
     }
 
     /// Counts a visit; whether the ledger allows it.
@@ -256,7 +256,7 @@ impl TileRun<'_, '_, '_> {
         if work < TELL {
             return true;
         }
-        self.told += work;
+        self.reported_steps += work;
         self.call.ledger.steps.add(work)
     }
 

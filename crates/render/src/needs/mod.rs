@@ -55,7 +55,7 @@ enum Thing {
 
 /// The kind of a step.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
-enum Kind {
+enum StepKind {
     Pass,
     Dispatch,
     /// An upload or copy, which is always done.
@@ -68,7 +68,7 @@ enum Kind {
 /// A pass, dispatch, upload, copy or end of a frame.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Hash)]
 struct Step {
-    kind: Kind,
+    kind: StepKind,
     /// The things that it overwrites whole, whether anything is drawn or not.
     fresh: BTreeSet<Thing>,
     /// The things that are read to find its extent: arguments of indirect commands.
@@ -183,7 +183,7 @@ impl Dependencies {
         // Commands after the last frame's end belong to a frame that does not end.
         let mut frame = self.frames;
         self.notes.backwards(|step| {
-            if step.kind == Kind::Present {
+            if step.kind == StepKind::Present {
                 frame = frame.saturating_sub(1);
             }
             let want = want(frame);
@@ -191,7 +191,7 @@ impl Dependencies {
             let lives = |things: &BTreeSet<Thing>| things.iter().any(|thing| live.contains(thing));
             let colored = all || lives(&step.color_writes);
             let (run, extent) = match step.kind {
-                Kind::Pass => {
+                StepKind::Pass => {
                     let need = match colored {
                         true => Need::Colors,
                         false if lives(&step.writes) => Need::Coverage,
@@ -201,13 +201,13 @@ impl Dependencies {
                     passes.add(need as u8);
                     (need > Need::Nothing, need > Need::Nothing)
                 }
-                Kind::Dispatch => {
+                StepKind::Dispatch => {
                     let run = all || lives(&step.writes);
                     dispatches.add(run.into());
                     (run, want == Want::Counts)
                 }
-                Kind::Copy => (all || lives(&step.writes), false),
-                Kind::Present => {
+                StepKind::Copy => (all || lives(&step.writes), false),
+                StepKind::Present => {
                     pictures.add(all.into());
                     (all, false)
                 }

@@ -6,7 +6,7 @@ use std::sync::Arc;
 
 use host::Spool;
 
-use super::{Kind, Step, Thing};
+use super::{Step, StepKind, Thing};
 
 /// Different steps that are known in memory at a time. Those of most frames are alike.
 const KNOWN: usize = 512;
@@ -96,10 +96,10 @@ impl Notes {
         self.kinds.read(place, &mut head)?;
         let number = |at: usize| u32::from_ne_bytes(std::array::from_fn(|byte| head[4 * at + byte]));
         let kind = match number(0) {
-            0 => Kind::Pass,
-            1 => Kind::Dispatch,
-            2 => Kind::Copy,
-            _ => Kind::Present,
+            0 => StepKind::Pass,
+            1 => StepKind::Dispatch,
+            2 => StepKind::Copy,
+            _ => StepKind::Present,
         };
         let mut next = place + HEAD as u64;
         let mut set = |at: usize| -> io::Result<BTreeSet<Thing>> {
@@ -130,10 +130,10 @@ fn encoded(step: &Step) -> Vec<u8> {
     let Step { kind, fresh, extent, reads, color_reads, writes, color_writes } = step;
     let sets = [fresh, extent, reads, color_reads, writes, color_writes];
     let kind = match kind {
-        Kind::Pass => 0,
-        Kind::Dispatch => 1,
-        Kind::Copy => 2,
-        Kind::Present => 3,
+        StepKind::Pass => 0,
+        StepKind::Dispatch => 1,
+        StepKind::Copy => 2,
+        StepKind::Present => 3,
     };
     let mut numbers = vec![kind];
     numbers.extend(sets.map(|set| set.len() as u32));
@@ -164,7 +164,7 @@ mod tests {
             let things =
                 |of: u32| (0..n % of).map(|at| [Thing::Level(at, n), Thing::Buffer(n), Thing::Queries(at)][at as usize % 3]);
             Step {
-                kind: [Kind::Pass, Kind::Dispatch, Kind::Copy, Kind::Present][n as usize % 4],
+                kind: [StepKind::Pass, StepKind::Dispatch, StepKind::Copy, StepKind::Present][n as usize % 4],
                 fresh: things(2).collect(),
                 extent: things(3).collect(),
                 reads: things(4).collect(),

@@ -8,7 +8,7 @@ use trace::command::*;
 use trace::{Trace, TraceError};
 
 use super::notes::Notes;
-use super::{Dependencies, Kind, Step, Thing};
+use super::{Dependencies, Step, StepKind, Thing};
 use crate::bind;
 use crate::execute::{Fault, Options, Renderer, walk};
 use crate::ledger::{Claim, Ledger};
@@ -83,7 +83,7 @@ impl Walker {
             let textures = renderer.res.textures.iter();
             let reads = textures.flat_map(|(id, texture)| (0..texture.image.levels).map(move |level| Thing::Level(id, level)));
             let reads = reads.collect();
-            self.note(&renderer.ledger, Step { kind: Kind::Present, reads, ..Step::default() })?;
+            self.note(&renderer.ledger, Step { kind: StepKind::Present, reads, ..Step::default() })?;
             self.frame = 1;
         }
         Ok(())
@@ -116,7 +116,7 @@ impl Walker {
         let (res, ledger) = (&renderer.res, &renderer.ledger);
         match command {
             Command::BeginRenderPass { color, depth, occlusion, .. } => {
-                let mut open = Open { step: Step { kind: Kind::Pass, ..Step::default() }, ..Open::default() };
+                let mut open = Open { step: Step { kind: StepKind::Pass, ..Step::default() }, ..Open::default() };
                 open.occlusion = occlusion.map(|set| set.0);
                 begin(res, &mut open.step, color, depth.as_ref())?;
                 self.render = Some(open);
@@ -128,7 +128,7 @@ impl Walker {
                 for view in self.sprites.views() {
                     reads.extend(levels(res, view.0)?.0);
                 }
-                self.note(ledger, Step { kind: Kind::Present, reads, ..Step::default() })?;
+                self.note(ledger, Step { kind: StepKind::Present, reads, ..Step::default() })?;
                 self.frame += 1;
                 return if self.frame < end { Ok(()) } else { Err(Fault::Stop) };
             }
@@ -192,7 +192,7 @@ impl Walker {
             Command::SetBindGroup { index, group, offsets } => open.bindings.set(*index, *group, offsets)?,
             Command::Dispatch { .. } | Command::DispatchIndirect { .. } => {
                 let id = open.pipeline.ok_or("a dispatch without a pipeline")?;
-                let mut step = Step { kind: Kind::Dispatch, ..Step::default() };
+                let mut step = Step { kind: StepKind::Dispatch, ..Step::default() };
                 if let Command::DispatchIndirect { buffer, .. } = command {
                     step.extent.insert(Thing::Buffer(buffer.0));
                 }
@@ -387,7 +387,7 @@ fn copy(res: &Resources, command: &Command) -> Result<Option<Step>, String> {
         _ => return Ok(None),
     };
     Ok(Some(Step {
-        kind: Kind::Copy,
+        kind: StepKind::Copy,
         fresh,
         reads: read.into_iter().collect(),
         writes: written.into_iter().collect(),
