@@ -187,8 +187,8 @@ fn run(name: &str, workload: &Workload, frames: usize, skips: Skips, record: boo
         mipmap: FilterMode::Linear,
         ..SamplerDesc::default()
     });
-    let module =
-        Module::new(name, shader::Source::Wgsl(&format!("{COMMON}{}", workload.source))).unwrap_or_else(|e| panic!("{e}"));
+    let module = Module::new(name, shader::ModuleSource::Wgsl(&format!("{COMMON}{}", workload.source)))
+        .unwrap_or_else(|e| panic!("{e}"));
     let stage = || StageDesc { shader: ShaderId(0), entry: None, constants: Vec::new(), zero_workgroup_memory: true };
     let depth = DepthStencil {
         format: Format::Depth32Float,

@@ -5,7 +5,7 @@ use std::time::Duration;
 
 use criterion::{Criterion, Throughput, criterion_group, criterion_main};
 use fillrate::num::{LANES, Lanes, Words};
-use fillrate::shader::{BufferRange, Executor, Module, Options, Recorder, Resource, Resources, Source, Stage, compile};
+use fillrate::shader::{BufferRange, Executor, Module, ModuleSource, Options, Recorder, Resource, Resources, Stage, compile};
 
 const BLINN_PHONG: &str = "
     @fragment fn fs(@location(0) wp: vec3f, @location(1) wn: vec3f) -> @location(0) vec4f {
@@ -42,7 +42,7 @@ const TRANSFORM: &str = "
 
 /// Times batches of one program, with or without a recorder.
 fn batches(c: &mut Criterion, name: &str, source: &str, stage: Stage, record: bool) {
-    let module = Module::new(name, Source::Wgsl(source)).expect("the program is valid");
+    let module = Module::new(name, ModuleSource::Wgsl(source)).expect("the program is valid");
     let program = compile(&module, stage, None, &Options::default()).expect("the program compiles");
     let words = Words::new(256);
     for i in 0..16 {

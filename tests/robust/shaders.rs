@@ -7,7 +7,7 @@ use fillrate::gfx::state::{Aspect, Compare, FilterMode, SamplerDesc, TextureDime
 use fillrate::gfx::texture::{Sampler, View, ViewRange};
 use fillrate::num::{Limits, Meter, Words};
 use fillrate::shader::{
-    BindingKind, BufferRange, Executor, Module, Options, Recorder, Resource, Resources, SampleKind, Source, Stage,
+    BindingKind, BufferRange, Executor, Module, ModuleSource, Options, Recorder, Resource, Resources, SampleKind, Stage,
     StorageImage, compile,
 };
 
@@ -22,9 +22,9 @@ pub fn run_everything(data: &[u8]) {
     let Some((&kind, rest)) = data.split_first() else { return };
     let text = std::str::from_utf8(rest);
     let source = match (kind, text) {
-        (b'S', _) => Source::SpirV(rest),
-        (b'N', Ok(text)) => Source::NagaIr(text),
-        (_, Ok(text)) => Source::Wgsl(text),
+        (b'S', _) => ModuleSource::SpirV(rest),
+        (b'N', Ok(text)) => ModuleSource::NagaIr(text),
+        (_, Ok(text)) => ModuleSource::Wgsl(text),
         _ => return,
     };
     let module = match Module::new("fuzzed", source) {

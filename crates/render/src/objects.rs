@@ -54,11 +54,11 @@ enum OwnedSource {
 }
 
 impl OwnedSource {
-    fn lend(&self) -> shader::Source<'_> {
+    fn lend(&self) -> shader::ModuleSource<'_> {
         match self {
-            OwnedSource::Wgsl(text) => shader::Source::Wgsl(text),
-            OwnedSource::SpirV(bytes) => shader::Source::SpirV(bytes),
-            OwnedSource::NagaIr(text) => shader::Source::NagaIr(text),
+            OwnedSource::Wgsl(text) => shader::ModuleSource::Wgsl(text),
+            OwnedSource::SpirV(bytes) => shader::ModuleSource::SpirV(bytes),
+            OwnedSource::NagaIr(text) => shader::ModuleSource::NagaIr(text),
         }
     }
 }
@@ -289,8 +289,8 @@ impl Renderer<'_, '_> {
         };
         let title = label.map_or_else(|| name.clone(), |label| format!("{name} ({})", one_line(label)));
         let bytes = match source.lend() {
-            shader::Source::Wgsl(text) | shader::Source::NagaIr(text) => text.len(),
-            shader::Source::SpirV(bytes) => bytes.len(),
+            shader::ModuleSource::Wgsl(text) | shader::ModuleSource::NagaIr(text) => text.len(),
+            shader::ModuleSource::SpirV(bytes) => bytes.len(),
         } as u64;
         let claim = self.ledger.claim("a shader's text", bytes)?;
         let text = ShaderText { title, source, limits: *self.trace.limits(), claim };

@@ -4,7 +4,7 @@
 use std::collections::{HashMap, HashSet};
 
 use super::code::Code;
-use super::module::Place;
+use super::module::ShaderLocation;
 use super::options::Optimisations;
 use super::program::{MemoryOp, SubgroupOp, TextureOp};
 
@@ -90,7 +90,7 @@ pub(super) struct Builder {
     pub ranges: Vec<Range>,
     pub range_registers: u32,
     pub classes: u32,
-    pub loops: Vec<Option<Place>>,
+    pub loops: Vec<Option<ShaderLocation>>,
     pub slots: u16,
     /// Steps taken so far, in instructions: what the budget of compiling counts.
     pub steps: u64,

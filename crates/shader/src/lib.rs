@@ -4,7 +4,7 @@
 //! * [`compile`]: an entry point with its pipeline constants becomes a [`Program`]: a flat list of operations on scalar
 //!   registers of 64 lanes. Its [`Interface`] says what it needs.
 //! * [`Executor`]: a thread's register file. [`Executor::bind`] joins it with a program, [`Resources`] and the [`Uniforms`] of
-//!   a draw; [`Bound::run`] runs a batch, [`Bound::run_groups`] workgroups.
+//!   a draw; [`BoundProgram::run`] runs a batch, [`BoundProgram::run_groups`] workgroups.
 //! * [`Encloser`]: bounds of what a program leaves for inputs in given ranges, without running it.
 //! * [`Recorder`]: what runs cost, for the simulated card; without one nothing is recorded and nothing spent on it.
 //!
@@ -20,7 +20,7 @@
 //!
 //! ```
 //! use num::Lanes;
-//! use shader::{Executor, Module, Options, Resources, Source, Stage, compile};
+//! use shader::{Executor, Module, Options, Resources, ModuleSource, Stage, compile};
 //!
 //! let text = "@fragment fn main(@location(0) x: f32) -> @location(0) vec4f { return vec4f(x, 2 * x, 0, 1); }";
 //! let module = Module::new("double", Source::Wgsl(text))?;
@@ -67,10 +67,12 @@ mod tests;
 
 pub use bounds::{Encloser, Range};
 pub use compile::compile;
-pub use exec::{Bound, Executor, Extra, InputRegister, Outcome, QuadCost, Recorder, ShaderFault, Uniforms, Why};
+pub use exec::{
+    BoundProgram, ExceededLimit, Executor, Extra, InputRegister, QuadCost, Recorder, ShaderFault, Survivors, Uniforms,
+};
 pub use gfx::stage::Stage;
 pub use interface::*;
-pub use module::{Module, Place, ShaderError, Source};
+pub use module::{Module, ModuleSource, ShaderError, ShaderLocation};
 pub use options::{Fault, Optimisations, Options};
 pub use program::Program;
 pub use resources::{BufferRange, Resource, Resources, StorageImage};

@@ -165,7 +165,7 @@ fn pass(numbers: &Numbers<'_>, insts: &[Inst], outputs: &[V], heads: &mut [Set])
 
 #[cfg(test)]
 mod tests {
-    use crate::{Module, Options, Source, Stage, compile};
+    use crate::{Module, ModuleSource, Options, Stage, compile};
 
     /// The registers of a compute shader with this body.
     fn registers(body: &str) -> u32 {
@@ -173,7 +173,7 @@ mod tests {
             "@group(0) @binding(0) var<storage, read_write> o: array<f32>;
              @compute @workgroup_size(64) fn main(@builtin(global_invocation_id) id: vec3u) {{ let i = id.x; {body} }}"
         );
-        let module = Module::new("test", Source::Wgsl(&source)).expect("valid");
+        let module = Module::new("test", ModuleSource::Wgsl(&source)).expect("valid");
         compile(&module, Stage::Compute, None, &Options::default()).expect("it compiles").interface().registers
     }
 

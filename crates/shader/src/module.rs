@@ -15,7 +15,7 @@ use num::Limits;
 
 /// The source of a shader module.
 #[derive(Clone, Copy, Debug)]
-pub enum Source<'a> {
+pub enum ModuleSource<'a> {
     /// WGSL text.
     Wgsl(&'a str),
     /// A SPIR-V binary.
@@ -26,7 +26,7 @@ pub enum Source<'a> {
 
 /// A place in the source of a module.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Place {
+pub enum ShaderLocation {
     /// In a text.
     Text {
         /// Line, from 1.
@@ -38,21 +38,21 @@ pub enum Place {
     Word(u32),
 }
 
-impl Place {
+impl ShaderLocation {
     /// The line, from 1, in a text.
     pub fn line(self) -> Option<u32> {
         match self {
-            Place::Text { line, .. } => Some(line),
-            Place::Word(_) => None,
+            ShaderLocation::Text { line, .. } => Some(line),
+            ShaderLocation::Word(_) => None,
         }
     }
 }
 
-impl std::fmt::Display for Place {
+impl std::fmt::Display for ShaderLocation {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         match self {
-            Place::Text { line, column } => write!(f, "{line}:{column}"),
-            Place::Word(word) => write!(f, "word {word}"),
+            ShaderLocation::Text { line, column } => write!(f, "{line}:{column}"),
+            ShaderLocation::Word(word) => write!(f, "word {word}"),
         }
     }
 }
@@ -66,7 +66,7 @@ pub struct ShaderError {
     /// Entry point, if the error belongs to one.
     pub entry: Option<String>,
     /// Place in the source, if it is known. naga IR has places only while it is read: afterwards messages name its handles.
-    pub place: Option<Place>,
+    pub place: Option<ShaderLocation>,
     /// What is wrong.
     pub message: String,
 }
@@ -75,7 +75,7 @@ fn entry_text(entry: &Option<String>) -> String {
     entry.as_ref().map(|e| format!(", entry point `{}`", one_line(e))).unwrap_or_default()
 }
 
-fn place_text(place: &Option<Place>) -> String {
+fn place_text(place: &Option<ShaderLocation>) -> String {
     place.map(|p| format!(", {p}")).unwrap_or_default()
 }
 
@@ -108,11 +108,11 @@ pub(super) enum Places {
 
 impl Places {
     /// The place of a span.
-    pub fn of(&self, span: naga::Span) -> Option<Place> {
+    pub fn of(&self, span: naga::Span) -> Option<ShaderLocation> {
         let at = span.to_range()?.start;
         match self {
             Places::Text(text, rewritten) => Some(wgsl::place(text, rewritten.origin(at))),
-            Places::Binary(origins) => Some(Place::Word(origin(origins, (at / 4) as u32))),
+            Places::Binary(origins) => Some(ShaderLocation::Word(origin(origins, (at / 4) as u32))),
             Places::None => None,
         }
     }
@@ -211,30 +211,30 @@ impl Module {
     ///
     /// # Errors
     /// If the text does not parse, or naga's validation refuses it, or it needs a capability that is not implemented.
-    pub fn new(name: &str, source: Source<'_>) -> Result<Module, ShaderError> {
+    pub fn new(name: &str, source: ModuleSource<'_>) -> Result<Module, ShaderError> {
         Module::with_limits(name, source, &Limits::default())
     }
 
     /// As [`Module::new`], with limits other than the default ones.
-    pub fn with_limits(name: &str, source: Source<'_>, limits: &Limits) -> Result<Module, ShaderError> {
+    pub fn with_limits(name: &str, source: ModuleSource<'_>, limits: &Limits) -> Result<Module, ShaderError> {
         let fail = |message| ShaderError { module: name.to_owned(), entry: None, place: None, message };
         let length = match source {
-            Source::Wgsl(text) | Source::NagaIr(text) => text.len(),
-            Source::SpirV(bytes) => bytes.len(),
+            ModuleSource::Wgsl(text) | ModuleSource::NagaIr(text) => text.len(),
+            ModuleSource::SpirV(bytes) => bytes.len(),
         };
         limits.shader_source.check(length as u64).map_err(|error| fail(error.to_string()))?;
         let parse = || guarded(|| Module::parse(name, source, limits)).unwrap_or_else(|message| Err(fail(message)));
         with_room_for(limits.shader_nesting.get(), parse).unwrap_or_else(|message| Err(fail(message)))
     }
 
-    fn parse(name: &str, source: Source<'_>, limits: &Limits) -> Result<Module, ShaderError> {
+    fn parse(name: &str, source: ModuleSource<'_>, limits: &Limits) -> Result<Module, ShaderError> {
         let fail = |place, message| ShaderError { module: name.to_owned(), entry: None, place, message };
         let (ir, places, work) = match source {
-            Source::Wgsl(text) => {
+            ModuleSource::Wgsl(text) => {
                 let (ir, read) = wgsl::parse(text, limits).map_err(|(place, message)| fail(place, message))?;
                 (ir, Places::Text(text.into(), Arc::new(read.text)), read.work)
             }
-            Source::SpirV(bytes) => {
+            ModuleSource::SpirV(bytes) => {
                 let options = naga::front::spv::Options {
                     // What wgpu does: its convention is Vulkan's, with y flipped in the vertex stage.
                     adjust_coordinate_space: false,
@@ -246,7 +246,7 @@ impl Module {
                 if words.len() * 4 != bytes.len() {
                     return Err(fail(None, format!("{} bytes are no whole number of words", bytes.len())));
                 }
-                let place = |at: u32| Some(Place::Word(at));
+                let place = |at: u32| Some(ShaderLocation::Word(at));
                 let pairs = extent::check_spirv(&words, limits).map_err(|(at, message)| fail(place(at), message))?;
                 if let Some((id, at)) = undefined_function(&words) {
                     return Err(fail(place(at), format!("a call of %{id}, which is no function of the module")));
@@ -254,14 +254,14 @@ impl Module {
                 let mended = spirv::mend(&words).map_err(|(at, message)| fail(place(at), message))?;
                 let (words, origins) = mended.map_or((words, Vec::new()), |mended| (mended.words, mended.origins));
                 let ir = read_spirv(&words, &options)
-                    .map_err(|(word, message)| fail(word.map(|word| Place::Word(origin(&origins, word))), message))?;
+                    .map_err(|(word, message)| fail(word.map(|word| ShaderLocation::Word(origin(&origins, word))), message))?;
                 (ir, Places::Binary(origins.into()), (bytes.len() as u64, pairs))
             }
-            Source::NagaIr(ron) => {
+            ModuleSource::NagaIr(ron) => {
                 let ir = ir_text::read(ron).map_err(|e| {
                     let at = e.span.start;
                     fail(
-                        Some(Place::Text { line: at.line as u32, column: at.col as u32 }),
+                        Some(ShaderLocation::Text { line: at.line as u32, column: at.col as u32 }),
                         format!("no naga IR: {}", ron_reason(&e.code)),
                     )
                 })?;
@@ -312,8 +312,8 @@ impl Module {
     }
 }
 
-pub(crate) fn place_of(l: naga::SourceLocation) -> Place {
-    Place::Text { line: l.line_number, column: l.line_position }
+pub(crate) fn place_of(l: naga::SourceLocation) -> ShaderLocation {
+    ShaderLocation::Text { line: l.line_number, column: l.line_position }
 }
 
 /// An error with its causes, on one line.

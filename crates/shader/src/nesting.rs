@@ -8,13 +8,13 @@
 use std::collections::HashMap;
 
 use super::graph::{Graph, Reach};
-use super::module::Place;
+use super::module::ShaderLocation;
 use super::tokens::{Token, Tokens};
 use super::zeros::{Zero, Zeros};
 use num::{LimitExceeded, Limits};
 
 /// Why a text is refused, and where.
-pub(super) type Refusal = (Place, String);
+pub(super) type Refusal = (ShaderLocation, String);
 
 /// The size of a text.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -28,7 +28,7 @@ pub(super) struct Extent {
     /// Pairs of tokens of one function, for all functions together: see [`pairs`].
     pub pairs: u64,
     /// Where brackets and operators are nested deepest.
-    pub deepest: Place,
+    pub deepest: ShaderLocation,
 }
 
 /// Pairs of tokens of a function that has `own` tokens, and `all` with constants written out. For each expression that it reads, naga goes
@@ -206,11 +206,11 @@ fn reaches_too_far(text: &str, at: usize, error: &LimitExceeded) -> Refusal {
 }
 
 /// The place of a byte.
-fn place(text: &str, at: usize) -> Place {
+fn place(text: &str, at: usize) -> ShaderLocation {
     let before = &text.as_bytes()[..at];
     let line = before.iter().filter(|&&byte| byte == b'\n').count() as u32 + 1;
     let begin = before.iter().rposition(|&byte| byte == b'\n').map_or(0, |newline| newline + 1);
-    Place::Text { line, column: (at - begin) as u32 + 1 }
+    ShaderLocation::Text { line, column: (at - begin) as u32 + 1 }
 }
 
 impl<'t> Scan<'t> {
@@ -545,7 +545,7 @@ mod tests {
             let (place, message) = refused(&text);
             assert_eq!(
                 (place, message.contains("length is not known")),
-                (Place::Text { line: 3, column: 11 }, true),
+                (ShaderLocation::Text { line: 3, column: 11 }, true),
                 "{length}: {message}"
             );
         }
@@ -561,7 +561,7 @@ mod tests {
         let uses = |name: &str| of(&format!("const big = array(1, 2, 3, 4, 5, 6, 7, 8); fn f() {{ {name}; {name}; }}"));
         assert!(uses("big") > uses("x") + 10 * 2 * 16);
         let (place, message) = check(&format!("\n{}", statements(20_000)), &Limits::default()).expect_err("too many");
-        assert_eq!((place, message.contains("--limit shader.pairs=N")), (Place::Text { line: 2, column: 1 }, true));
+        assert_eq!((place, message.contains("--limit shader.pairs=N")), (ShaderLocation::Text { line: 2, column: 1 }, true));
         check(&statements(10_000), &Limits::default()).expect("few enough");
     }
 
@@ -569,7 +569,7 @@ mod tests {
     fn a_refusal_has_the_place() {
         let limits = Limits { shader_nesting: Limits::default().shader_nesting.with(3), ..Limits::default() };
         let (place, message) = check("fn f() {\n  ((x));\n  - - - x; }", &limits).expect_err("too deep");
-        assert_eq!((place, message.contains("shader.nesting")), (Place::Text { line: 3, column: 7 }, true));
+        assert_eq!((place, message.contains("shader.nesting")), (ShaderLocation::Text { line: 3, column: 7 }, true));
         let (place, _) =
             check("fn f() { }\nfn a() { b(); } fn b() { c(); } fn c() { d(); } fn d() { }", &limits).expect_err("too deep");
         assert_eq!(place.line(), Some(2));

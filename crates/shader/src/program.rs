@@ -4,7 +4,7 @@ use std::ops::Range;
 
 use super::code::Code;
 use super::interface::Interface;
-use super::module::Place;
+use super::module::ShaderLocation;
 use super::scalar::Counted;
 use work::{Class, InFlight};
 
@@ -227,7 +227,7 @@ pub(super) struct Body {
     /// First slot that counts a loop's iterations.
     pub first_counter: usize,
     /// Places of loops, by number.
-    pub loops: Vec<Option<Place>>,
+    pub loops: Vec<Option<ShaderLocation>>,
     /// Running instruction counts: entry `i` counts operations before `i`.
     pub counts: Vec<Counted>,
     /// The same of instructions that work on four components.

@@ -220,7 +220,7 @@ impl Packer {
 }
 
 /// What an operation is in an instruction for the coefficients of a light.
-enum Part {
+enum LightTerm {
     /// All of it: the operation that this counts at, and what it needs besides its own operands.
     Whole(V),
     /// Something that it does besides.
@@ -228,7 +228,7 @@ enum Part {
 }
 
 /// The operations that coefficients of lights are made of, by their place.
-fn lights(b: &Builder, insts: &[Inst]) -> HashMap<usize, Part> {
+fn lights(b: &Builder, insts: &[Inst]) -> HashMap<usize, LightTerm> {
     let mut parts = HashMap::new();
     if !insts.iter().any(|inst| inst.code == Code::Pow) {
         return parts;
@@ -272,18 +272,18 @@ fn lights(b: &Builder, insts: &[Inst]) -> HashMap<usize, Part> {
         let Some(condition) = found else { continue };
         let compare = made_by(condition, Code::FLt).filter(|&at| number(insts[at].src[0]) == Some(0.0));
         let needs = compare.map_or(condition, |at| insts[at].src[1]);
-        parts.insert(at, Part::Whole(needs));
-        parts.extend(choices.into_iter().map(|at| (at, Part::Rest)));
+        parts.insert(at, LightTerm::Whole(needs));
+        parts.extend(choices.into_iter().map(|at| (at, LightTerm::Rest)));
         if users[inst.src[0] as usize].len() == 1 {
-            parts.insert(bounded, Part::Rest);
+            parts.insert(bounded, LightTerm::Rest);
         }
         if let Some(compare) = compare {
             if users[condition as usize].len() == 1 {
-                parts.insert(compare, Part::Rest);
+                parts.insert(compare, LightTerm::Rest);
             }
             let same =
                 users[needs as usize].iter().filter(|&&at| insts[at].code == Code::FMax && above_zero(at) == Some(needs));
-            parts.extend(same.map(|&at| (at, Part::Rest)));
+            parts.extend(same.map(|&at| (at, LightTerm::Rest)));
         }
     }
     parts
@@ -318,12 +318,12 @@ pub(super) fn counts(b: &Builder, insts: &[Inst], outputs: &[Vec<V>]) -> Vec<Cou
         let cost = cost(inst.code);
         let leaves = !matches!(cost, Cost::Free) || inst.src.iter().any(|&v| v != NONE && made[v as usize]);
         let after = match (parts.get(&at), cost) {
-            (Some(&Part::Whole(x)), _) => {
+            (Some(&LightTerm::Whole(x)), _) => {
                 let exponent = packer.ready[inst.src[1] as usize];
                 packer.single(&MOVE, Class::Float, 1, exponent);
                 packer.begin(inst, inst.code, needs.max(packer.ready[x as usize]), [1, 0, 0, 0, 0], (true, false))
             }
-            (Some(Part::Rest), _) | (None, Cost::Free) => needs,
+            (Some(LightTerm::Rest), _) | (None, Cost::Free) => needs,
             (None, Cost::Alone(cost)) => packer.begin(inst, inst.code, needs, cost, (false, false)),
             (None, Cost::Whole) => packer.begin(inst, inst.code, needs, [1, 0, 0, 0, 0], (true, false)),
             (None, Cost::Single(class, count)) => packer.single(inst, class, count, needs),

@@ -3,7 +3,7 @@
 use anyhow::{Result, anyhow};
 
 use num::Words;
-use shader::{BufferRange, Executor, Module, Options, Program, Resource, Resources, Source, Stage, compile};
+use shader::{BufferRange, Executor, Module, ModuleSource, Options, Program, Resource, Resources, Stage, compile};
 
 /// Invocations of a workgroup: operands come in a multiple of as many.
 pub const GROUP: usize = 64;
@@ -24,7 +24,7 @@ pub fn program(expression: &str) -> Result<Program> {
              result[id.x] = {expression};
          }}"
     );
-    let module = Module::new(expression, Source::Wgsl(&source)).map_err(|error| anyhow!("{expression}: {error}"))?;
+    let module = Module::new(expression, ModuleSource::Wgsl(&source)).map_err(|error| anyhow!("{expression}: {error}"))?;
     compile(&module, Stage::Compute, None, &Options::default()).map_err(|error| anyhow!("{expression}: {error}"))
 }
 

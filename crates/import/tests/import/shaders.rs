@@ -4,7 +4,7 @@ use std::collections::HashMap;
 use std::path::{Path, PathBuf};
 
 use num::ShaderId;
-use shader::{self, Module, Options, Source};
+use shader::{self, Module, ModuleSource, Options};
 use trace::command::{Command, ShaderSource, StageDesc};
 use trace::{Trace, TraceError};
 
@@ -13,9 +13,9 @@ fn load(trace: &Trace, source: &ShaderSource) -> Module {
     let bytes = trace.blob(name).unwrap();
     let text = || std::str::from_utf8(&bytes).unwrap();
     let source = match source {
-        ShaderSource::Wgsl(_) => Source::Wgsl(text()),
-        ShaderSource::SpirV(_) => Source::SpirV(&bytes),
-        ShaderSource::NagaIr(_) => Source::NagaIr(text()),
+        ShaderSource::Wgsl(_) => ModuleSource::Wgsl(text()),
+        ShaderSource::SpirV(_) => ModuleSource::SpirV(&bytes),
+        ShaderSource::NagaIr(_) => ModuleSource::NagaIr(text()),
     };
     Module::new(name, source).unwrap_or_else(|error| panic!("{}: {error}", trace.file().display()))
 }

@@ -111,7 +111,7 @@ pub fn plan(call: &DrawCall<'_>, planner: &mut Planner) -> Result<Culling, DrawE
 
 /// Looks whether a stage that all threads took part in came to more than is allowed. What stopped one of its tasks comes after: which tasks
 /// came to their end says nothing once the sum is over. Steps come before memory, because tasks of several threads are stopped by steps
-/// alone ([`Bound::forgetting`](shader::Bound::forgetting)): the sum of steps is that of all tasks, or it is over.
+/// alone ([`BoundProgram::forgetting`](shader::BoundProgram::forgetting)): the sum of steps is that of all tasks, or it is over.
 pub fn settle(call: &DrawCall<'_>, workers: &Workers, growth: &Meter, program: Option<&Program>) -> Result<(), DrawError> {
     if let Err(over) = workers.settle(call.ledger) {
         return Err(program.map_or(over.into(), |program| program.fault(over.into(), None).into()));

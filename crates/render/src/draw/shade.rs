@@ -5,7 +5,7 @@ use std::mem::MaybeUninit;
 use gfx::interpolate::{self, PixelPoint, Weights};
 use gfx::simd::{Simd, dispatch};
 use num::{LANES, Lanes, QUADS};
-use shader::{Bound, BuiltIn, Interpolation, Sampling};
+use shader::{BoundProgram, BuiltIn, Interpolation, Sampling};
 
 use super::DrawCall;
 use super::batch::{Batch, MADE};
@@ -389,7 +389,7 @@ fn fill(out: &mut Lanes, quads: std::ops::Range<usize>, value: u32) {
 
 /// Depths and colours of the batch's quads, as `work::Draw` describes them.
 #[inline(always)]
-fn put_payload<const S: usize>(call: &DrawCall<'_>, bound: &Bound<'_>, out: &mut [u32]) {
+fn put_payload<const S: usize>(call: &DrawCall<'_>, bound: &BoundProgram<'_>, out: &mut [u32]) {
     let size = call.payload_words;
     let out = out.as_chunks_mut::<4>().0;
     if let Some(slot) = call.frag_depth {
@@ -449,7 +449,7 @@ static ONE: Lanes = Lanes([0x3f80_0000; LANES]);
 
 /// A colour output; components that the program does not write are 0, alpha is 1.
 #[inline(always)]
-fn colors<'a>(bound: &'a Bound<'_>, (slot, components): (usize, usize)) -> [&'a Lanes; 4] {
+fn colors<'a>(bound: &'a BoundProgram<'_>, (slot, components): (usize, usize)) -> [&'a Lanes; 4] {
     let one = |c: usize| match c {
         c if c < components => bound.output(slot, c),
         3 => &ONE,

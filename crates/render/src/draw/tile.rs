@@ -8,7 +8,7 @@ use gfx::simd::{Simd, dispatch};
 use gfx::stage::Stage;
 use gfx::traverse::{Block, Blocks};
 use num::Meter;
-use shader::{Bound, ShaderFault};
+use shader::{BoundProgram, ShaderFault};
 use work::{Areas, Funnel, TILE};
 
 use super::areas;
@@ -62,7 +62,7 @@ pub struct TileRun<'a, 'f, 'j> {
     pub call: &'a DrawCall<'f>,
     pub input: &'a SegmentInput<'a, 'f>,
     pub job: &'a mut TileJob<'j>,
-    pub bound: Option<Bound<'a>>,
+    pub bound: Option<BoundProgram<'a>>,
     pub pending: &'a mut Pending,
     pub weights: &'a mut FragmentWeights,
     pub recorder: &'a mut shader::Recorder,

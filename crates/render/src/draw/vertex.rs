@@ -10,7 +10,7 @@ use gfx::simd::wide;
 use gfx::stage::Stage;
 use gfx::state::StepMode;
 use num::{LANES, Lanes, Mask, Meter, QUADS};
-use shader::{Bound, BuiltIn, Executor, Recorder, ShaderFault};
+use shader::{BoundProgram, BuiltIn, Executor, Recorder, ShaderFault};
 
 use super::DrawCall;
 use super::stream::Stream;
@@ -224,7 +224,12 @@ fn shade_task<const SPREAD: usize>(
 
 /// Copies the `N` components of a varying to the records of the vertices.
 #[inline(always)]
-fn put_varying<const SPREAD: usize, const N: usize>(bound: &Bound<'_>, varying: &Varying, vertices: &mut [u32], stride: usize) {
+fn put_varying<const SPREAD: usize, const N: usize>(
+    bound: &BoundProgram<'_>,
+    varying: &Varying,
+    vertices: &mut [u32],
+    stride: usize,
+) {
     let values: [&[u32; LANES]; N] = std::array::from_fn(|c| &bound.output(varying.output, c).0);
     for (vertex, lane) in vertices.chunks_exact_mut(stride).zip((0..LANES).step_by(SPREAD)) {
         let vertex = &mut vertex[varying.word..][..N];

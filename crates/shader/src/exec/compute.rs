@@ -11,8 +11,8 @@ use crate::program::NO_REG;
 use num::{LANES, Lanes, Mask, Words};
 
 use super::record::{QuadCost, Recorder, Scratch};
-use super::run::{self, Machine, PAUSE, Stop};
-use super::{Bound, CHUNKS, Executor, ShaderFault, load_shared};
+use super::run::{self, BatchState, PAUSE, Stop};
+use super::{BoundProgram, CHUNKS, Executor, ShaderFault, load_shared};
 
 /// A batch of a workgroup of several batches.
 #[derive(Default)]
@@ -29,7 +29,7 @@ struct Assignment {
     mask: Mask,
 }
 
-impl Bound<'_> {
+impl BoundProgram<'_> {
     /// Runs workgroups `range` of a dispatch of `count` groups, numbered x first. With a recorder, one entry for each four
     /// invocations is appended to `packets`: `ceil(invocations / 4)` a group, in order.
     ///
@@ -159,13 +159,13 @@ impl Bound<'_> {
         masks_of: &[Option<Mask>],
         recorder: &mut Recorder,
     ) -> Result<(), ShaderFault> {
-        let Bound { executor, program, resources, uniforms, allowance, .. } = &mut *self;
+        let BoundProgram { executor, program, resources, uniforms, allowance, .. } = &mut *self;
         let Executor { file, masks, waiting, shared, scratch, spent } = &mut **executor;
         let mut machines: Vec<_> = masks_of
             .iter()
             .map(|mask| {
                 let mask = mask.unwrap_or(0);
-                Machine::new(&program.body, resources, shared, mask, mask)
+                BatchState::new(&program.body, resources, shared, mask, mask)
             })
             .collect();
         if RECORD {

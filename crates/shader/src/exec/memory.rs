@@ -13,7 +13,7 @@ use work::{LINE, RequestKind};
 
 use super::kernels::{File, fill, get, lane, set};
 use super::record::Scratch;
-use super::run::Machine;
+use super::run::BatchState;
 
 /// A window of memory in words.
 #[derive(Clone, Copy)]
@@ -80,7 +80,7 @@ fn buffer<'a>(resources: &Resources<'a>, binding: u16, element: u32) -> Window<'
 }
 
 #[inline(always)]
-fn window<'a>(m: &Machine<'a>, space: Space, element: u32) -> Window<'a> {
+fn window<'a>(m: &BatchState<'a>, space: Space, element: u32) -> Window<'a> {
     match space {
         Space::Buffer(binding) => buffer(m.resources, binding, element),
         Space::Shared => Window { words: m.shared.words(), bytes: m.shared.len(), start: 0, address: 0 },
@@ -180,7 +180,7 @@ fn kind_of(op: &MemoryOp) -> RequestKind {
 
 /// A load of up to four components.
 #[inline(always)]
-pub(super) fn load<const RECORD: bool>(m: &Machine<'_>, file: File<'_>, mask: Mask, entry: u32, recorder: &mut Scratch) {
+pub(super) fn load<const RECORD: bool>(m: &BatchState<'_>, file: File<'_>, mask: Mask, entry: u32, recorder: &mut Scratch) {
     let op = &m.body.memory[entry as usize];
     let size = op.width.bytes();
     if op.space == Space::Immediate {
@@ -270,7 +270,7 @@ fn read_lane(w: &Window<'_>, op: &MemoryOp, at: u64, size: u64, i: usize, out: &
 
 /// A store of up to four components by the live lanes, in lane order.
 #[inline(always)]
-pub(super) fn store<const RECORD: bool>(m: &Machine<'_>, file: File<'_>, mask: Mask, entry: u32, recorder: &mut Scratch) {
+pub(super) fn store<const RECORD: bool>(m: &BatchState<'_>, file: File<'_>, mask: Mask, entry: u32, recorder: &mut Scratch) {
     let op = &m.body.memory[entry as usize];
     let mask = mask & m.live;
     let at = offsets(file, op);
@@ -330,7 +330,7 @@ pub(super) fn atomic_value(op: AtomicOp, old: u32, value: u32, comparand: u32) -
 /// An atomic by the live lanes, in lane order: results `data[0]` (old value) and `data[3]` (whether it was exchanged), operands
 /// `data[1]` and, for a comparison, `data[2]`.
 #[inline(always)]
-pub(super) fn atomic<const RECORD: bool>(m: &Machine<'_>, file: File<'_>, mask: Mask, entry: u32, recorder: &mut Scratch) {
+pub(super) fn atomic<const RECORD: bool>(m: &BatchState<'_>, file: File<'_>, mask: Mask, entry: u32, recorder: &mut Scratch) {
     let op = &m.body.memory[entry as usize];
     let mask = mask & m.live;
     let at = offsets(file, op);
@@ -368,7 +368,7 @@ pub(super) fn atomic<const RECORD: bool>(m: &Machine<'_>, file: File<'_>, mask: 
 /// Elements of a runtime array: `r[0]` result, `r[1]` binding element or none, `r[2]` binding, `r[3]` stride (low and high
 /// halves with `r[4]`), `imm` byte offset of the array.
 #[inline(always)]
-pub(super) fn array_length(m: &Machine<'_>, file: File<'_>, op: &Op) {
+pub(super) fn array_length(m: &BatchState<'_>, file: File<'_>, op: &Op) {
     let stride = (u64::from(op.r[3]) | u64::from(op.r[4]) << 16).max(1);
     let length = |element: u32| {
         let bytes = window(m, Space::Buffer(op.r[2]), element).bytes;

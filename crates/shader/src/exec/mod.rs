@@ -18,17 +18,17 @@ use std::sync::atomic::Ordering::Relaxed;
 
 use num::{Lanes, LimitOverrun, Mask, Meter, Words};
 
-use super::module::Place;
+use super::module::ShaderLocation;
 use super::program::{NO_REG, Program, Reg};
 use super::resources::Resources;
 use kernels::{CHUNK, CHUNKS};
 use record::Scratch;
 pub use record::{Extra, QuadCost, Recorder};
-use run::{Machine, PAUSE, Stop};
+use run::{BatchState, PAUSE, Stop};
 
 /// The limit at which a run was stopped.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
-pub enum Why {
+pub enum ExceededLimit {
     /// One loop made too many turns.
     #[error("a loop ran {turns} times without an end; --limit work.loop_turns=N allows more")]
     Loop {
@@ -45,18 +45,18 @@ pub enum Why {
 #[error("shader `{module}`, entry point `{entry}`{}: {why}", .place.map(|p| format!(", {p}")).unwrap_or_default())]
 pub struct ShaderFault {
     /// The limit.
-    pub why: Why,
+    pub why: ExceededLimit,
     /// Name of the module.
     pub module: String,
     /// The entry point.
     pub entry: String,
     /// Place of the loop, if known.
-    pub place: Option<Place>,
+    pub place: Option<ShaderLocation>,
 }
 
 /// Results of a run other than its outputs.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Outcome {
+pub struct Survivors {
     /// Active lanes that were not discarded.
     pub mask: Mask,
 }
@@ -90,14 +90,14 @@ impl InputRegister {
 
 impl Program {
     /// This program was stopped.
-    pub fn fault(&self, why: Why, place: Option<Place>) -> ShaderFault {
+    pub fn fault(&self, why: ExceededLimit, place: Option<ShaderLocation>) -> ShaderFault {
         ShaderFault { why, module: self.module.clone(), entry: self.interface.entry.clone(), place }
     }
 
     /// It was stopped in the loop of this number.
     fn loop_fault(&self, number: u32) -> ShaderFault {
         let place = self.body.loops.get(number as usize).copied().flatten();
-        self.fault(Why::Loop { turns: self.body.loop_turns }, place)
+        self.fault(ExceededLimit::Loop { turns: self.body.loop_turns }, place)
     }
 
     /// The register of a component of an input; none where the program does not read it.
@@ -162,7 +162,7 @@ impl Program {
                 },
                 |file, register, bits| file[register].0[..CHUNK].fill(bits),
             );
-            let mut machine = Machine::new(&self.prologue, resources, shared, 1, 1).narrow();
+            let mut machine = BatchState::new(&self.prologue, resources, shared, 1, 1).narrow();
             let stop = if self.prologue.memory.is_empty() {
                 run::dispatch::<false>(&mut machine, file, masks, scratch)
             } else {
@@ -198,17 +198,22 @@ impl Executor {
         Executor::default()
     }
 
-    /// Steps that were not charged to a meter ([`Bound::within`]); the caller charges them.
+    /// Steps that were not charged to a meter ([`BoundProgram::within`]); the caller charges them.
     pub fn take_steps(&mut self) -> u64 {
         std::mem::take(&mut self.spent)
     }
 
     /// Gets ready to run a program. A run loads uniforms and constants into as much of the register file as it computes.
-    pub fn bind<'a>(&'a mut self, program: &'a Program, resources: &'a Resources<'a>, uniforms: &'a Uniforms) -> Bound<'a> {
+    pub fn bind<'a>(
+        &'a mut self,
+        program: &'a Program,
+        resources: &'a Resources<'a>,
+        uniforms: &'a Uniforms,
+    ) -> BoundProgram<'a> {
         self.file.resize(self.file.len().max(program.body.registers), Lanes::ZERO);
         self.masks.clear();
         self.masks.resize(program.body.slots, 0);
-        Bound { executor: self, program, resources, uniforms, loaded: 0, allowance: Allowance::default() }
+        BoundProgram { executor: self, program, resources, uniforms, loaded: 0, allowance: Allowance::default() }
     }
 }
 
@@ -236,7 +241,7 @@ fn load_chunks(file: &mut [Lanes], program: &Program, uniforms: &Uniforms, chunk
 }
 
 /// An executor with a program and its resources.
-pub struct Bound<'a> {
+pub struct BoundProgram<'a> {
     executor: &'a mut Executor,
     program: &'a Program,
     resources: &'a Resources<'a>,
@@ -287,23 +292,23 @@ impl Allowance<'_> {
     }
 }
 
-impl<'a> Bound<'a> {
+impl<'a> BoundProgram<'a> {
     /// Runs stop when a meter is over its limit: that of steps, or that of the bytes that recorders hold. Meters are charged from time to
     /// time; the caller charges the rest ([`Executor::take_steps`], [`Recorder::take_bytes`]). So no sum depends on which thread ran what.
-    pub fn within(mut self, steps: &'a Meter, recorded: Option<&'a Meter>) -> Bound<'a> {
+    pub fn within(mut self, steps: &'a Meter, recorded: Option<&'a Meter>) -> BoundProgram<'a> {
         self.allowance = Allowance { steps: Some(steps), recorded, forgets: false };
         self
     }
 
     /// Runs go on when the meter of recorded bytes is over its limit, and what was recorded is dropped. So where several threads run a
     /// program, the steps of all runs are counted, no matter which thread reached the limit of memory first.
-    pub fn forgetting(mut self) -> Bound<'a> {
+    pub fn forgetting(mut self) -> BoundProgram<'a> {
         self.allowance.forgets = true;
         self
     }
 }
 
-impl Bound<'_> {
+impl BoundProgram<'_> {
     /// Loads uniforms and constants into the first chunks of their registers.
     #[inline(always)]
     fn load(&mut self, chunks: usize) {
@@ -347,15 +352,15 @@ impl Bound<'_> {
     ///
     /// # Errors
     /// If a loop does not end.
-    pub fn run(&mut self, active: Mask, helpers: Mask) -> Result<Outcome, ShaderFault> {
+    pub fn run(&mut self, active: Mask, helpers: Mask) -> Result<Survivors, ShaderFault> {
         self.run_impl::<false>(active, helpers, None)
     }
 
-    /// As [`Bound::run`], and records what it cost: [`Recorder::quads`] holds the result.
+    /// As [`BoundProgram::run`], and records what it cost: [`Recorder::quads`] holds the result.
     ///
     /// # Errors
     /// If a loop does not end.
-    pub fn run_recorded(&mut self, active: Mask, helpers: Mask, recorder: &mut Recorder) -> Result<Outcome, ShaderFault> {
+    pub fn run_recorded(&mut self, active: Mask, helpers: Mask, recorder: &mut Recorder) -> Result<Survivors, ShaderFault> {
         self.executor.scratch.begin(recorder.extra, &self.uniforms.work, active | helpers);
         let outcome = self.run_impl::<true>(active, helpers, Some(recorder))?;
         recorder.finish(&mut self.executor.scratch);
@@ -373,11 +378,11 @@ impl Bound<'_> {
         active: Mask,
         helpers: Mask,
         mut recorder: Option<&mut Recorder>,
-    ) -> Result<Outcome, ShaderFault> {
+    ) -> Result<Survivors, ShaderFault> {
         self.load(run::computed::<RECORD>(run::chunks_of(active | helpers)));
-        let Bound { executor, program, resources, allowance, .. } = &mut *self;
+        let BoundProgram { executor, program, resources, allowance, .. } = &mut *self;
         let Executor { file, masks, shared, scratch, spent, .. } = &mut **executor;
-        let mut machine = Machine::new(&program.body, resources, shared, active | helpers, active).narrow();
+        let mut machine = BatchState::new(&program.body, resources, shared, active | helpers, active).narrow();
         *spent += program.body.all_steps();
         loop {
             let stop = run::dispatch::<RECORD>(&mut machine, file, masks, scratch);
@@ -397,7 +402,7 @@ impl Bound<'_> {
             }
             match stop {
                 Stop::Pause => {}
-                Stop::End | Stop::Barrier => return Ok(Outcome { mask: machine.live & active }),
+                Stop::End | Stop::Barrier => return Ok(Survivors { mask: machine.live & active }),
                 Stop::Loop(number) => {
                     if let Some(recorder) = recorder {
                         recorder.passed += scratch.metered();

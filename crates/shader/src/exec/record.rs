@@ -187,7 +187,7 @@ impl Recorder {
         self.bytes() + self.passed
     }
 
-    /// Bytes that were not charged to a meter ([`Bound::within`](super::Bound::within)); the caller charges them.
+    /// Bytes that were not charged to a meter ([`BoundProgram::within`](super::BoundProgram::within)); the caller charges them.
     pub fn take_bytes(&mut self) -> u64 {
         let bytes = self.metered();
         bytes.saturating_sub(std::mem::replace(&mut self.told, bytes))

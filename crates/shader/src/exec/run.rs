@@ -18,7 +18,7 @@ pub(super) enum Stop {
     Barrier,
     /// The loop of this number exceeded its bound.
     Loop(u32),
-    /// [`Machine::spent`] has reached [`PAUSE`]; the machine goes on from its program counter when run again.
+    /// [`BatchState::spent`] has reached [`PAUSE`]; the machine goes on from its program counter when run again.
     Pause,
 }
 
@@ -27,7 +27,7 @@ pub(super) enum Stop {
 pub(super) const PAUSE: u64 = if cfg!(test) { 1 << 14 } else { 1 << 20 };
 
 /// The state of one batch apart from its registers and mask slots.
-pub(super) struct Machine<'a> {
+pub(super) struct BatchState<'a> {
     pub body: &'a Body,
     pub resources: &'a Resources<'a>,
     pub shared: &'a Words,
@@ -43,14 +43,14 @@ pub(super) struct Machine<'a> {
     pub spent: u64,
 }
 
-impl<'a> Machine<'a> {
-    pub fn new(body: &'a Body, resources: &'a Resources<'a>, shared: &'a Words, mask: Mask, live: Mask) -> Machine<'a> {
-        Machine { body, resources, shared, pc: 0, mask, live, chunks: CHUNKS, spent: 0 }
+impl<'a> BatchState<'a> {
+    pub fn new(body: &'a Body, resources: &'a Resources<'a>, shared: &'a Words, mask: Mask, live: Mask) -> BatchState<'a> {
+        BatchState { body, resources, shared, pc: 0, mask, live, chunks: CHUNKS, spent: 0 }
     }
 
     /// The same, for a batch of which no other lanes than those of `mask` will ever execute.
-    pub fn narrow(self) -> Machine<'a> {
-        Machine { chunks: chunks_of(self.mask), ..self }
+    pub fn narrow(self) -> BatchState<'a> {
+        BatchState { chunks: chunks_of(self.mask), ..self }
     }
 }
 
@@ -77,7 +77,7 @@ pub(super) fn computed<const RECORD: bool>(chunks: usize) -> usize {
 /// Runs with the widest vector instructions of the host. The results have the same bits with all of them.
 #[inline]
 pub(super) fn dispatch<const RECORD: bool>(
-    machine: &mut Machine<'_>,
+    machine: &mut BatchState<'_>,
     file: &mut [Lanes],
     masks: &mut [Mask],
     recorder: &mut Scratch,
@@ -99,7 +99,7 @@ pub(super) fn dispatch<const RECORD: bool>(
 #[cfg(target_arch = "x86_64")]
 #[target_feature(enable = "avx2,bmi1,bmi2,lzcnt,popcnt")]
 fn run_avx2<const RECORD: bool, const K: usize>(
-    machine: &mut Machine<'_>,
+    machine: &mut BatchState<'_>,
     file: &mut [Lanes],
     masks: &mut [Mask],
     recorder: &mut Scratch,
@@ -126,7 +126,7 @@ fn leave(masks: &mut [Mask], op: &Op, lanes: Mask) {
 /// registers are computed.
 #[inline(always)]
 fn run<const RECORD: bool, const WIDE: bool, const K: usize>(
-    m: &mut Machine<'_>,
+    m: &mut BatchState<'_>,
     file: &mut [Lanes],
     masks: &mut [Mask],
     recorder: &mut Scratch,

@@ -5,7 +5,7 @@ use crate::program::{Fold, NO_REG, Op, SubgroupOp};
 use num::{LANES, Lanes, Mask};
 
 use super::kernels::{File, get, set, truth};
-use super::run::Machine;
+use super::run::BatchState;
 
 /// The neutral element.
 fn neutral(fold: Fold) -> u32 {
@@ -43,7 +43,7 @@ fn combine(fold: Fold, a: u32, b: u32) -> u32 {
 
 /// Results `r[0]` (a ballot: to `r[3]`), argument `r[4]`, index `r[5]`. An index of a lane that does not take part gives 0.
 #[inline(never)]
-pub(super) fn run(m: &Machine<'_>, file: File<'_>, mask: Mask, op: &Op) {
+pub(super) fn run(m: &BatchState<'_>, file: File<'_>, mask: Mask, op: &Op) {
     let kind = m.body.subgroup[op.imm as usize];
     let argument = if op.r[4] == NO_REG { Lanes::ZERO } else { get(file, op.r[4]) };
     let index = if op.r[5] == NO_REG { Lanes::ZERO } else { get(file, op.r[5]) };

@@ -14,7 +14,7 @@ use work::{LINE, RequestKind};
 use super::kernels::{File, get, set};
 use super::memory::atomic_value;
 use super::record::Scratch;
-use super::run::Machine;
+use super::run::BatchState;
 
 /// The value of a register that does not exist.
 static ZEROS: Lanes = Lanes::ZERO;
@@ -35,7 +35,7 @@ fn same_element(elements: &Lanes, mask: Mask) -> (Mask, u32) {
 /// Runs a texture operation; binding arrays element by element. `WIDE`: the caller is compiled for AVX2 and its companions.
 #[inline(always)]
 pub(super) fn access<const RECORD: bool, const WIDE: bool>(
-    m: &Machine<'_>,
+    m: &BatchState<'_>,
     file: File<'_>,
     mask: Mask,
     entry: u32,
@@ -46,7 +46,7 @@ pub(super) fn access<const RECORD: bool, const WIDE: bool>(
     if WIDE {
         #[target_feature(enable = "avx2,bmi1,bmi2,lzcnt,popcnt")]
         #[inline(never)]
-        fn wide<const RECORD: bool>(m: &Machine<'_>, file: File<'_>, mask: Mask, entry: u32, recorder: &mut Scratch) {
+        fn wide<const RECORD: bool>(m: &BatchState<'_>, file: File<'_>, mask: Mask, entry: u32, recorder: &mut Scratch) {
             access_here::<RECORD>(m, file, mask, entry, recorder);
         }
         // SAFETY: `dispatch` has found the instruction sets on this host.
@@ -56,12 +56,12 @@ pub(super) fn access<const RECORD: bool, const WIDE: bool>(
 }
 
 #[inline(never)]
-fn access_plain<const RECORD: bool>(m: &Machine<'_>, file: File<'_>, mask: Mask, entry: u32, recorder: &mut Scratch) {
+fn access_plain<const RECORD: bool>(m: &BatchState<'_>, file: File<'_>, mask: Mask, entry: u32, recorder: &mut Scratch) {
     access_here::<RECORD>(m, file, mask, entry, recorder);
 }
 
 #[inline(always)]
-fn access_here<const RECORD: bool>(m: &Machine<'_>, file: File<'_>, mask: Mask, entry: u32, recorder: &mut Scratch) {
+fn access_here<const RECORD: bool>(m: &BatchState<'_>, file: File<'_>, mask: Mask, entry: u32, recorder: &mut Scratch) {
     let op = &m.body.textures[entry as usize];
     if op.texture_element == NO_REG && op.sampler_element == NO_REG {
         let texture = m.resources.get(op.texture, 0);
@@ -78,7 +78,7 @@ fn access_here<const RECORD: bool>(m: &Machine<'_>, file: File<'_>, mask: Mask, 
 
 /// Runs a texture operation on binding arrays.
 #[inline(never)]
-fn each_element<const RECORD: bool>(m: &Machine<'_>, file: File<'_>, mask: Mask, op: &TextureOp, recorder: &mut Scratch) {
+fn each_element<const RECORD: bool>(m: &BatchState<'_>, file: File<'_>, mask: Mask, op: &TextureOp, recorder: &mut Scratch) {
     // Both arrays may be indexed: a pair of elements is one number.
     let (t, s) = (operand(file, op.texture_element), operand(file, op.sampler_element));
     let pairs = Lanes(std::array::from_fn(|i| t.0[i].min(0xffff) << 16 | s.0[i].min(0xffff)));
@@ -116,7 +116,7 @@ fn write(file: File<'_>, op: &TextureOp, out: &[Lanes; 4]) {
 /// Runs a texture operation on one texture; `out` receives zeros where it gives nothing.
 #[inline(always)]
 fn one<const RECORD: bool>(
-    m: &Machine<'_>,
+    m: &BatchState<'_>,
     file: File<'_>,
     mask: Mask,
     op: &TextureOp,

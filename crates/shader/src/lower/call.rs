@@ -4,7 +4,7 @@ use naga::valid::FunctionInfo;
 use naga::{Expression, Function, Handle};
 
 use super::writes::returns_early;
-use super::{Flow, InlinedCall, Lowerer, Place, Region, RegionKind, Result, Results, Root, Val, Var};
+use super::{AccessPath, Flow, InlinedCall, Lowerer, Region, RegionKind, Result, Results, Root, Val, Var};
 use crate::code::Code;
 use crate::ir::{Def, Range, V};
 use crate::types::Ty;
@@ -164,7 +164,7 @@ impl<'a> Lowerer<'a> {
     }
 
     /// The place of a variable.
-    pub fn variable_place(&self, var: Var, ty: Ty) -> Place {
-        Place::new(Root::Var(var), ty, 0)
+    pub fn variable_place(&self, var: Var, ty: Ty) -> AccessPath {
+        AccessPath::new(Root::Var(var), ty, 0)
     }
 }

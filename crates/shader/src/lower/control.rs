@@ -3,7 +3,7 @@
 use naga::{Block, Expression, Handle, Statement, SwitchCase, SwitchValue};
 
 use super::writes::{breaks_early, continues};
-use super::{Flow, Kept, Lowerer, Place, Region, RegionKind, Result, Stop, Val};
+use super::{AccessPath, ContinuingValues, Flow, Lowerer, Region, RegionKind, Result, Stop, Val};
 use crate::code::Code;
 use crate::ir::{Def, NONE, V};
 
@@ -208,7 +208,7 @@ impl<'a> Lowerer<'a> {
         self.regions.push(Region { kind: RegionKind::Loop, slot, depth: self.depth, merge });
         self.take_merged(region);
         let continued = continues(body);
-        let kept = continued.then(|| Kept { depth: self.depth, values: Vec::new() });
+        let kept = continued.then(|| ContinuingValues { depth: self.depth, values: Vec::new() });
         let outer = std::mem::replace(&mut self.frame_mut().kept, kept);
         let mut flow = self.block(body)?;
         let kept = std::mem::replace(&mut self.frame_mut().kept, outer);
@@ -264,7 +264,7 @@ impl<'a> Lowerer<'a> {
         let copy = match value {
             Val::Data(d) if d.iter().any(|&v| stale(self, v)) => Val::Data(d.iter().map(|&v| lasting(self, v)).collect()),
             Val::Place(p) => {
-                let mut place = Place::clone(p);
+                let mut place = AccessPath::clone(p);
                 place.address = place.address.map(|v| lasting(self, v));
                 place.element = place.element.map(|v| lasting(self, v));
                 for choice in &mut place.choices {

@@ -3,7 +3,7 @@
 use naga::{AtomicFunction, Expression, Handle, TypeInner};
 
 use super::place::Choice;
-use super::{Lowerer, Place, Result, Root, Val, Var};
+use super::{AccessPath, Lowerer, Result, Root, Val, Var};
 use crate::code::Code;
 use crate::ir::{Def, NONE, V};
 use crate::program::{AtomicOp, MemoryOp, NO_REG, Space, Width};
@@ -37,7 +37,7 @@ fn runs(cells: &[Cell]) -> Vec<Run> {
 
 impl<'a> Lowerer<'a> {
     /// The place of a pointer expression.
-    pub fn place(&mut self, h: Handle<Expression>) -> Result<std::rc::Rc<Place>> {
+    pub fn place(&mut self, h: Handle<Expression>) -> Result<std::rc::Rc<AccessPath>> {
         match self.eval(h)? {
             Val::Place(p) => Ok(p),
             _ => self.refuse("a value is used as a pointer"),
@@ -45,7 +45,7 @@ impl<'a> Lowerer<'a> {
     }
 
     /// Where the components of a place in memory lie, relative to its address.
-    fn cells(&self, place: &Place) -> Vec<Cell> {
+    fn cells(&self, place: &AccessPath) -> Vec<Cell> {
         let mut cells = Vec::new();
         if place.is_shared() {
             let n = self.types.components(place.ty);
@@ -73,7 +73,7 @@ impl<'a> Lowerer<'a> {
         self.b.memory_entry(op)
     }
 
-    pub fn load(&mut self, place: &Place) -> Result<Val> {
+    pub fn load(&mut self, place: &AccessPath) -> Result<Val> {
         let n = self.size(place.ty)?;
         let (space, constant) = match place.root {
             Root::Var(var) => return Ok(Val::Data(self.load_variable(var, place, n).into())),
@@ -106,7 +106,7 @@ impl<'a> Lowerer<'a> {
         Ok(Val::Data(out.into()))
     }
 
-    pub fn store(&mut self, place: &Place, value: &[V]) -> Result<()> {
+    pub fn store(&mut self, place: &AccessPath, value: &[V]) -> Result<()> {
         self.spend(value.len() / 8)?;
         let space = match place.root {
             Root::Var(var) => {
@@ -169,7 +169,7 @@ impl<'a> Lowerer<'a> {
         Ok(())
     }
 
-    fn load_variable(&mut self, var: Var, place: &Place, n: usize) -> Vec<V> {
+    fn load_variable(&mut self, var: Var, place: &AccessPath, n: usize) -> Vec<V> {
         match var {
             Var::State { base } => self.load_state(base + place.offset as usize, &place.choices, n),
             Var::Range { id } => {
@@ -208,7 +208,7 @@ impl<'a> Lowerer<'a> {
         self.b.op(Code::IEq, &[index, k])
     }
 
-    fn store_variable(&mut self, var: Var, place: &Place, value: &[V]) {
+    fn store_variable(&mut self, var: Var, place: &AccessPath, value: &[V]) {
         match var {
             Var::State { base } => self.store_state(base + place.offset as usize, &place.choices, value, None),
             Var::Range { id } => {

@@ -27,7 +27,7 @@ use super::ir::{Builder, V};
 use super::module::{self, Module, ShaderError};
 use super::types::{Ty, Types};
 use num::Limit;
-pub(super) use place::{Place, Root};
+pub(super) use place::{AccessPath, Root};
 pub(super) use reflect::lower;
 pub(super) use writes::each_statement;
 
@@ -47,7 +47,7 @@ pub(super) enum Val {
     /// Components.
     Data(Rc<[V]>),
     /// A pointer.
-    Place(Rc<Place>),
+    Place(Rc<AccessPath>),
     /// A texture or sampler, and the element of its binding array.
     Opaque(Handle<GlobalVariable>, Option<V>),
 }
@@ -74,7 +74,7 @@ pub(super) enum Results {
 
 /// Values of a loop's body for its continuing block. A value may be just the current contents of a mutable register. It is lost when a
 /// `continue` writes that register, so it is copied where it is computed. Copies that the continuing block does not use are dead code.
-pub(super) struct Kept {
+pub(super) struct ContinuingValues {
     /// Depth of masks of the body: only what is computed there can be seen from the continuing block.
     pub depth: u32,
     /// Expression and the value that stays.
@@ -87,7 +87,7 @@ pub(super) struct InlinedCall<'a> {
     pub info: &'a FunctionInfo,
     pub args: Vec<Val>,
     pub exprs: Vec<Option<Val>>,
-    pub kept: Option<Kept>,
+    pub kept: Option<ContinuingValues>,
     pub locals: Vec<Var>,
     pub results: Results,
     pub returned: Option<Val>,
@@ -208,12 +208,12 @@ impl<'a> Lowerer<'a> {
     }
 
     /// The current place, if the module has places.
-    pub fn here(&self) -> Option<module::Place> {
+    pub fn here(&self) -> Option<module::ShaderLocation> {
         let module::Places::Text(_, rewritten) = &self.origin.places else { return self.origin.places.of(self.span) };
         let at = rewritten.origin(self.span.to_range()?.start);
         let line = self.lines.partition_point(|&begin| begin as usize <= at);
         let begin = self.lines[line - 1] as usize;
-        Some(module::Place::Text { line: line as u32, column: (at - begin) as u32 + 1 })
+        Some(module::ShaderLocation::Text { line: line as u32, column: (at - begin) as u32 + 1 })
     }
 
     pub fn frame(&self) -> &InlinedCall<'a> {

@@ -33,7 +33,7 @@ pub(crate) struct Choice {
 
 /// A place in a variable or in memory.
 #[derive(Clone, Debug)]
-pub(crate) struct Place {
+pub(crate) struct AccessPath {
     pub root: Root,
     pub ty: Ty,
     /// Constant offset: components in variables and workgroup memory, bytes in buffers.
@@ -46,9 +46,9 @@ pub(crate) struct Place {
     pub element: Option<V>,
 }
 
-impl Place {
-    pub fn new(root: Root, ty: Ty, offset: u32) -> Place {
-        Place { root, ty, offset, choices: Vec::new(), address: None, element: None }
+impl AccessPath {
+    pub fn new(root: Root, ty: Ty, offset: u32) -> AccessPath {
+        AccessPath { root, ty, offset, choices: Vec::new(), address: None, element: None }
     }
 
     /// The layout of workgroup memory is the compiler's own: one word a component.
@@ -67,10 +67,10 @@ impl<'a> Lowerer<'a> {
     }
 
     /// Part of a place at a constant index.
-    pub fn place_part(&mut self, place: &Place, index: u32) -> Result<Val> {
+    pub fn place_part(&mut self, place: &AccessPath, index: u32) -> Result<Val> {
         if let Some(base) = self.binding_array(place.ty) {
             let element = self.b.constant(index);
-            return Ok(Val::Place(Rc::new(Place { ty: Ty::Named(base), element: Some(element), ..place.clone() })));
+            return Ok(Val::Place(Rc::new(AccessPath { ty: Ty::Named(base), element: Some(element), ..place.clone() })));
         }
         // The members of a structure before this one are counted through.
         self.spend(if matches!(self.types.shape(place.ty), Shape::Struct(_)) { index as usize / 8 } else { 0 })?;
@@ -85,13 +85,13 @@ impl<'a> Lowerer<'a> {
         let Some(offset) = place.offset.checked_add(step) else {
             return self.refuse(format!("index {index} is out of range"));
         };
-        Ok(Val::Place(Rc::new(Place { ty, offset, ..place.clone() })))
+        Ok(Val::Place(Rc::new(AccessPath { ty, offset, ..place.clone() })))
     }
 
     /// Part of a place at an index computed at run time. An index beyond the end of a sized array takes its last element.
-    pub fn place_choice(&mut self, place: &Place, index: V) -> Result<Val> {
+    pub fn place_choice(&mut self, place: &AccessPath, index: V) -> Result<Val> {
         if let Some(base) = self.binding_array(place.ty) {
-            return Ok(Val::Place(Rc::new(Place { ty: Ty::Named(base), element: Some(index), ..place.clone() })));
+            return Ok(Val::Place(Rc::new(AccessPath { ty: Ty::Named(base), element: Some(index), ..place.clone() })));
         }
         let count = self.types.parts(place.ty);
         if let Some(k) = self.b.known(index) {
@@ -110,7 +110,7 @@ impl<'a> Lowerer<'a> {
         let Some((ty, components, bytes)) = self.types.part(place.ty, 1) else {
             return self.refuse("this type cannot be indexed at run time");
         };
-        let mut next = Place { ty, ..place.clone() };
+        let mut next = AccessPath { ty, ..place.clone() };
         match place.root {
             Root::Var(_) => {
                 next.choices.push(Choice { index, count: count.unwrap_or(1), stride: components });

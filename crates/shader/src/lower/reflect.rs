@@ -5,7 +5,7 @@ use std::rc::Rc;
 use naga::{AddressSpace, ArraySize, Handle, ScalarKind, StorageAccess, TypeInner};
 
 use super::texture::Image;
-use super::{Flags, Lowered, Lowerer, Place, Result, Root, Stop, Val, writes};
+use super::{AccessPath, Flags, Lowered, Lowerer, Result, Root, Stop, Val, writes};
 use crate::interface::{
     Binding, BindingKind, BuiltIn, Connection, DepthPromise, Interface, Interpolation, Sampling, Scalar, Slot, stage_of,
 };
@@ -206,7 +206,7 @@ impl<'a> Lowerer<'a> {
             }
             self.span = self.module.global_variables.get_span(h);
             let ty = Ty::Named(g.ty);
-            let memory = |space, constant, offset| Place::new(Root::Memory { space, constant }, ty, offset);
+            let memory = |space, constant, offset| AccessPath::new(Root::Memory { space, constant }, ty, offset);
             let value = match g.space {
                 AddressSpace::Private => {
                     let initial = match g.init {

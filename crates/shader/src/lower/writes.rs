@@ -234,7 +234,7 @@ impl<'a> Lowerer<'a> {
 }
 
 /// First component and number of components that a place in a variable may denote.
-fn reach(types: Types<'_>, p: &super::Place) -> (usize, usize) {
+fn reach(types: Types<'_>, p: &super::AccessPath) -> (usize, usize) {
     let span: u32 = p.choices.iter().map(|c| (c.count - 1) * c.stride).sum();
     (p.offset as usize, (types.components(p.ty) + span) as usize)
 }

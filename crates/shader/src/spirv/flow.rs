@@ -134,7 +134,7 @@ impl Function {
 
 /// A part of a function that is entered by one block and left in known ways.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Kind {
+pub(super) enum ConstructKind {
     Selection,
     Switch,
     /// What one target of the switch around it leads to.
@@ -146,7 +146,7 @@ pub(super) enum Kind {
 
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Construct {
-    pub kind: Kind,
+    pub kind: ConstructKind,
     pub outer: Option<usize>,
     /// The block that begins it, by number.
     pub header: usize,
@@ -233,7 +233,13 @@ impl Flow {
                 Merge::None => {}
                 Merge::Loop(merge, continuing) => {
                     let construct = flow.constructs.len();
-                    flow.constructs.push(Construct { kind: Kind::Loop, outer: here, header: number, merge, continuing });
+                    flow.constructs.push(Construct {
+                        kind: ConstructKind::Loop,
+                        outer: here,
+                        header: number,
+                        merge,
+                        continuing,
+                    });
                     flow.inside[number] = Some(Some(construct));
                     within = Some(construct);
                     declared(&mut ends, merge, construct, false)?;
@@ -243,7 +249,7 @@ impl Flow {
                         declared(&mut ends, continuing, construct, true)?;
                         let part = flow.constructs.len();
                         flow.constructs.push(Construct {
-                            kind: Kind::Continuing,
+                            kind: ConstructKind::Continuing,
                             outer: Some(construct),
                             header: number,
                             merge: 0,
@@ -254,10 +260,10 @@ impl Flow {
                 }
                 Merge::Selection(merge) => {
                     let construct = flow.constructs.len();
-                    let kind = if last.code == op::SWITCH { Kind::Switch } else { Kind::Selection };
+                    let kind = if last.code == op::SWITCH { ConstructKind::Switch } else { ConstructKind::Selection };
                     flow.constructs.push(Construct { kind, outer: here, header: number, merge, continuing: 0 });
                     flow.begins[number] = Some(construct);
-                    if kind == Kind::Switch {
+                    if kind == ConstructKind::Switch {
                         flow.targets.insert(construct, block.targets().into_iter().collect());
                     }
                     within = Some(construct);
@@ -286,7 +292,7 @@ impl Flow {
                 entered.insert(to, number);
                 let inner = if last.code == op::SWITCH {
                     let case = flow.constructs.len();
-                    let kind = Kind::Case(target);
+                    let kind = ConstructKind::Case(target);
                     flow.constructs.push(Construct { kind, outer: within, header: number, merge: 0, continuing: 0 });
                     Some(case)
                 } else {
@@ -328,10 +334,10 @@ impl Flow {
         self.around(within).find_map(|n| {
             let construct = &self.constructs[n];
             match construct.kind {
-                Kind::Case(_) | Kind::Continuing => None,
+                ConstructKind::Case(_) | ConstructKind::Continuing => None,
                 _ if construct.merge == target => Some(Edge::Leave(n)),
-                Kind::Loop if construct.continuing == target => Some(Edge::Continue(n)),
-                Kind::Loop if self.numbers.get(&target) == Some(&construct.header) => Some(Edge::Back(n)),
+                ConstructKind::Loop if construct.continuing == target => Some(Edge::Continue(n)),
+                ConstructKind::Loop if self.numbers.get(&target) == Some(&construct.header) => Some(Edge::Back(n)),
                 _ => None,
             }
         })
@@ -339,7 +345,7 @@ impl Flow {
 
     /// The innermost switch around, if the label is one of its targets.
     fn falls_to(&self, within: Option<usize>, target: u32) -> Option<usize> {
-        let switch = self.around(within).find(|&n| self.constructs[n].kind == Kind::Switch)?;
+        let switch = self.around(within).find(|&n| self.constructs[n].kind == ConstructKind::Switch)?;
         self.targets.get(&switch)?.contains(&target).then_some(switch)
     }
 
@@ -362,7 +368,7 @@ impl Flow {
     }
 
     /// The kinds of the constructs that a branch leaves on its way out to one of them, from the innermost.
-    pub fn left(&self, number: usize, to: usize) -> impl Iterator<Item = (usize, Kind)> {
+    pub fn left(&self, number: usize, to: usize) -> impl Iterator<Item = (usize, ConstructKind)> {
         self.around(self.within(number)).take_while(move |&n| n != to).map(|n| (n, self.constructs[n].kind))
     }
 
@@ -376,8 +382,8 @@ impl Flow {
         let refuse = |what: &str| Err((last.at, format!("a branch to %{target} {what}")));
         let edge = self.edge(blocks, number, target);
         let (Edge::Leave(to) | Edge::Continue(to) | Edge::Back(to) | Edge::Fall(to)) = edge else { return Ok(()) };
-        let left: Vec<Kind> = self.left(number, to).map(|(_, kind)| kind).collect();
-        if left.contains(&Kind::Loop) {
+        let left: Vec<ConstructKind> = self.left(number, to).map(|(_, kind)| kind).collect();
+        if left.contains(&ConstructKind::Loop) {
             return refuse("leaves two constructs at once, the inner one a loop, which SPIR-V does not allow");
         }
         // The continuing part of a loop ends with one block, which goes back, under a condition or without one.
@@ -390,21 +396,21 @@ impl Flow {
             targets == ends && last.code == op::BRANCH_CONDITIONAL
         };
         match (edge, self.constructs[to].kind) {
-            (Edge::Leave(_), Kind::Loop)
-                if left.contains(&Kind::Continuing) && (left != [Kind::Continuing] || !back_and_out()) =>
+            (Edge::Leave(_), ConstructKind::Loop)
+                if left.contains(&ConstructKind::Continuing) && (left != [ConstructKind::Continuing] || !back_and_out()) =>
             {
                 return refuse("leaves a loop from its continuing part, which naga understands of its last block only");
             }
-            (Edge::Leave(_), Kind::Loop | Kind::Switch) if left.contains(&Kind::Switch) => {
+            (Edge::Leave(_), ConstructKind::Loop | ConstructKind::Switch) if left.contains(&ConstructKind::Switch) => {
                 return refuse("leaves a switch and what is around it at once");
             }
-            (Edge::Leave(_), Kind::Selection) if left.iter().any(|kind| !matches!(kind, Kind::Case(_))) => {
+            (Edge::Leave(_), ConstructKind::Selection) if left.iter().any(|kind| !matches!(kind, ConstructKind::Case(_))) => {
                 return refuse("leaves two constructs at once, the outer one a selection, which SPIR-V does not allow");
             }
-            (Edge::Continue(_), _) if left.contains(&Kind::Continuing) => {
+            (Edge::Continue(_), _) if left.contains(&ConstructKind::Continuing) => {
                 return refuse("begins a turn of a loop from its continuing part");
             }
-            (Edge::Back(_), _) if left != [Kind::Continuing] || last.code != op::BRANCH && !back_and_out() => {
+            (Edge::Back(_), _) if left != [ConstructKind::Continuing] || last.code != op::BRANCH && !back_and_out() => {
                 return refuse("begins a turn of a loop and is not the last one of its continuing part");
             }
             (Edge::Fall(_), _) => return refuse("falls into another case of a switch"),

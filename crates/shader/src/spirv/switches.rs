@@ -15,7 +15,7 @@
 
 use std::collections::{BTreeSet, HashMap, HashSet};
 
-use super::flow::{Block, Edge, Flow, Function, Kind, Merge};
+use super::flow::{Block, ConstructKind, Edge, Flow, Function, Merge};
 use super::{Inst, Parts, Refusal, Whole, op};
 
 /// Rewrites all functions.
@@ -225,13 +225,13 @@ fn broken_switches(flow: &Flow, blocks: &[Block]) -> Result<Vec<Broken>, Refusal
         for target in block.targets() {
             let to = match flow.edge(blocks, number, target) {
                 Edge::Fall(to) => to,
-                Edge::Leave(to) if flow.constructs[to].kind != Kind::Selection => to,
+                Edge::Leave(to) if flow.constructs[to].kind != ConstructKind::Selection => to,
                 _ => continue,
             };
-            if flow.left(number, to).any(|(_, kind)| kind == Kind::Loop) {
+            if flow.left(number, to).any(|(_, kind)| kind == ConstructKind::Loop) {
                 flow.check(blocks, number, target)?;
             }
-            all.extend(flow.left(number, to).filter(|(_, kind)| *kind == Kind::Switch).map(|(n, _)| n));
+            all.extend(flow.left(number, to).filter(|(_, kind)| *kind == ConstructKind::Switch).map(|(n, _)| n));
             if flow.edge(blocks, number, target) == Edge::Fall(to) {
                 all.insert(to);
             }
@@ -254,7 +254,7 @@ fn broken_switches(flow: &Flow, blocks: &[Block]) -> Result<Vec<Broken>, Refusal
         .collect();
     for (number, block) in blocks.iter().enumerate() {
         let case = flow.around(flow.within(number)).find_map(|n| match (flow.constructs[n].kind, flow.constructs[n].outer) {
-            (Kind::Case(target), Some(switch)) => places.get(&switch).map(|&place| (switch, place, target)),
+            (ConstructKind::Case(target), Some(switch)) => places.get(&switch).map(|&place| (switch, place, target)),
             _ => None,
         });
         let Some((switch, place, case)) = case else { continue };

@@ -7,7 +7,7 @@ use num::{Lanes, Random};
 
 /// Compiles the only vertex entry point.
 fn vertex(source: &str) -> Option<Program> {
-    let module = Module::new("test", Source::Wgsl(source)).ok()?;
+    let module = Module::new("test", ModuleSource::Wgsl(source)).ok()?;
     Some(compile(&module, Stage::Vertex, None, &Options::default()).unwrap_or_else(|e| panic!("{e}\n{source}")))
 }
 

@@ -209,7 +209,7 @@ fn endless_loops_stop_with_their_place() {
     let mut executor = Executor::new();
     let fault = executor.bind(&p, &resources, &uniforms).run_groups(0..1, [1, 1, 1], None).expect_err("it never ends");
     assert_eq!(fault.entry, "main");
-    assert_eq!(fault.place.and_then(Place::line), Some(4));
+    assert_eq!(fault.place.and_then(ShaderLocation::line), Some(4));
 }
 
 #[test]

@@ -9,7 +9,7 @@ use num::Lanes;
 use work::RequestKind;
 
 fn fragment(source: &str) -> Program {
-    let module = Module::new("test", Source::Wgsl(source)).unwrap_or_else(|e| panic!("{e}"));
+    let module = Module::new("test", ModuleSource::Wgsl(source)).unwrap_or_else(|e| panic!("{e}"));
     compile(&module, Stage::Fragment, None, &Options::default()).unwrap_or_else(|e| panic!("{e}"))
 }
 
@@ -23,7 +23,7 @@ fn y_of(lane: usize) -> f32 {
 }
 
 /// Writes x, y into the first two components of input slot 0, as far as they are read.
-fn fill(bound: &mut Bound<'_>) {
+fn fill(bound: &mut BoundProgram<'_>) {
     for (c, f) in [(0, x_of as fn(usize) -> f32), (1, y_of)] {
         if let Some(lanes) = bound.input_mut(0, c) {
             *lanes = Lanes(std::array::from_fn(|i| f(i).to_bits()));
@@ -60,7 +60,7 @@ fn derivatives_are_differences_in_the_quad() {
 fn a_derivative_is_the_same_whether_its_operand_is_computed_once_or_by_every_lane() {
     let source = "@group(0) @binding(0) var<uniform> u: vec2f;
         @fragment fn fs(@location(0) p: vec2f) -> @location(0) vec4f { return vec4f(dpdx(u.x), dpdy(u.y), p); }";
-    let module = Module::new("test", Source::Wgsl(source)).expect("the program is valid");
+    let module = Module::new("test", ModuleSource::Wgsl(source)).expect("the program is valid");
     let words = words_of(&[f32::INFINITY.to_bits(), 2.5f32.to_bits()]);
     let bindings = [vec![Resource::Buffer(BufferRange { words: &words, offset: 0, size: 8, address: 0 })]];
     let resources = Resources { bindings: &bindings, ..Resources::default() };
@@ -231,7 +231,7 @@ fn outputs_that_nobody_reads_are_not_computed() {
     let source = "
         struct Out { @builtin(position) p: vec4f, @location(0) a: vec4f, @location(3) b: f32 }
         @vertex fn vs(@location(0) p: vec4f, @location(1) q: vec4f) -> Out { return Out(p, sin(q), cos(q.x)); }";
-    let module = Module::new("test", Source::Wgsl(source)).expect("valid");
+    let module = Module::new("test", ModuleSource::Wgsl(source)).expect("valid");
     let kept = compile(&module, Stage::Vertex, None, &Options { constants: &[], outputs: Some(&[3]), ..Options::default() })
         .expect("compiles");
     assert_eq!(kept.interface().outputs.len(), 2);

@@ -201,7 +201,7 @@ fn pipeline_constants_replace_overrides() {
         override size = 4u; @id(7) override scale: f32; override twice = scale * 2.0;
         @group(0) @binding(0) var<storage, read_write> result: array<u32>;
         @compute @workgroup_size(size, 2) fn main(@builtin(local_invocation_index) i: u32) { result[i] = u32(twice) + size; }";
-    let module = Module::new("test", Source::Wgsl(source)).expect("valid");
+    let module = Module::new("test", ModuleSource::Wgsl(source)).expect("valid");
     let options =
         |c: &[(String, f64)]| compile(&module, Stage::Compute, Some("main"), &Options { constants: c, ..Options::default() });
     let p = options(&[("size".into(), 8.0), ("7".into(), 10.0)]).expect("compiles");

@@ -14,7 +14,7 @@ use num::{Limits, Words};
 
 /// Compiles the only compute entry point.
 fn program(source: &str) -> Program {
-    let module = Module::new("test", Source::Wgsl(source)).unwrap_or_else(|e| panic!("{e}"));
+    let module = Module::new("test", ModuleSource::Wgsl(source)).unwrap_or_else(|e| panic!("{e}"));
     compile(&module, Stage::Compute, None, &Options::default()).unwrap_or_else(|e| panic!("{e}"))
 }
 

@@ -4,7 +4,7 @@ use super::*;
 
 #[track_caller]
 fn refused(source: &str, stage: Stage) -> ShaderError {
-    match Module::new("bad.wgsl", Source::Wgsl(source)) {
+    match Module::new("bad.wgsl", ModuleSource::Wgsl(source)) {
         Err(e) => e,
         Ok(m) => compile(&m, stage, None, &Options::default()).expect_err("it must be refused"),
     }
@@ -13,7 +13,7 @@ fn refused(source: &str, stage: Stage) -> ShaderError {
 #[test]
 fn errors_name_module_entry_and_place() {
     let e = refused("@fragment fn fs() -> @location(0) vec4f {\n  return vec4f(1.0) + 1u;\n}", Stage::Fragment);
-    assert_eq!(e.place.and_then(Place::line), Some(2));
+    assert_eq!(e.place.and_then(ShaderLocation::line), Some(2));
     assert!(e.to_string().starts_with("shader `bad.wgsl`"), "{e}");
     let e = refused("fn f( {", Stage::Fragment);
     assert!(e.place.is_some(), "{e}");
@@ -49,13 +49,13 @@ fn numbers_that_are_not_supported_are_named_as_features() {
         ("fn g(x: u64) -> u32 { return 1u; }\n".to_owned() + &compute(""), int64, (1, 1)),
     ];
     for (source, numbers, (line, column)) in cases {
-        let error = Module::new("wide.wgsl", Source::Wgsl(&source)).expect_err(&source);
+        let error = Module::new("wide.wgsl", ModuleSource::Wgsl(&source)).expect_err(&source);
         assert_eq!(error.message, format!("{numbers} are not supported"), "{source}");
-        let Some(Place::Text { line: l, column: c }) = error.place else { panic!("{source}: {error}") };
+        let Some(ShaderLocation::Text { line: l, column: c }) = error.place else { panic!("{source}: {error}") };
         // naga's spans begin at the declared name, or at the keyword in front of it.
         assert!(l == line && c.abs_diff(column) <= 23, "{source}: {error}");
     }
-    let short = Module::new("short.wgsl", Source::Wgsl("enable wgpu_int16;\n")).expect_err("refused");
+    let short = Module::new("short.wgsl", ModuleSource::Wgsl("enable wgpu_int16;\n")).expect_err("refused");
     assert_eq!(short.to_string(), "shader `short.wgsl`, 1:8: 16-bit integers (feature SHADER_I16) are not supported");
 }
 
@@ -89,11 +89,11 @@ fn all_sources_agree() {
     let call = broken.iter().position(|&word| word == 5 << 16 | 57).expect("a call with one argument");
     broken[call + 3] = 4321;
     let broken: Vec<u8> = broken.iter().flat_map(|w| w.to_le_bytes()).collect();
-    let error = Module::new("bad.spv", Source::SpirV(&broken)).expect_err("refused");
+    let error = Module::new("bad.spv", ModuleSource::SpirV(&broken)).expect_err("refused");
     assert!(error.to_string().contains("a call of %4321"), "{error}");
-    assert_eq!(error.place, Some(Place::Word(call as u32)));
+    assert_eq!(error.place, Some(ShaderLocation::Word(call as u32)));
     let mut results = Vec::new();
-    for source in [Source::Wgsl(source), Source::SpirV(&spirv), Source::NagaIr(&ron)] {
+    for source in [ModuleSource::Wgsl(source), ModuleSource::SpirV(&spirv), ModuleSource::NagaIr(&ron)] {
         let module = Module::new("test", source).unwrap_or_else(|e| panic!("{e}"));
         let p = compile(&module, Stage::Compute, Some("main"), &Options::default()).unwrap_or_else(|e| panic!("{e}"));
         let out = Words::new(256);
@@ -117,7 +117,7 @@ fn forms(source: &str) -> (naga::Module, Vec<u32>) {
 
 fn spirv_error(words: &[u32]) -> ShaderError {
     let bytes: Vec<u8> = words.iter().flat_map(|w| w.to_le_bytes()).collect();
-    Module::new("bad.spv", Source::SpirV(&bytes)).expect_err("refused")
+    Module::new("bad.spv", ModuleSource::SpirV(&bytes)).expect_err("refused")
 }
 
 #[test]
@@ -141,7 +141,7 @@ fn errors_of_spirv_name_the_word() {
     // A loop that does not end is named by its place when it runs.
     let bytes: Vec<u8> = words.iter().flat_map(|w| w.to_le_bytes()).collect();
     let limits = Limits { work_loop_turns: Limits::default().work_loop_turns.with(1), ..Limits::default() };
-    let module = Module::with_limits("good.spv", Source::SpirV(&bytes), &limits).expect("valid");
+    let module = Module::with_limits("good.spv", ModuleSource::SpirV(&bytes), &limits).expect("valid");
     let program = compile(&module, Stage::Compute, Some("main"), &Options::default()).expect("compiles");
     let words = Words::new(8);
     let resources = [vec![Resource::Buffer(BufferRange { words: &words, offset: 0, size: 8, address: 0 })]];
@@ -154,12 +154,12 @@ fn errors_of_spirv_name_the_word() {
 
 #[test]
 fn errors_of_naga_ir_name_the_place_or_the_handle() {
-    let error = Module::new("bad.ron", Source::NagaIr("(\n  types: [7])")).expect_err("refused");
+    let error = Module::new("bad.ron", ModuleSource::NagaIr("(\n  types: [7])")).expect_err("refused");
     assert!(error.to_string().starts_with("shader `bad.ron`, 2:"), "{error}");
     let limits = Limits { shader_nesting: Limits::default().shader_nesting.with(3), ..Limits::default() };
     let refused = |source: &str| {
         let ron = ir_print::ron(&forms(source).0);
-        Module::with_limits("deep.ron", Source::NagaIr(&ron), &limits).expect_err("too deep").to_string()
+        Module::with_limits("deep.ron", ModuleSource::NagaIr(&ron), &limits).expect_err("too deep").to_string()
     };
     let text = refused("@compute @workgroup_size(1) fn main() { if true { if true { if true { return; } } } }");
     assert!(text.starts_with("shader `deep.ron`: entry point `main`: 4 levels of nesting"), "{text}");
@@ -186,7 +186,7 @@ fn operators_on_long_zero_values_are_refused_in_nagas_form() {
             .expect("2");
         module.global_expressions[two] = naga::Expression::ZeroValue(array);
         let ron = ir_print::ron(&module);
-        let module = Module::new("zero.ron", Source::NagaIr(&ron))?;
+        let module = Module::new("zero.ron", ModuleSource::NagaIr(&ron))?;
         compile(&module, Stage::Compute, None, &Options::default())
     };
     let text = of("500000000").expect_err("too long").to_string();
@@ -198,10 +198,10 @@ fn operators_on_long_zero_values_are_refused_in_nagas_form() {
 
 #[test]
 fn damaged_input_is_refused() {
-    assert!(Module::new("x", Source::SpirV(&[1, 2, 3])).is_err());
-    assert!(Module::new("x", Source::SpirV(&[3, 2, 0x23, 7, 0, 0, 1, 0])).is_err());
-    assert!(Module::new("x", Source::NagaIr("(types: [")).is_err());
-    assert!(Module::new("x", Source::Wgsl("\u{0}\u{ffff}")).is_err());
+    assert!(Module::new("x", ModuleSource::SpirV(&[1, 2, 3])).is_err());
+    assert!(Module::new("x", ModuleSource::SpirV(&[3, 2, 0x23, 7, 0, 0, 1, 0])).is_err());
+    assert!(Module::new("x", ModuleSource::NagaIr("(types: [")).is_err());
+    assert!(Module::new("x", ModuleSource::Wgsl("\u{0}\u{ffff}")).is_err());
 }
 
 #[test]
@@ -219,7 +219,7 @@ fn interfaces_are_reflected() {
             let x = textureSampleCompareLevel(tex, cmp, in.l, 1, 0.5);
             return Out(list[in.k] * u.b[1] + x, in.p.z, in.s);
         }";
-    let module = Module::new("test", Source::Wgsl(source)).expect("valid");
+    let module = Module::new("test", ModuleSource::Wgsl(source)).expect("valid");
     let p = compile(&module, Stage::Fragment, Some("fs"), &Options::default()).expect("compiles");
     let i = p.interface();
     let places: Vec<_> = i.bindings.iter().map(|b| (b.group, b.binding)).collect();
@@ -244,7 +244,7 @@ fn shaders_of_recorded_traces_compile() {
         for file in files.flatten().filter(|f| f.path().extension().is_some_and(|e| e == "wgsl")) {
             let text = std::fs::read_to_string(file.path()).expect("text");
             let name = file.path().display().to_string();
-            let module = Module::new(&name, Source::Wgsl(&text)).unwrap_or_else(|e| panic!("{e}"));
+            let module = Module::new(&name, ModuleSource::Wgsl(&text)).unwrap_or_else(|e| panic!("{e}"));
             for (stage, entry) in module.entry_points() {
                 let p = compile(&module, stage, Some(entry), &Options::default()).unwrap_or_else(|e| panic!("{e}"));
                 println!("{name} {entry}: {:?} operations, {} registers", p.operations(), p.interface().registers);

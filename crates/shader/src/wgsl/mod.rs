@@ -20,13 +20,13 @@ use num::Limits;
 
 pub(crate) use edits::Text;
 
-use crate::module::{PAIRS, Place, capabilities, place_of};
+use crate::module::{PAIRS, ShaderLocation, capabilities, place_of};
 use crate::nesting;
 use crate::unsupported;
 use mend::{Parsed, Problem};
 
 /// Why a text is refused, and where.
-pub(crate) type Refusal = (Option<Place>, String);
+pub(crate) type Refusal = (Option<ShaderLocation>, String);
 
 /// How often a text is rewritten because naga refuses it. Each time naga reads it again.
 const REWRITINGS: usize = 256;
@@ -44,7 +44,7 @@ pub(crate) struct Read {
 }
 
 /// The place of a byte.
-pub(crate) fn place(text: &str, at: usize) -> Place {
+pub(crate) fn place(text: &str, at: usize) -> ShaderLocation {
     let at = at.min(text.len()) as u32;
     place_of(naga::Span::new(at, at).location(text))
 }

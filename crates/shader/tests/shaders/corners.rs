@@ -6,7 +6,7 @@ use gfx::state::{AddressMode, Aspect, BorderColor, FilterMode, SamplerDesc, Text
 use gfx::texture::{Sampler, View, ViewRange};
 use naga::valid::ModuleInfo;
 use num::Words;
-use shader::{BufferRange, Executor, Module, Options, Program, Resource, Resources, Source, Stage, compile};
+use shader::{BufferRange, Executor, Module, ModuleSource, Options, Program, Resource, Resources, Stage, compile};
 
 use crate::oracle::{self, Bindings, Texture, run_compute};
 use crate::oracle_tests::{bytes, module};
@@ -25,7 +25,7 @@ impl Engine {
     /// Compiles a program's only compute entry point.
     #[track_caller]
     pub fn new(source: &str) -> Engine {
-        let program = Module::new("corner", Source::Wgsl(source))
+        let program = Module::new("corner", ModuleSource::Wgsl(source))
             .and_then(|module| compile(&module, Stage::Compute, None, &Options::default()));
         Engine(program.unwrap_or_else(|error| panic!("{error}\n{source}")))
     }

@@ -8,8 +8,8 @@ use naga::back::pipeline_constants::process_overrides;
 use naga::valid::{Capabilities, ModuleInfo, ValidationFlags, Validator};
 use num::{LANES, Lanes, Limits, Words};
 use shader::{
-    BufferRange, BuiltIn, Connection, Encloser, Executor, Extra, Fault, Module, Optimisations, Options, Program as Compiled,
-    Range, Recorder, Resources, Scalar, Source, Stage, StorageImage, compile,
+    BufferRange, BuiltIn, Connection, Encloser, Executor, Extra, Fault, Module, ModuleSource, Optimisations, Options,
+    Program as Compiled, Range, Recorder, Resources, Scalar, Stage, StorageImage, compile,
 };
 
 use super::generate::Program;
@@ -90,7 +90,8 @@ pub fn expect(program: &Program) -> Result<Expected, Verdict> {
     let mut bindings = program.bindings.clone();
     const STEPS: u64 = 1 << 26;
     let result = if program.stage == naga::ShaderStage::Compute {
-        oracle::run_compute(&module, &info, "main", program.groups, &mut bindings, STEPS).map(|()| oracle::Outcome::default())
+        oracle::run_compute(&module, &info, "main", program.groups, &mut bindings, STEPS)
+            .map(|()| oracle::BatchResult::default())
     } else {
         oracle::run_batch(&module, &info, program.stage, "main", &program.batch, &mut bindings, STEPS)
     };
@@ -115,7 +116,7 @@ pub fn check_against(program: &Program, expected: &Expected, settings: &[Setting
     // No loop of a generated program turns more often: one that a fault makes endless is stopped soon.
     let mut limits = Limits::default();
     limits.set("work.loop_turns=10000").expect("a limit of this name");
-    let module = match Module::with_limits("generated", Source::Wgsl(&program.source), &limits) {
+    let module = match Module::with_limits("generated", ModuleSource::Wgsl(&program.source), &limits) {
         Ok(module) => module,
         // The oracle runs it, so what the engine says no to is its own.
         Err(error) => return Verdict::Different { setting: None, what: error.to_string() },

@@ -7,7 +7,7 @@ use std::fmt::Write;
 
 use num::Random;
 use rayon::prelude::*;
-use shader::{Module, Source};
+use shader::{Module, ModuleSource};
 
 use crate::trees::run_words;
 
@@ -224,7 +224,7 @@ fn check(seed: u64) -> Result<bool, String> {
         format!("{declared}{results}\n@group(0) @binding(1) var<{space}> data: {name};\n{}", main(&body))
     };
     let compare = |text: &str| {
-        let got = run_words(Source::Wgsl(text), &numbers, 64).map_err(|error| format!("{error}\n{text}"))?;
+        let got = run_words(ModuleSource::Wgsl(text), &numbers, 64).map_err(|error| format!("{error}\n{text}"))?;
         match places.iter().enumerate().find(|(n, (_, at))| got[*n] != at / 4) {
             Some((n, (name, at))) => Err(format!("{name} is at {}, expected {at}\n{text}", 4 * got[n])),
             None if got[60] != places[places.len() - 1].1 / 4 => Err(format!("a copy differs\n{text}")),
@@ -236,7 +236,7 @@ fn check(seed: u64) -> Result<bool, String> {
     // Each number is written by its name.
     let body: String = places.iter().enumerate().map(|(n, (name, _))| format!("{name} = {}u; ", n + 1)).collect();
     let text = format!("{declared}@group(0) @binding(0) var<storage, read_write> data: {name};\n{}", main(&body));
-    let got = run_words(Source::Wgsl(&text), &numbers, bytes as usize / 4).map_err(|error| format!("{error}\n{text}"))?;
+    let got = run_words(ModuleSource::Wgsl(&text), &numbers, bytes as usize / 4).map_err(|error| format!("{error}\n{text}"))?;
     let mut wanted = vec![0; bytes as usize / 4];
     places.iter().enumerate().for_each(|(n, (_, at))| wanted[*at as usize / 4] = n as u32 + 1);
     if got != wanted {
@@ -247,7 +247,7 @@ fn check(seed: u64) -> Result<bool, String> {
     let uniform = is_uniform(&structs, &ty);
     if uniform {
         compare(&text)?;
-    } else if Module::new("layout", Source::Wgsl(&text)).is_ok() {
+    } else if Module::new("layout", ModuleSource::Wgsl(&text)).is_ok() {
         return Err(format!("no uniform buffer may have this layout\n{text}"));
     }
     Ok(uniform)

@@ -7,7 +7,7 @@ use gfx::texture::ViewRange;
 use naga::BuiltIn;
 use naga::valid::{Capabilities, ModuleInfo, ValidationFlags, Validator};
 
-use crate::oracle::{Batch, Bindings, Fault, Io, Outcome, Resource, Texture, run_batch, run_compute};
+use crate::oracle::{Batch, BatchResult, Bindings, Fault, Io, Resource, Texture, run_batch, run_compute};
 
 const STEPS: u64 = 1 << 20;
 
@@ -259,7 +259,7 @@ fn those_who_part_meet_again() {
 }
 
 /// Runs a fragment stage on one quad at (x, y) = (0, 0) to (1, 1), all four active.
-fn quad(source: &str, bindings: &mut Bindings) -> Outcome {
+fn quad(source: &str, bindings: &mut Bindings) -> BatchResult {
     let (module, info) = module(source);
     let mut position = vec![[0; 64]; 4];
     for lane in 0..4 {

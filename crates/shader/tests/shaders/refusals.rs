@@ -1,14 +1,14 @@
 //! Programs that WGSL allows and that the engine must refuse with a reason, or stop: never run wrongly.
 
 use num::Limits;
-use shader::{Executor, Module, Options, Recorder, Resource, Resources, Source, Stage, compile};
+use shader::{Executor, Module, ModuleSource, Options, Recorder, Resource, Resources, Stage, compile};
 
 /// What the engine says of a compute stage.
 #[track_caller]
 fn refused(source: &str, reason: &str) {
     let mut limits = Limits::default();
     limits.set("shader.instructions=20000").expect("a limit of this name");
-    let error = match Module::with_limits("refused", Source::Wgsl(source), &limits) {
+    let error = match Module::with_limits("refused", ModuleSource::Wgsl(source), &limits) {
         Err(error) => error,
         Ok(module) => {
             match compile(&module, module.entry_points().next().expect("an entry point").0, None, &Options::default()) {
@@ -46,7 +46,7 @@ fn an_endless_loop_is_stopped_with_its_place() {
     let endless = "loop { out[0] += 1u; if (out[1] == 1u) { break; } }";
     for (stage, head) in [(Stage::Compute, "@compute @workgroup_size(1)"), (Stage::Fragment, "@fragment")] {
         let source = format!("{OUT}\n{head} fn main() {{\n{endless}\n}}");
-        let module = Module::new("endless", Source::Wgsl(&source)).expect("the program is valid");
+        let module = Module::new("endless", ModuleSource::Wgsl(&source)).expect("the program is valid");
         let program = compile(&module, stage, None, &Options::default()).expect("the program compiles");
         let bindings = [vec![Resource::None]];
         let resources = Resources { bindings: &bindings, ..Resources::default() };

@@ -4,7 +4,7 @@ use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::atomic::{AtomicUsize, Ordering::Relaxed};
 
 use rayon::prelude::*;
-use shader::{Fault, Module, Optimisations, Options, Source, compile};
+use shader::{Fault, Module, ModuleSource, Optimisations, Options, compile};
 
 use super::differential::{Setting, Verdict, check, check_against, expect, shrink};
 use super::generate::{Program, Random, generate};
@@ -81,7 +81,7 @@ fn every_optimisation_changes_some_programs() {
     let mut changed = [0; 8];
     for seed in 0..120 {
         let program = program(seed);
-        let Ok(module) = Module::new("generated", Source::Wgsl(&program.source)) else { continue };
+        let Ok(module) = Module::new("generated", ModuleSource::Wgsl(&program.source)) else { continue };
         let operations = |optimisations| {
             let options = Options { constants: &program.constants, optimisations, ..Options::default() };
             let (stage, name) = module.entry_points().next().expect("an entry point");

@@ -1,6 +1,6 @@
 //! Valid WGSL that naga 30 refuses or lays out wrongly, and what it must leave.
 
-use shader::{Module, Options, Source, Stage, compile};
+use shader::{Module, ModuleSource, Options, Stage, compile};
 
 use crate::trees::run;
 
@@ -9,7 +9,7 @@ use crate::trees::run;
 fn results(globals: &str, body: &str) -> Vec<u32> {
     let text = text(globals, body);
     let inputs: Vec<u32> = (0..64).collect();
-    run(Source::Wgsl(&text), &inputs).unwrap_or_else(|error| panic!("{error}\n{text}"))
+    run(ModuleSource::Wgsl(&text), &inputs).unwrap_or_else(|error| panic!("{error}\n{text}"))
 }
 
 fn text(globals: &str, body: &str) -> String {
@@ -44,7 +44,7 @@ fn all(globals: &str, body: &str, expected: u32) {
 #[track_caller]
 fn refused(globals: &str, body: &str) -> String {
     let text = text(globals, body);
-    let module = match Module::new("refused", Source::Wgsl(&text)) {
+    let module = match Module::new("refused", ModuleSource::Wgsl(&text)) {
         Err(error) => return error.to_string(),
         Ok(module) => module,
     };
@@ -279,7 +279,7 @@ fn structures_keep_the_alignments_of_their_members() {
          let copy = deep.o[1]; results[8] = copy.i.a;",
     );
     let inputs: Vec<u32> = (0..64).collect();
-    let got = run(Source::Wgsl(&text), &inputs).unwrap_or_else(|error| panic!("{error}\n{text}"));
+    let got = run(ModuleSource::Wgsl(&text), &inputs).unwrap_or_else(|error| panic!("{error}\n{text}"));
     // Outer: x at 0, i at 16 (16 bytes), y at 32 (20 bytes): 64 bytes. Deep: x at 0, o at 16, z at 144.
     assert_eq!(got[..9], [0, 4, 8, 9, 12, 25, 28, 36, 24]);
 
@@ -288,12 +288,12 @@ fn structures_keep_the_alignments_of_their_members() {
             "struct I {{ {inner} }} struct O {{ a: f32, i: I }} @group(0) @binding(0) var<uniform> u: O;
              @fragment fn main() -> @location(0) vec4f {{ return vec4f(u.i.b); }}"
         );
-        Module::new("uniform", Source::Wgsl(&text)).map(|_| ())
+        Module::new("uniform", ModuleSource::Wgsl(&text)).map(|_| ())
     };
     assert_eq!(uniform("@align(16) b: f32"), Ok(()));
     assert_eq!(uniform("@align(32) b: f32"), Ok(()));
     assert!(uniform("b: f32").is_err_and(|error| error.to_string().contains("lignment")));
     let low = "struct I { @align(16) b: f32 }\nstruct O { a: f32, @align(8) i: I }\n@fragment fn main() { }";
-    let error = Module::new("low", Source::Wgsl(low)).expect_err("too low").to_string();
+    let error = Module::new("low", ModuleSource::Wgsl(low)).expect_err("too low").to_string();
     assert!(error.contains("2:30") && error.contains("less than the alignment"), "{error}");
 }

@@ -14,7 +14,7 @@ use crate::surface::{Shape, TileSurface};
 use gfx::format::Format;
 use gfx::state::*;
 use num::{Limits, ShaderId};
-use shader::{Module, Source};
+use shader::{Module, ModuleSource};
 use trace::command::{self, RenderPipelineDesc};
 use work::{self, Event, Segment};
 
@@ -172,7 +172,8 @@ impl Scene {
     }
 
     fn pipeline(&self) -> Result<Arc<RenderPipeline>, String> {
-        let module = Module::with_limits("scene", Source::Wgsl(&self.source), &self.limits).unwrap_or_else(|e| panic!("{e}"));
+        let module =
+            Module::with_limits("scene", ModuleSource::Wgsl(&self.source), &self.limits).unwrap_or_else(|e| panic!("{e}"));
         let module = Arc::new(module);
         let modules = StageMap::from_fn(|_| Some(module.clone()));
         RenderPipeline::new(&self.state, &modules, work::CulledLate::NONE, "scene").map(Arc::new)

@@ -155,7 +155,7 @@ struct Generator<'a, 'b> {
     /// How often the statement being written runs, at most.
     turns: u32,
     /// Texture bindings, by what they are.
-    textures: Vec<texture::Bound>,
+    textures: Vec<texture::GeneratedTexture>,
     bindings: Bindings,
     constants: Vec<(String, f64)>,
     /// Invocations of a workgroup.

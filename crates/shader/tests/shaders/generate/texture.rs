@@ -13,7 +13,7 @@ use super::{Flow, Generator, Scalar, Ty};
 
 /// What texels are to a program.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Kind {
+enum TexelType {
     Float,
     Uint,
     Sint,
@@ -24,10 +24,10 @@ enum Kind {
 
 /// A texture of the program.
 #[derive(Clone, Debug)]
-pub struct Bound {
+pub struct GeneratedTexture {
     name: String,
     view: ViewDimension,
-    kind: Kind,
+    kind: TexelType,
     levels: u32,
     samples: u32,
     /// Elements of a binding array.
@@ -35,9 +35,9 @@ pub struct Bound {
 }
 
 /// View, kind, levels, samples, format.
-const SORTS: [(ViewDimension, Kind, u32, u32, Format); 22] = {
+const SORTS: [(ViewDimension, TexelType, u32, u32, Format); 22] = {
     use Format as F;
-    use Kind as K;
+    use TexelType as K;
     use ViewDimension as V;
     [
         (V::D2, K::Float, 3, 1, F::Rgba8Unorm),
@@ -84,7 +84,7 @@ impl Generator<'_, '_> {
         let n = 1 + self.r.below(5);
         for k in 0..n {
             let (view, kind, levels, samples, format) = *self.r.one(&SORTS);
-            if !self.has.out && matches!(kind, Kind::Storage(_, access) if access != "read") {
+            if !self.has.out && matches!(kind, TexelType::Storage(_, access) if access != "read") {
                 continue;
             }
             let name = format!("tex{k}");
@@ -98,22 +98,22 @@ impl Generator<'_, '_> {
             };
             let many = if samples > 1 { "multisampled_" } else { "" };
             let ty = match kind {
-                Kind::Float => format!("texture_{many}{shape}<f32>"),
-                Kind::Uint => format!("texture_{shape}<u32>"),
-                Kind::Sint => format!("texture_{shape}<i32>"),
-                Kind::Depth => format!("texture_depth_{many}{shape}"),
-                Kind::Storage(format, access) => format!("texture_storage_{shape}<{format}, {access}>"),
+                TexelType::Float => format!("texture_{many}{shape}<f32>"),
+                TexelType::Uint => format!("texture_{shape}<u32>"),
+                TexelType::Sint => format!("texture_{shape}<i32>"),
+                TexelType::Depth => format!("texture_depth_{many}{shape}"),
+                TexelType::Storage(format, access) => format!("texture_storage_{shape}<{format}, {access}>"),
             };
-            let elements = if !matches!(kind, Kind::Depth) && self.r.percent(30) { 2 } else { 1 };
+            let elements = if !matches!(kind, TexelType::Depth) && self.r.percent(30) { 2 } else { 1 };
             let ty = if elements > 1 { format!("binding_array<{ty}, 2>") } else { ty };
             let _ = writeln!(self.globals, "@group(1) @binding({k}) var {name}: {ty};");
             let (dimension, size) = size_of(view);
             let desc = ImageDesc { dimension, size, levels, samples, format };
-            let storage = matches!(kind, Kind::Storage(..));
+            let storage = matches!(kind, TexelType::Storage(..));
             let range = ViewRange {
                 dimension: view,
                 format,
-                aspect: if kind == Kind::Depth { Aspect::DepthOnly } else { Aspect::All },
+                aspect: if kind == TexelType::Depth { Aspect::DepthOnly } else { Aspect::All },
                 base_level: 0,
                 levels: if storage { 1 } else { levels },
                 base_layer: 0,
@@ -126,7 +126,7 @@ impl Generator<'_, '_> {
                 })
                 .collect();
             self.bindings.resources.insert((1, k), all);
-            self.textures.push(Bound { name, view, kind, levels, samples, elements });
+            self.textures.push(GeneratedTexture { name, view, kind, levels, samples, elements });
         }
         self.globals += "@group(2) @binding(0) var sam: sampler;\n@group(2) @binding(1) var sac: sampler_comparison;\n";
         for compare in [None, Some(*self.r.one(&[Compare::Less, Compare::GreaterEqual, Compare::Equal]))] {
@@ -177,8 +177,8 @@ impl Generator<'_, '_> {
             return self.query(&t);
         }
         match t.kind {
-            Kind::Storage(format, access) => self.storage(&t, format, access),
-            Kind::Float | Kind::Depth if t.samples == 1 && self.r.percent(75) => self.sample(&t, flow),
+            TexelType::Storage(format, access) => self.storage(&t, format, access),
+            TexelType::Float | TexelType::Depth if t.samples == 1 && self.r.percent(75) => self.sample(&t, flow),
             _ => self.load_texel(&t),
         }
     }
@@ -189,14 +189,14 @@ impl Generator<'_, '_> {
         self.declare(name, ty, false, None);
     }
 
-    fn query(&mut self, t: &Bound) {
+    fn query(&mut self, t: &GeneratedTexture) {
         let n = match t.view {
             ViewDimension::D1 => 1,
             ViewDimension::D3 => 3,
             _ => 2,
         };
         let ty = if n == 1 { U32 } else { Ty::Vector(n, Scalar::U32) };
-        let storage = matches!(t.kind, Kind::Storage(..));
+        let storage = matches!(t.kind, TexelType::Storage(..));
         let arrayed = matches!(t.view, ViewDimension::D2Array | ViewDimension::CubeArray);
         match self.r.below(4) {
             0 if !storage && t.samples == 1 => self.bind(format!("textureNumLevels({})", t.name), U32),
@@ -215,7 +215,7 @@ impl Generator<'_, '_> {
     }
 
     /// Whole coordinates, at times out of bounds.
-    fn texel(&mut self, t: &Bound) -> String {
+    fn texel(&mut self, t: &GeneratedTexture) -> String {
         let (_, size) = size_of(t.view);
         let wild = self.r.percent(30);
         let mut part = |n: u32| {
@@ -231,7 +231,7 @@ impl Generator<'_, '_> {
         }
     }
 
-    fn load_texel(&mut self, t: &Bound) {
+    fn load_texel(&mut self, t: &GeneratedTexture) {
         if matches!(t.view, ViewDimension::Cube | ViewDimension::CubeArray) {
             return self.query(t);
         }
@@ -242,16 +242,16 @@ impl Generator<'_, '_> {
             format!("({} & 3u)", self.live(&U32))
         };
         let ty = match t.kind {
-            Kind::Depth => F32,
-            Kind::Uint => Ty::Vector(4, Scalar::U32),
-            Kind::Sint => Ty::Vector(4, Scalar::I32),
+            TexelType::Depth => F32,
+            TexelType::Uint => Ty::Vector(4, Scalar::U32),
+            TexelType::Sint => Ty::Vector(4, Scalar::I32),
             _ => Ty::Vector(4, Scalar::F32),
         };
         self.bind(format!("textureLoad({}, {at}, {level})", t.name), ty);
     }
 
-    fn sample(&mut self, t: &Bound, flow: &Flow) {
-        let depth = t.kind == Kind::Depth;
+    fn sample(&mut self, t: &GeneratedTexture, flow: &Flow) {
+        let depth = t.kind == TexelType::Depth;
         let c = self.coordinates(t.view);
         let arrayed = matches!(t.view, ViewDimension::D2Array | ViewDimension::CubeArray);
         let layer = if arrayed { format!(", ({} & 3u)", self.live(&U32)) } else { String::new() };
@@ -313,7 +313,7 @@ impl Generator<'_, '_> {
     }
 
     /// Loads, stores and atomics of storage textures, an invocation in its own texel.
-    fn storage(&mut self, t: &Bound, format: &str, access: &str) {
+    fn storage(&mut self, t: &GeneratedTexture, format: &str, access: &str) {
         let own = match t.view {
             ViewDimension::D2 => "vec2<u32>(lane & 15u, lane >> 4u)".to_owned(),
             ViewDimension::D3 => format!("vec3<u32>(lane & 15u, lane >> 4u, {}u)", self.r.below(5)),

@@ -8,7 +8,7 @@ use naga::{Binding, BuiltIn, Handle, ShaderStage, Type, TypeInner};
 use super::groups::run_all;
 use super::machine::{Invocation, State, World};
 use super::value::{Number, Value, array_length, broken};
-use super::{Batch, Bindings, Fault, Io, LANES, Outcome};
+use super::{Batch, BatchResult, Bindings, Fault, Io, LANES};
 
 /// The connection that a binding means.
 fn connection(binding: &Binding) -> Io {
@@ -162,7 +162,7 @@ pub fn run_batch(
     batch: &Batch,
     bindings: &mut Bindings,
     steps: u64,
-) -> Result<Outcome, Fault> {
+) -> Result<BatchResult, Fault> {
     let entry = find(module, stage, entry)?;
     let mut world = World::new(module, info, entry, bindings, steps);
     let private = world.private_variables()?;
@@ -178,7 +178,7 @@ pub fn run_batch(
         invocations.push(begin(&mut world, lane, helper, private.clone(), &input)?);
     }
     run_all(&mut world, &mut invocations)?;
-    let mut outcome = Outcome::default();
+    let mut outcome = BatchResult::default();
     for invocation in &invocations {
         if invocation.has_effects() {
             outcome.live |= 1 << invocation.index;

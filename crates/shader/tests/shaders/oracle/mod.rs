@@ -145,7 +145,7 @@ pub struct Batch {
 
 /// What a batch leaves.
 #[derive(Clone, Debug, Default)]
-pub struct Outcome {
+pub struct BatchResult {
     /// Invocations that were active and not discarded.
     pub live: u64,
     /// As [`Batch::inputs`]. Only the bits of live invocations mean anything.
@@ -180,6 +180,6 @@ pub fn run_batch(
     batch: &Batch,
     bindings: &mut Bindings,
     steps: u64,
-) -> Result<Outcome, Fault> {
+) -> Result<BatchResult, Fault> {
     entry::run_batch(module, info, stage, entry, batch, bindings, steps)
 }

@@ -2,7 +2,7 @@
 
 use num::{Random, Words};
 use rayon::prelude::*;
-use shader::{BufferRange, Executor, Module, Options, Resource, Resources, Source, Stage, compile};
+use shader::{BufferRange, Executor, Module, ModuleSource, Options, Resource, Resources, Stage, compile};
 
 use super::{Expression, Run, Statement, initial, program, result, spirv, wgsl};
 
@@ -16,12 +16,12 @@ fn words_of(data: &[u32]) -> Words {
 }
 
 /// Runs a module on 64 inputs.
-pub fn run(source: Source<'_>, inputs: &[u32]) -> Result<Vec<u32>, String> {
+pub fn run(source: ModuleSource<'_>, inputs: &[u32]) -> Result<Vec<u32>, String> {
     run_words(source, inputs, 64)
 }
 
 /// Runs a module whose result buffer has this number of words.
-pub fn run_words(source: Source<'_>, inputs: &[u32], words: usize) -> Result<Vec<u32>, String> {
+pub fn run_words(source: ModuleSource<'_>, inputs: &[u32], words: usize) -> Result<Vec<u32>, String> {
     let module = Module::new("tree", source).map_err(|e| e.to_string())?;
     let program = compile(&module, Stage::Compute, None, &Options::default()).map_err(|e| e.to_string())?;
     let (results, inputs) = (Words::new(4 * words as u64), words_of(inputs));
@@ -51,7 +51,7 @@ fn check(tree: &[Statement], seed: u64) -> Result<(), String> {
         .collect();
     let text = wgsl::write(tree);
     let binary = spirv::write(tree);
-    for (name, source) in [("WGSL", Source::Wgsl(&text)), ("SPIR-V", Source::SpirV(&binary))] {
+    for (name, source) in [("WGSL", ModuleSource::Wgsl(&text)), ("SPIR-V", ModuleSource::SpirV(&binary))] {
         let got = run(source, &inputs).map_err(|error| format!("{name}: {error}"))?;
         if let Some(n) = (0..64).find(|&n| got[n] != expected[n]) {
             return Err(format!("{name}: of input {:#x}: {:#x}, expected {:#x}", inputs[n], got[n], expected[n]));
@@ -128,7 +128,7 @@ fn instructions_mean_what_their_codes_say() {
     // Vectors, and numbers that floating-point numbers do not hold; comparisons of what is no number.
     let inputs: Vec<u32> =
         (0..64).map(|n| [7, -7, i32::MIN, i32::MAX - 2, 123_456_789, -3][n as usize % 6] as u32 ^ n >> 4).collect();
-    let got = run(Source::SpirV(&spirv::by_hand()), &inputs).unwrap_or_else(|error| panic!("{error}"));
+    let got = run(ModuleSource::SpirV(&spirv::by_hand()), &inputs).unwrap_or_else(|error| panic!("{error}"));
     for (&input, got) in inputs.iter().zip(got) {
         let x = i64::from(input as i32);
         let rest = x.rem_euclid(3);
