@@ -81,7 +81,8 @@ pub fn apply(card: &mut Card, slot: u16, units: &mut WarmedUnits, memory: &mut T
                 // A pipeline that draws on the whole screen shades the primitives that were dealt to it.
                 let to = dealt.first().filter(|_| screen).and_then(|dealt| dealt[triangle.primitive as usize]);
                 let shades = to.unwrap_or(pipeline);
-                let place = Place { work, pass, tile, index: visit.tile, triangle: number, block, at, pipeline, shades };
+                let place =
+                    TriangleBlock { work, pass, tile, index: visit.tile, triangle: number, block, at, pipeline, shades };
                 if let Err(found) = place.draw(frame, *epoch, units, memory) {
                     fault.get_or_insert(found);
                     return;
@@ -176,7 +177,7 @@ fn ask(
 }
 
 /// A block of a triangle.
-struct Place<'w> {
+struct TriangleBlock<'w> {
     work: &'w Work,
     pass: &'w PassState,
     tile: &'w TileWork,
@@ -192,10 +193,10 @@ struct Place<'w> {
     shades: usize,
 }
 
-impl Place<'_> {
+impl TriangleBlock<'_> {
     /// Tests and blends the block's quads, four at a time.
     fn draw(&self, frame: &mut FrameBuffers, epoch: u32, units: &mut WarmedUnits, memory: &mut Touching) -> Result<(), Fault> {
-        let Place { work, pass, .. } = self;
+        let TriangleBlock { work, pass, .. } = self;
         let state = work.depth.as_ref().filter(|state| !state.is_idle());
         let tested = state.zip(pass.depth);
         let shaded = work.draw.shades();

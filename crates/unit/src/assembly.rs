@@ -152,7 +152,7 @@ pub struct Assembly {
     /// reported to vertex fetch.
     before: u32,
     passed: u32,
-    told: u32,
+    reported: u32,
     items: u64,
 }
 
@@ -172,7 +172,7 @@ impl Assembly {
             mode,
             before: 0,
             passed: 0,
-            told: 0,
+            reported: 0,
             items: 0,
         }
     }
@@ -297,8 +297,8 @@ impl Assembly {
             self.take_indices(card, &batch);
         }
         let Some(output) = &self.ports.passed else { return Tick::Starved };
-        if self.passed != self.told && wires.try_push(output, WarpToken { warp: self.passed }) {
-            self.told = self.passed;
+        if self.passed != self.reported && wires.try_push(output, WarpToken { warp: self.passed }) {
+            self.reported = self.passed;
             return Tick::Moved;
         }
         Tick::Starved

@@ -135,7 +135,7 @@ pub struct ColorPorts {
 
 /// A group and a target between lookup and blending, or a fence.
 #[derive(Clone, Copy, Debug)]
-struct Entry {
+struct ColorGroup {
     token: GroupToken,
     /// The target, among those that the draw writes, and whether its colours are read.
     output: u8,
@@ -155,7 +155,7 @@ pub struct Color {
     pipeline: u8,
     ports: ColorPorts,
     cache: BlockCache,
-    fifo: VecDeque<Entry>,
+    fifo: VecDeque<ColorGroup>,
     /// The group that is next in order, and its next target among those that are written.
     sequence: u32,
     output: u8,
@@ -215,7 +215,7 @@ impl Color {
 
     /// Blends one group into one target.
     #[inline(always)]
-    fn blend(&mut self, card: &mut Card, entry: Entry, line: u32) {
+    fn blend(&mut self, card: &mut Card, entry: ColorGroup, line: u32) {
         let Card { groups, work, frame, class_state: ClassState { copies, .. }, .. } = card;
         let frame = own(frame, copies, self.pipeline);
         let group = &groups[usize::from(self.pipeline)][entry.token.group];
@@ -312,7 +312,7 @@ impl Color {
 
     /// Writes the cache back at the end of a pass, then passes the fence on.
     #[cold]
-    fn finish(&mut self, wires: &mut Wires, card: &mut Card, entry: Entry) -> Tick {
+    fn finish(&mut self, wires: &mut Wires, card: &mut Card, entry: ColorGroup) -> Tick {
         let Card { frame, class_state: ClassState { copies, .. }, passes, .. } = card;
         let frame = own(frame, copies, self.pipeline);
         let pass = passes.get(entry.token.group as u8).expect("a pass is ending");
@@ -362,7 +362,7 @@ impl Color {
                 return Tick::Moved;
             }
             let from = wires.now() + Cycle::from(self.config.latency);
-            let mut entry = Entry { token, output: self.output, reads: false, times: 1, last: true, line: None, from };
+            let mut entry = ColorGroup { token, output: self.output, reads: false, times: 1, last: true, line: None, from };
             if token.kind == Kind::DATA && token.quads > 0 {
                 let Card { groups, work, passes, frame, class_state: ClassState { copies, .. }, notes, .. } = card;
                 let frame = own(frame, copies, self.pipeline);

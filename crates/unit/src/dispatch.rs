@@ -81,7 +81,7 @@ pub enum Outlet {
 
 /// An entry of the order in which groups leave.
 #[derive(Clone, Copy, Debug)]
-enum Entry {
+enum DispatchOrder {
     Warp(u32),
     /// A mark, or quads that need no shading.
     Token(GroupToken),
@@ -101,7 +101,7 @@ pub struct Dispatch {
     start_at: Cycle,
     /// When the next quads may be packed, where that has an interval.
     free_at: Cycle,
-    order: VecDeque<Entry>,
+    order: VecDeque<DispatchOrder>,
     /// Groups of the warp at the head that have left.
     left: usize,
     /// ROPs that the current mark has still to be sent to.
@@ -249,7 +249,7 @@ impl Dispatch {
         }
         while let Some(&entry) = self.order.front() {
             let index = match entry {
-                Entry::Token(token) => {
+                DispatchOrder::Token(token) => {
                     let sent =
                         if token.kind == Kind::DATA { self.send(wires, card, token) } else { self.send_mark(wires, token) };
                     if !sent {
@@ -259,7 +259,7 @@ impl Dispatch {
                     did = Tick::Moved;
                     continue;
                 }
-                Entry::Warp(index) => index,
+                DispatchOrder::Warp(index) => index,
             };
             let pipeline = usize::from(self.pipeline);
             if !card.warps[pipeline][index].done {
@@ -383,7 +383,7 @@ impl Dispatch {
                     if self.order.len() >= 2 * self.config.reorder as usize {
                         return did.or(Tick::Blocked);
                     }
-                    self.order.push_back(Entry::Token(token));
+                    self.order.push_back(DispatchOrder::Token(token));
                 }
                 wires.take(&self.ports.input);
                 did = Tick::Moved;
@@ -414,7 +414,7 @@ impl Dispatch {
                 }
                 budget = budget.saturating_sub(u32::from(token.quads));
                 self.pace(wires.now());
-                self.order.push_back(Entry::Token(token));
+                self.order.push_back(DispatchOrder::Token(token));
                 wires.take(&self.ports.input);
                 did = Tick::Moved;
                 continue;
@@ -427,7 +427,7 @@ impl Dispatch {
                     }
                     let registers = work.draw.shape(Stage::Fragment).registers;
                     let open = card.warps[pipeline].insert(Stage::Fragment, group.slot, registers);
-                    self.order.push_back(Entry::Warp(open));
+                    self.order.push_back(DispatchOrder::Warp(open));
                     self.open = Some(open);
                     open
                 }

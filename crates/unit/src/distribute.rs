@@ -3,7 +3,7 @@
 use super::card::{Card, Work};
 use super::network::{Sender, SenderCounts};
 use super::sorting::SortCounts;
-use super::token::{Kind, Run, TriangleToken, Turn, bytes};
+use super::token::{Kind, NextDraw, Run, TriangleToken, bytes};
 use knob::Allowed;
 use num::{Cycle, prefetch};
 use sim::{Budget, Counted, In, Tick, Unit, Wires};
@@ -53,7 +53,7 @@ pub struct Distribute {
     /// To all rasterisers.
     network: Sender<TriangleToken>,
     /// Which draw may be rasterised, where one waits for the one before it; and the last that may.
-    turns: Option<In<Turn>>,
+    turns: Option<In<NextDraw>>,
     turn: Option<u32>,
     /// When the next triangle may be sent, where they have an interval.
     free_at: Cycle,
@@ -102,7 +102,7 @@ impl Distribute {
 
     /// Waits with the triangles of a draw for its turn.
     #[must_use]
-    pub fn in_turn(self, turns: In<Turn>) -> Distribute {
+    pub fn in_turn(self, turns: In<NextDraw>) -> Distribute {
         Distribute { turns: Some(turns), ..self }
     }
 

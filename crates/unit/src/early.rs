@@ -64,7 +64,7 @@ stats::counters! {
 
 /// The source of the depths that early tests use.
 #[derive(Clone)]
-pub enum Known {
+pub enum DepthSource {
     /// The pipeline's own copy, through a Z cache.
     Copy(Box<BlockCache>),
     /// The owners', each by a way there and back.
@@ -102,7 +102,7 @@ enum Wait {
 
 /// A group or a mark on its way.
 #[derive(Clone, Copy, Debug)]
-struct Entry {
+struct EarlyGroup {
     token: GroupToken,
     wait: Wait,
     from: Cycle,
@@ -115,9 +115,9 @@ pub struct Early {
     rate: EarlyRate,
     input: In<GroupToken>,
     output: Out<GroupToken>,
-    known: Known,
+    known: DepthSource,
     /// In order; the first has the ticket `first`, and those behind it the numbers after that.
-    entries: VecDeque<Entry>,
+    entries: VecDeque<EarlyGroup>,
     first: u32,
     /// The pass that the copy is of.
     pass: u32,
@@ -129,7 +129,7 @@ pub struct Early {
 
 impl Early {
     /// An idle unit of pipeline `pipeline`, which makes early tests.
-    pub fn new(pipeline: u8, rate: EarlyRate, input: In<GroupToken>, output: Out<GroupToken>, known: Known) -> Early {
+    pub fn new(pipeline: u8, rate: EarlyRate, input: In<GroupToken>, output: Out<GroupToken>, known: DepthSource) -> Early {
         Early {
             pipeline,
             rate,
@@ -153,16 +153,16 @@ impl Early {
     /// The cache of the copy, if there is one.
     fn copy(&self) -> Option<&BlockCache> {
         match &self.known {
-            Known::Copy(cache) => Some(cache),
-            Known::Owners { .. } => None,
+            DepthSource::Copy(cache) => Some(cache),
+            DepthSource::Owners { .. } => None,
         }
     }
 
     /// Memory, or answers; true if anything came or went.
     fn exchange(&mut self, wires: &mut Wires) -> bool {
         match &mut self.known {
-            Known::Copy(cache) => cache.exchange(wires),
-            Known::Owners { answers, .. } => {
+            DepthSource::Copy(cache) => cache.exchange(wires),
+            DepthSource::Owners { answers, .. } => {
                 let mut moved = false;
                 for port in answers {
                     while let Some(Answer { ticket, bytes }) = wires.pop(port) {
@@ -184,7 +184,7 @@ impl Early {
         let Some(pass) = passes.get(work.pass) else { return Ok(Wait::Nothing) };
         let (Some(_), Some(surface)) = (&work.ahead, pass.depth) else { return Ok(Wait::Nothing) };
         let wait = match &mut self.known {
-            Known::Copy(cache) => {
+            DepthSource::Copy(cache) => {
                 if self.pass != pass.number {
                     // All of the pass before is drawn. Its depths here are of no more use.
                     self.pass = pass.number;
@@ -193,7 +193,7 @@ impl Early {
                 let place = cache.pin(&mut seen[usize::from(self.pipeline)], surface, group.block, Quads::ANY, &mut None)?;
                 Wait::Block(place as u32)
             }
-            Known::Owners { questions, .. } => {
+            DepthSource::Owners { questions, .. } => {
                 let port = &questions[usize::from(token.pool)];
                 if !wires.can_push(port) {
                     return Err(Tick::Blocked);
@@ -227,7 +227,7 @@ impl Early {
                 };
                 budget = budget.saturating_sub(u32::from(token.quads));
             }
-            self.entries.push_back(Entry { token, wait, from: wires.now() + Cycle::from(self.rate.latency) });
+            self.entries.push_back(EarlyGroup { token, wait, from: wires.now() + Cycle::from(self.rate.latency) });
             wires.take(&self.input);
             did = Tick::Moved;
         }
@@ -238,13 +238,13 @@ impl Early {
     fn drain(&mut self, wires: &mut Wires, card: &mut Card) -> Tick {
         let mut did = Tick::Starved;
         let rate = u64::from(self.rate.quads_per_cycle);
-        while let Some(&Entry { mut token, wait, from }) = self.entries.front() {
+        while let Some(&EarlyGroup { mut token, wait, from }) = self.entries.front() {
             if from > wires.now() {
                 wires.sleep_until(from);
                 return did.or(Tick::Working);
             }
             let come = match (&mut self.known, wait) {
-                (Known::Copy(cache), Wait::Block(place)) => cache.ready(place as usize),
+                (DepthSource::Copy(cache), Wait::Block(place)) => cache.ready(place as usize),
                 _ => wait != Wait::Answer,
             };
             if !come {
@@ -283,7 +283,7 @@ impl Early {
         let group = &mut groups[usize::from(token.pool)][token.group];
         let work = work[usize::from(group.slot)].as_ref().expect("a group's segment is in flight");
         let quads = &work.segment.tiles[group.tile as usize].quads[group.first as usize..][..usize::from(group.count)];
-        if let (Known::Copy(cache), Wait::Block(place)) = (&mut self.known, wait)
+        if let (DepthSource::Copy(cache), Wait::Block(place)) = (&mut self.known, wait)
             && let (Some(state), Some(pass)) = (&work.ahead, passes.get(work.pass))
             && let Some(surface) = pass.depth
         {
@@ -323,7 +323,7 @@ impl Unit<Card> for Early {
     }
 
     fn resident(&self) -> u64 {
-        let requests = if let Known::Copy(cache) = &self.known { cache.resident() } else { 0 };
+        let requests = if let DepthSource::Copy(cache) = &self.known { cache.resident() } else { 0 };
         self.entries.len() as u64 + requests
     }
 

@@ -22,7 +22,7 @@ stats::counters! {
 
 /// The last opaque quad that covers a place of the tile.
 #[derive(Clone, Copy, Debug, Default)]
-struct Seen {
+struct LastQuad {
     /// Its place in the queue, counted from the start; and which of the group's quads it is.
     group: u64,
     quad: u8,
@@ -50,7 +50,7 @@ pub struct Hide {
     first: u64,
     /// Groups at the front of the queue that are released.
     released: usize,
-    seen: Vec<[Seen; LAYERS]>,
+    seen: Vec<[LastQuad; LAYERS]>,
     counts: HideCounts,
     items: u64,
 }
@@ -67,7 +67,7 @@ impl Hide {
             held: VecDeque::new(),
             first: 0,
             released: 0,
-            seen: vec![[Seen::default(); LAYERS]; QUADS],
+            seen: vec![[LastQuad::default(); LAYERS]; QUADS],
             counts: HideCounts::default(),
             items: 0,
         }
@@ -128,14 +128,14 @@ impl Hide {
             }
             // A place without room forgets a layer: its quad is shaded, hidden or not.
             let free = layers.iter().position(|seen| seen.samples == 0).unwrap_or(0);
-            layers[free] = Seen { group: number, quad: index, samples: live };
+            layers[free] = LastQuad { group: number, quad: index, samples: live };
         }
     }
 
     /// All that is held back is released.
     fn release(&mut self) {
         self.released = self.held.len();
-        self.seen.fill([Seen::default(); LAYERS]);
+        self.seen.fill([LastQuad::default(); LAYERS]);
     }
 }
 

@@ -73,7 +73,7 @@ stats::counters! {
 
 /// A primitive between lookup and routing, or a mark.
 #[derive(Clone, Copy, Debug)]
-struct Entry {
+struct RoutedPrimitive {
     token: TriangleToken,
     needs: Option<u32>,
     from: Cycle,
@@ -114,7 +114,7 @@ pub struct Route {
     recent: VecDeque<u32>,
     segment: Option<u32>,
     epoch: u32,
-    fifo: VecDeque<Entry>,
+    fifo: VecDeque<RoutedPrimitive>,
     /// Pipelines that the primitive or mark at the head has still to be sent to, once they are known.
     pending: Option<u64>,
     counts: RouteCounts,
@@ -188,7 +188,7 @@ impl Route {
     fn send(&mut self, wires: &mut Wires, card: &mut Card) -> Tick {
         let mut did = Tick::moved_or(self.ports.network.poll(wires), Tick::Starved);
         let mut budget = self.config.primitives_per_cycle;
-        while let Some(&Entry { token, needs, from }) = self.fifo.front() {
+        while let Some(&RoutedPrimitive { token, needs, from }) = self.fifo.front() {
             if from > wires.now() {
                 wires.sleep_until(from);
                 return did.or(Tick::Working);
@@ -300,7 +300,7 @@ impl Route {
             if run.kind != Kind::DATA {
                 let Run { slot, kind, sequence, .. } = run;
                 let token = TriangleToken { slot, kind, sequence, triangle: 0 };
-                self.fifo.push_back(Entry { token, needs: None, from });
+                self.fifo.push_back(RoutedPrimitive { token, needs: None, from });
                 self.runs.take();
                 did = Tick::Moved;
                 continue;
@@ -349,7 +349,7 @@ impl Route {
                 && self.position >= self.walk.head_count
             {
                 let token = TriangleToken { slot: run.slot, kind: Kind::DATA, sequence: run.sequence, triangle: self.next };
-                self.fifo.push_back(Entry { token, needs: self.needs.take(), from });
+                self.fifo.push_back(RoutedPrimitive { token, needs: self.needs.take(), from });
                 self.next += 1;
                 did = Tick::Moved;
                 continue;

@@ -90,7 +90,7 @@ impl TextureConfig {
 
 /// A quad on its way through the latency-covering FIFO.
 #[derive(Clone, Copy, Debug)]
-struct Entry {
+struct FilterQuad {
     /// The quad can be filtered when all misses before this number are back, and cycle `from` has come.
     needs: u32,
     /// The first cycle in which the quad can be filtered.
@@ -112,7 +112,7 @@ struct Line {
 
 /// Where the unit is in the warp at the head of its input.
 #[derive(Clone, Copy, Debug, Default)]
-struct Place {
+struct WarpProgress {
     item: usize,
     line: u32,
     needs: Option<u32>,
@@ -186,8 +186,8 @@ pub struct Texture {
     /// Shift from the number of a piece of [`LINE`] bytes to the number of its cache line.
     line_shift: u32,
     misses: Misses,
-    fifo: VecDeque<Entry>,
-    place: Place,
+    fifo: VecDeque<FilterQuad>,
+    place: WarpProgress,
     coalesced: Coalesced,
     /// Shift from the number of a piece of [`LINE`] bytes to the number of the piece that an access reads.
     piece_shift: u32,
@@ -221,7 +221,7 @@ impl Texture {
             fills: FillCounts::default(),
             misses: Misses::new(config.misses),
             fifo: VecDeque::with_capacity(config.fifo as usize),
-            place: Place::default(),
+            place: WarpProgress::default(),
             coalesced: Coalesced::default(),
             piece_shift: config.access_bytes.trailing_zeros().saturating_sub(LINE.trailing_zeros()),
             free_at: 0,
@@ -585,11 +585,11 @@ impl Texture {
                     self.enter(wires.now(), needs, operations, last.then_some(place));
                 } else {
                     // Loads and stores of a warp have one entry together.
-                    self.place = Place { item: self.place.item + 1, line: 0, needs, missed: 0 };
+                    self.place = WarpProgress { item: self.place.item + 1, line: 0, needs, missed: 0 };
                 }
                 did = Tick::Moved;
             }
-            self.place = Place::default();
+            self.place = WarpProgress::default();
             card.warps[self.user.cluster][token.warp].asked[Service::Texture].pop_front();
             self.coalesced.lines.clear();
             self.coalesced.pieces.clear();
@@ -605,8 +605,8 @@ impl Texture {
     #[inline(always)]
     fn enter(&mut self, now: Cycle, needs: Option<u32>, operations: u32, answer: Option<u32>) {
         let needs = needs.unwrap_or(self.misses.frontier());
-        self.fifo.push_back(Entry { needs, from: now + Cycle::from(self.config.latency), operations, answer });
-        self.place = Place { item: self.place.item + 1, line: 0, needs: None, missed: 0 };
+        self.fifo.push_back(FilterQuad { needs, from: now + Cycle::from(self.config.latency), operations, answer });
+        self.place = WarpProgress { item: self.place.item + 1, line: 0, needs: None, missed: 0 };
     }
 }
 

@@ -33,7 +33,7 @@ pub struct TileFetchPorts {
 
 /// A triangle whose bytes are on their way, or a mark.
 #[derive(Clone, Copy, Debug)]
-struct Entry {
+struct FetchedTriangle {
     token: TriangleToken,
     needs: u32,
 }
@@ -52,7 +52,7 @@ pub struct TileFetch {
     tags: Tags<()>,
     /// Requests to be sent: address and bytes.
     requests: VecDeque<(u64, u32)>,
-    fifo: VecDeque<Entry>,
+    fifo: VecDeque<FetchedTriangle>,
     items: u64,
 }
 
@@ -141,7 +141,7 @@ impl TileFetch {
             }
             if kind != Kind::DATA {
                 let token = TriangleToken { slot, kind, sequence: 0, triangle: 0 };
-                self.fifo.push_back(Entry { token, needs });
+                self.fifo.push_back(FetchedTriangle { token, needs });
                 wires.take(&self.ports.input);
                 did = Tick::Moved;
                 continue;
@@ -149,7 +149,7 @@ impl TileFetch {
             // 2. The end of the tile.
             let Some(&entry) = card.bins[tile as usize].entries.get(self.next) else {
                 let token = TriangleToken { slot, kind: Kind::TILE, sequence: tile, triangle: 0 };
-                self.fifo.push_back(Entry { token, needs });
+                self.fifo.push_back(FetchedTriangle { token, needs });
                 (self.next, self.offset, self.chunks) = (0, 0, 0);
                 wires.take(&self.ports.input);
                 did = Tick::Moved;
@@ -171,7 +171,7 @@ impl TileFetch {
             self.next += 1;
             let needs = self.misses.issued().wrapping_add(self.requests.len() as u32);
             let token = TriangleToken { slot: entry.slot, kind: Kind::DATA, sequence: tile, triangle: entry.triangle };
-            self.fifo.push_back(Entry { token, needs });
+            self.fifo.push_back(FetchedTriangle { token, needs });
             did = Tick::Moved;
         }
     }
@@ -187,7 +187,7 @@ impl TileFetch {
         }
 
         // 2. Triangles that are here go on.
-        while let Some(&Entry { token, needs }) = self.fifo.front() {
+        while let Some(&FetchedTriangle { token, needs }) = self.fifo.front() {
             if !self.misses.reached(needs) {
                 did = did.or(Tick::Memory);
                 break;

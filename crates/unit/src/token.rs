@@ -194,7 +194,7 @@ impl Packing {
 /// The draw that may be rasterised, where one waits for the one before it.
 #[derive(Clone, Copy, Debug, Pod, Zeroable)]
 #[repr(C)]
-pub struct Turn {
+pub struct NextDraw {
     /// Its number.
     pub draw: u32,
 }

@@ -65,7 +65,7 @@ impl Builder<'_> {
                 composed: from_compose.all(),
                 acks: from_acks.all(),
                 binned: from_bin.all(),
-                turns: turns.all(),
+                next_draw: turns.all(),
                 memory,
                 probe,
             },

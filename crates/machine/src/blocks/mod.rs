@@ -21,7 +21,7 @@ use unit::compression::Compression;
 use unit::network::{Names, Network, NetworkMap, NetworkPlan, Receiver, Sender};
 use unit::resolve::Resolve;
 use unit::scanout::Scanout;
-use unit::token::{Ack, Packing, Piece, Turn, WarpToken, bytes};
+use unit::token::{Ack, NextDraw, Packing, Piece, WarpToken, bytes};
 
 /// Both ends of channels.
 type Both<T> = (Ends<Out<T>>, Ends<In<T>>);
@@ -57,7 +57,7 @@ struct Open {
     /// Of each dispatch, to vertex fetch, where batches of vertices follow warps of fragments.
     begun: Ends<Out<Packing>>,
     /// Of each distribution unit, from the command processor, where draws wait for each other.
-    turns: Ends<In<Turn>>,
+    turns: Ends<In<NextDraw>>,
     /// Reports of binned segments.
     binned: Ends<Out<Ack>>,
     /// To the command processor.

@@ -7,7 +7,7 @@ use unit::color::ColorPorts;
 use unit::compression::Compression;
 use unit::depth::{Depth, DepthConfig, DepthPorts, QuestionPorts, TestPorts};
 use unit::dispatch::{Dispatch, DispatchPorts, Outlet};
-use unit::early::{Early, EarlyRate, Known};
+use unit::early::{DepthSource, Early, EarlyRate};
 use unit::hide::Hide;
 use unit::interpolate::Interpolate;
 use unit::order::Order;
@@ -131,14 +131,14 @@ impl Builder<'_> {
             let (ask, questions) = self.join("depth_questions", link, pairs);
             let (answer, answers) = self.join("depth_answers", link, back);
             let known = by_first(ask.all(), id.early.len()).zip(by_second(answers.all(), id.early.len()));
-            let known: Vec<_> = known.map(|(questions, answers)| Known::Owners { questions, answers }).collect();
+            let known: Vec<_> = known.map(|(questions, answers)| DepthSource::Owners { questions, answers }).collect();
             let ports = by_second(questions.all(), id.depth.len()).zip(by_first(answer.all(), id.depth.len()));
             (known, ports.map(|(questions, answers)| QuestionPorts { questions, answers }).collect())
         } else {
             let copy = |n: usize| {
                 let compression = Compression { enabled: d.compression, codec: d.codec, again: d.recompress };
                 let memory = self.port("early", n, id.early[n]);
-                Known::Copy(Box::new(BlockCache::new(d.cache_blocks, d.cache_ways, d.misses, compression, memory)))
+                DepthSource::Copy(Box::new(BlockCache::new(d.cache_blocks, d.cache_ways, d.misses, compression, memory)))
             };
             ((0..id.early.len()).map(copy).collect(), Vec::new())
         };

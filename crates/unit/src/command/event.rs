@@ -65,7 +65,7 @@ impl Command {
                 let (segment, draw) = (segment.clone(), self.draw.clone()?);
                 card.install(slot, segment, draw, self.draws);
                 self.reports[usize::from(slot)] = self.pipelines;
-                if !self.ports.turns.is_empty() {
+                if !self.ports.next_draw.is_empty() {
                     self.flying.push_back((slot, self.draws));
                 }
                 self.pieces.push_back(Piece { slot, kind: Kind::DATA });

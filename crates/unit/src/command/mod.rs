@@ -15,7 +15,7 @@ use super::card::Card;
 use super::scanout::ScanoutConfig;
 use super::sorting::PassWaits;
 use super::stream::Stream;
-use super::token::{Ack, Piece, Turn};
+use super::token::{Ack, NextDraw, Piece};
 use knob::Allowed;
 use mem::MemoryPort;
 use num::Cycle;
@@ -145,7 +145,7 @@ pub struct CommandPorts {
     /// Segments that are binned, where a unit bins them.
     pub binned: Vec<In<Ack>>,
     /// The draw that may be rasterised, to each distribution unit. Used where a draw waits for the draw before it (`command.drain`).
-    pub turns: Vec<Out<Turn>>,
+    pub next_draw: Vec<Out<NextDraw>>,
     /// Memory, for copies and clears.
     pub memory: MemoryPort,
     /// Its state is 1 while there is a pass or a dispatch, else 0. It watches all units of the pipelines.
@@ -374,10 +374,10 @@ impl Command {
         if self.turn == Some(draw) {
             return Tick::Starved;
         }
-        if !self.ports.turns.iter().all(|port| wires.can_push(port)) {
+        if !self.ports.next_draw.iter().all(|port| wires.can_push(port)) {
             return Tick::Blocked;
         }
-        self.ports.turns.iter().for_each(|port| wires.push(port, Turn { draw }));
+        self.ports.next_draw.iter().for_each(|port| wires.push(port, NextDraw { draw }));
         self.turn = Some(draw);
         Tick::Moved
     }
@@ -393,7 +393,7 @@ impl Command {
         // 1. Reports free slots and end passes.
         let mut did = Tick::moved_or(self.collect(wires, card), Tick::Starved);
 
-        did = did.or(self.heed_display(wires, card)).or(self.tell_turn(wires));
+        did = did.or(self.wait_for_display(wires, card)).or(self.tell_turn(wires));
 
         // 2. Pieces go on their way.
         while let Some(&piece) = self.pieces.front() {

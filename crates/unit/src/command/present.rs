@@ -32,7 +32,7 @@ pub(super) struct Present {
     /// Copies to be made before a pass: from, to, bytes.
     pub(super) copies: VecDeque<(u64, u64, u64)>,
     /// Whether the end of the frames has been reported to the display.
-    told: bool,
+    end_reported: bool,
 }
 
 /// Bytes of a surface.
@@ -43,7 +43,7 @@ fn bytes(surface: &Surface) -> u64 {
 impl Present {
     pub(super) fn new(config: &ScanoutConfig) -> Present {
         let (swap, buffers) = (config.swap, config.buffers);
-        Present { swap, buffers, frames: 0, waiting: 0, renamed: Vec::new(), copies: VecDeque::new(), told: false }
+        Present { swap, buffers, frames: 0, waiting: 0, renamed: Vec::new(), copies: VecDeque::new(), end_reported: false }
     }
 
     /// Whether no buffer is left to be drawn in: all hold the shown frame or frames that wait. A single buffer is drawn in while its frame is
@@ -64,7 +64,7 @@ impl Present {
 
 impl Command {
     /// Takes the swaps that the display reports, and reports to it, once, that no frame follows.
-    pub(super) fn heed_display(&mut self, wires: &mut Wires, card: &Card) -> Tick {
+    pub(super) fn wait_for_display(&mut self, wires: &mut Wires, card: &Card) -> Tick {
         // Behind the last frame, too: it is over when the display has been switched off.
         let idle = self.idle() || self.frame_over();
         let Some(present) = &mut self.present else { return Tick::Starved };
@@ -73,11 +73,11 @@ impl Command {
             present.waiting -= 1;
             did = Tick::Moved;
         }
-        if !present.told && idle && card.closed && card.events.is_empty() {
+        if !present.end_reported && idle && card.closed && card.events.is_empty() {
             if !wires.try_push(&self.ports.scanout, Piece { slot: 0, kind: Kind::END }) {
                 return did.or(Tick::Blocked);
             }
-            present.told = true;
+            present.end_reported = true;
             did = Tick::Moved;
         }
         did
@@ -88,7 +88,7 @@ impl Command {
         let Some(Event::EndFrame(end)) = card.events.front() else { return None };
         let end = end.clone();
         let present = self.present.as_mut()?;
-        present.told = false;
+        present.end_reported = false;
         self.ended = Some(end.clone());
         match end.shown {
             None => self.state = State::Over,
@@ -138,7 +138,7 @@ impl Command {
             present.renamed.retain(|(known, _)| *known != surface.key);
             present.renamed.push((surface.key, address));
         }
-        present.told = last;
+        present.end_reported = last;
         present.frames += 1;
         present.waiting += u32::from(present.swap == Swap::Vsync);
         self.state = if present.swap == Swap::Vsync { State::Scanning } else { State::Over };

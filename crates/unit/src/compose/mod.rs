@@ -113,7 +113,7 @@ pub struct ComposePorts {
 
 /// A block that is being read.
 #[derive(Clone, Copy, Debug)]
-struct Asked {
+struct PendingBlock {
     block: u32,
     needs: u32,
 }
@@ -150,9 +150,9 @@ pub struct Compose {
     /// Blocks to be composed in the current step that are still to be asked for.
     to_compose: std::ops::Range<u32>,
     /// Blocks to be sent that were asked for.
-    sends: VecDeque<Asked>,
+    sends: VecDeque<PendingBlock>,
     /// Blocks to be composed that were asked for.
-    composes: VecDeque<Asked>,
+    composes: VecDeque<PendingBlock>,
     /// Whether the next block to be asked for is a block to be composed, if there are blocks of both kinds.
     turn: bool,
     /// When the composer is free, in cycles times `samples_per_cycle`.
@@ -277,7 +277,7 @@ impl Compose {
         let on = send.as_ref().map(|&(to, _)| to).filter(|_| forward);
         let rate = u64::from(self.config.samples_per_cycle);
         let compression = Compression { enabled: self.config.compression, codec: Codec::Planes, again: true };
-        while let Some(&Asked { block, needs }) = self.composes.front() {
+        while let Some(&PendingBlock { block, needs }) = self.composes.front() {
             if self.ports.receiver.front(wires, from).is_none() {
                 return did;
             }
@@ -323,7 +323,7 @@ impl Compose {
     fn send_read(&mut self, wires: &mut Wires, card: &Card) -> Tick {
         let mut did = Tick::Starved;
         let Some(&Step { send: Some((to, _)), .. }) = self.steps.front() else { return did };
-        while let Some(&Asked { block, needs }) = self.sends.front() {
+        while let Some(&PendingBlock { block, needs }) = self.sends.front() {
             if !self.misses.reached(needs) {
                 return did.or(Tick::Memory);
             }
@@ -360,7 +360,7 @@ impl Compose {
                     count += requests(address, bytes, &mut self.reads);
                 }
             }
-            let asked = Asked { block, needs: self.misses.issued().wrapping_add(count) };
+            let asked = PendingBlock { block, needs: self.misses.issued().wrapping_add(count) };
             if composes { &mut self.composes } else { &mut self.sends }.push_back(asked);
             moved = true;
         }

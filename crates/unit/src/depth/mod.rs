@@ -122,7 +122,7 @@ stats::counters! {
 
 /// A group between lookup and test.
 #[derive(Clone, Copy, Debug)]
-struct Entry {
+struct DepthGroup {
     token: GroupToken,
     /// The block's place in the cache; none: nothing is tested.
     line: Option<u32>,
@@ -136,8 +136,8 @@ pub struct Depth {
     pipeline: u8,
     ports: DepthPorts,
     cache: BlockCache,
-    early: VecDeque<Entry>,
-    late: VecDeque<Entry>,
+    early: VecDeque<DepthGroup>,
+    late: VecDeque<DepthGroup>,
     questions: Option<Box<Questions>>,
     /// Quads on their way to the cores and back to their late test. (Groups may be parted on the way.)
     away: u32,
@@ -437,7 +437,7 @@ impl Depth {
                 }
                 budget = budget.saturating_sub(u32::from(token.quads));
             }
-            self.early.push_back(Entry { token, line, from: wires.now() + Cycle::from(self.config.latency) });
+            self.early.push_back(DepthGroup { token, line, from: wires.now() + Cycle::from(self.config.latency) });
             self.take(wires, false);
             did = Tick::Moved;
         }
@@ -469,7 +469,7 @@ impl Depth {
                 }
             };
             budget = budget.saturating_sub(u32::from(token.quads).max(1));
-            self.late.push_back(Entry { token, line, from: wires.now() + Cycle::from(self.config.latency) });
+            self.late.push_back(DepthGroup { token, line, from: wires.now() + Cycle::from(self.config.latency) });
             self.take(wires, true);
             did = Tick::Moved;
         }

@@ -21,7 +21,7 @@ pub struct QuestionPorts {
 
 /// A question between lookup and answer.
 #[derive(Clone, Copy, Debug)]
-struct Asked {
+struct PendingQuestion {
     question: Question,
     asker: usize,
     line: u32,
@@ -32,7 +32,7 @@ struct Asked {
 #[derive(Clone)]
 pub(super) struct Questions {
     ports: QuestionPorts,
-    asked: VecDeque<Asked>,
+    asked: VecDeque<PendingQuestion>,
     /// The pipeline whose question is taken next, if it has one.
     turn: usize,
 }
@@ -53,7 +53,7 @@ impl Depth {
         let mut did = Tick::Starved;
         let rate = u64::from(self.config.quads_per_cycle);
         let Some(questions) = &mut self.questions else { return did };
-        while let Some(&Asked { question, asker, line, from }) = questions.asked.front() {
+        while let Some(&PendingQuestion { question, asker, line, from }) = questions.asked.front() {
             let now = wires.now();
             if from > now {
                 wires.sleep_until(from);
@@ -116,7 +116,7 @@ impl Depth {
             match self.look_up(card, token) {
                 Ok(Some(line)) => {
                     let from = wires.now() + Cycle::from(self.config.latency);
-                    questions.asked.push_back(Asked { question, asker, line, from });
+                    questions.asked.push_back(PendingQuestion { question, asker, line, from });
                 }
                 Ok(None) => unreachable!("what is asked for is tested here"),
                 Err(stall) => {

@@ -210,7 +210,7 @@ enum FromNetwork<T> {
 
 /// A token that has arrived.
 #[derive(Clone, Copy, Debug)]
-struct Entry<T> {
+struct ArrivedToken<T> {
     token: T,
     /// The next one from the same sender, or the next free place.
     next: u32,
@@ -225,7 +225,7 @@ struct Arrived<T> {
     senders: u8,
     /// The number of credits that are given back at a time.
     bundle: u16,
-    entries: Vec<Entry<T>>,
+    entries: Vec<ArrivedToken<T>>,
     free: u32,
     /// Senders that something is here from.
     here: u64,
@@ -243,7 +243,7 @@ impl<T: Token> Arrived<T> {
     #[inline(always)]
     fn insert(&mut self, parcel: Parcel) {
         let from = usize::from(parcel.from);
-        let entry = Entry { token: parcel.token(), next: NIL };
+        let entry = ArrivedToken { token: parcel.token(), next: NIL };
         let place = self.free;
         let place = if place == NIL {
             // Grows until as many are here as ever will be.

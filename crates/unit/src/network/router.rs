@@ -10,7 +10,7 @@ const NIL: u32 = u32::MAX;
 
 /// A parcel in the store.
 #[derive(Clone, Copy, Debug)]
-struct Held {
+struct StoredParcel {
     parcel: Parcel,
     /// When it came.
     came: Cycle,
@@ -43,7 +43,7 @@ pub struct Router {
     through: Option<u64>,
     /// By input, the free places of its store.
     room: Vec<u32>,
-    held: Vec<Held>,
+    held: Vec<StoredParcel>,
     free: u32,
     /// Queues of parcels, by output and then input.
     queues: Vec<Queue>,
@@ -71,7 +71,7 @@ impl Router {
         let room = if plan.table.contains(&EXPAND) { room + outputs.len() as u32 } else { room };
         let places = room * inputs.len() as u32;
         let parcel = Parcel::default();
-        let held = (1..=places).map(|next| Held { parcel, came: 0, next: if next == places { NIL } else { next } });
+        let held = (1..=places).map(|next| StoredParcel { parcel, came: 0, next: if next == places { NIL } else { next } });
         Router {
             table: plan.table.clone(),
             arbitration,
@@ -96,7 +96,7 @@ impl Router {
         let place = self.free;
         let held = &mut self.held[place as usize];
         self.free = held.next;
-        *held = Held { parcel, came: now, next: NIL };
+        *held = StoredParcel { parcel, came: now, next: NIL };
         let queue = &mut self.queues[output * self.inputs.len() + input];
         if self.waiting[output] >> input & 1 == 0 {
             queue.head = place;

@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use super::kit::{FREE, Sink, Source, settle};
+use super::kit::{FREE, Sink, TokenSource, settle};
 use super::scenery::{card, draw, primitive};
 use crate::Card;
 use crate::assembly::{Assembly, AssemblyConfig, AssemblyPorts, Deal, Mode};
@@ -13,8 +13,8 @@ use work::{PrimitiveOutcome, Segment};
 
 sim::circuit! {
     struct AssemblyCircuit for Card {
-        batches: One<Source<VertexBatch>>,
-        shaded: One<Source<WarpToken>>,
+        batches: One<TokenSource<VertexBatch>>,
+        shaded: One<TokenSource<WarpToken>>,
         assembly: One<Assembly>,
         retired: One<Sink<WarpToken>>,
         passed: One<Sink<WarpToken>>,
@@ -83,8 +83,8 @@ fn told(config: &AssemblyConfig, geometry: usize, batches: &[(u32, Cycle)], tell
             };
             let circuit = AssemblyCircuit::new(
                 wiring,
-                One(Source::new(tokens, announce)),
-                One(Source::new(shaded, finish)),
+                One(TokenSource::new(tokens, announce)),
+                One(TokenSource::new(shaded, finish)),
                 One(Assembly::new(config.clone(), Mode::Segments, ports)),
                 One(Sink::new(retired)),
                 One(Sink::new(passed)),

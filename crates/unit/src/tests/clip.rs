@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use super::kit::{FREE, Sink, Source, settle};
+use super::kit::{FREE, Sink, TokenSource, settle};
 use super::scenery::{card, draw, primitive};
 use crate::Card;
 use crate::clip::{Clip, ClipConfig};
@@ -13,7 +13,7 @@ use work::{Funnel, Primitive, PrimitiveOutcome, Segment};
 
 sim::circuit! {
     struct ClipCircuit for Card {
-        source: One<Source<Run>>,
+        source: One<TokenSource<Run>>,
         clip: One<Clip>,
         sink: One<Sink<Run>>,
     }
@@ -48,7 +48,7 @@ fn clipped_by(interval: u32, primitives: &[Primitive], runs: usize) -> (Runs, Fu
                 queue: 64,
                 ..ClipConfig::default()
             };
-            let (source, sink) = (One(Source::new(items, output)), One(Sink::new(input)));
+            let (source, sink) = (One(TokenSource::new(items, output)), One(Sink::new(input)));
             (ClipCircuit::new(wiring, source, One(Clip::new(config, true, into, out)), sink), card)
         },
         |c, _| c.clip.items() == u64::from(count) && c.sink.got.len() == runs,

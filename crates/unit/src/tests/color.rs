@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use super::kit::{FREE, Sink, Source, memory, port, round_trip, settle, write_time};
+use super::kit::{FREE, Sink, TokenSource, memory, port, round_trip, settle, write_time};
 use super::scenery::{attachment, begin_pass, card, draw_with, group, mark, pass, row_of_tiles, surface};
 use crate::Card;
 use crate::block_cache::BlockCounts;
@@ -19,8 +19,8 @@ use work::{Attachment, Target};
 
 sim::circuit! {
     struct ColorCircuit for Card {
-        shaded: One<Source<GroupToken>>,
-        tested: One<Source<GroupToken>>,
+        shaded: One<TokenSource<GroupToken>>,
+        tested: One<TokenSource<GroupToken>>,
         color: One<Color>,
         end: One<Sink<Ack>>,
         ack: One<Sink<Ack>>,
@@ -163,8 +163,8 @@ fn written(scene: &Scene) -> Written {
             let ports = ColorPorts { shaded: from_cores, tested: from_depth, end, ack };
             let circuit = ColorCircuit::new(
                 wiring,
-                One(Source::new(shaded, shade)),
-                One(Source::new(tested, test)),
+                One(TokenSource::new(shaded, shade)),
+                One(TokenSource::new(tested, test)),
                 One(Color::new(scene.config.clone(), 0, ports, memory)),
                 One(Sink::new(at_depth)),
                 One(Sink::new(at_command)),

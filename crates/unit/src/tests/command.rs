@@ -8,7 +8,7 @@ use super::scenery::{attachment, card, draw, draw_with, pass, surface};
 use crate::Card;
 use crate::command::{Command, CommandConfig, CommandPorts, CullChoice};
 use crate::scanout::ScanoutConfig;
-use crate::token::{Ack, Kind, Piece, Turn};
+use crate::token::{Ack, Kind, NextDraw, Piece};
 use gfx::format::Format;
 use mem::{ClientCounts, Ideal};
 use num::{Cycle, OUR_FAULT};
@@ -79,7 +79,7 @@ sim::circuit! {
         compute: One<Echo<Piece, Ack>>,
         resolve: One<Echo<Piece, Ack>>,
         scanout: One<Echo<Piece, Ack>>,
-        turns: Option<Sink<Turn>>,
+        turns: Option<Sink<NextDraw>>,
         ideal: Option<Ideal>,
     }
 }
@@ -154,7 +154,7 @@ fn circuit(config: &CommandConfig, of: Features, events: &[Event]) -> (CommandCi
         composed: Vec::new(),
         acks,
         binned: Vec::new(),
-        turns: told,
+        next_draw: told,
         memory: port(&mut plan, &mut wiring, ids[0]),
         probe: StallProbe::default(),
     };

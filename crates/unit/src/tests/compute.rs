@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use super::kit::{Echo, FREE, Sink, Source, settle};
+use super::kit::{Echo, FREE, Sink, TokenSource, settle};
 use super::scenery::{card, step};
 use crate::Card;
 use crate::card::ComputeWork;
@@ -14,7 +14,7 @@ use work::*;
 
 sim::circuit! {
     struct ComputeCircuit for Card {
-        source: One<Source<Piece>>,
+        source: One<TokenSource<Piece>>,
         compute: One<Compute>,
         core: Vec<Echo<WarpToken>>,
         ack: One<Sink<Ack>>,
@@ -74,7 +74,7 @@ fn computed(rate: u32, cores: &[Cycle], runs: &[u32], invocations: u32) -> Compu
             let ports = ComputePorts { input, cores: to_cores, finished, ack };
             let circuit = ComputeCircuit::new(
                 wiring,
-                One(Source::new(pieces, output)),
+                One(TokenSource::new(pieces, output)),
                 One(Compute::new(config, 32, 4, 4, ports)),
                 core,
                 One(Sink::new(acked)),

@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use super::kit::{FREE, Sink, Source, memory, port, round_trip, settle};
+use super::kit::{FREE, Sink, TokenSource, memory, port, round_trip, settle};
 use super::scenery::{card, draw, step, warp};
 use crate::card::Card;
 use crate::constant::{Constant, ConstantConfig, ConstantCounts};
@@ -16,7 +16,7 @@ use work::*;
 
 sim::circuit! {
     struct ConstantCircuit for Card {
-        source: One<Source<WarpToken>>,
+        source: One<TokenSource<WarpToken>>,
         constant: One<Constant>,
         sink: One<Sink<WarpToken>>,
         ideal: Option<Ideal>,
@@ -96,7 +96,7 @@ fn read(config: &ConstantConfig, warps: &[(Cycle, Vec<Vec<u64>>)]) -> Read {
             let memory = port(&mut plan, &mut wiring, ids[1]);
             let ideal = plan.build(&mut wiring).ideal;
             let unit = One(Constant::new(config.clone(), 0, input, out, memory));
-            (ConstantCircuit::new(wiring, One(Source::new(items, output)), unit, One(Sink::new(got)), ideal), card)
+            (ConstantCircuit::new(wiring, One(TokenSource::new(items, output)), unit, One(Sink::new(got)), ideal), card)
         },
         |c, _| c.sink.got.len() == warps.len() && c.constant.resident() == 0 && c.wires().resident() == 0,
         |c, _| {

@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use super::kit::{Echo, FREE, Sink, Source, settle};
+use super::kit::{Echo, FREE, Sink, TokenSource, settle};
 use super::scenery::{card, draw, step, warp};
 use crate::card::{Card, ComputeWork, Fault};
 use crate::core::{Core, CoreConfig, CorePorts, Scheduling};
@@ -15,7 +15,7 @@ use work::*;
 sim::circuit! {
     struct CoreCircuit for Card {
         /// The sources of vertices, workgroups and fragments. The sinks have the same order.
-        sources: Vec<Source<WarpToken>>,
+        sources: Vec<TokenSource<WarpToken>>,
         core: One<Core>,
         texture: One<Echo<WarpToken>>,
         /// One, or none.
@@ -157,7 +157,7 @@ fn circuit_with(config: &CoreConfig, work: &[Work], has_constants: bool) -> (Cor
     let stages = [(Stage::Vertex, next()), (Stage::Compute, next()), (Stage::Fragment, next())];
     let services = [(Service::Texture, Some((ask, answered))), (Service::Constant, constant)];
     let ports = CorePorts::new(stages, services);
-    let sources = tokens.into_iter().zip(outputs).map(|(items, output)| Source::new(items, output)).collect();
+    let sources = tokens.into_iter().zip(outputs).map(|(items, output)| TokenSource::new(items, output)).collect();
     let core = One(Core::new(config.clone(), 0, ports));
     let texture = One(Echo::answering(TEXTURE, place, asked, answer));
     (CoreCircuit::new(wiring, sources, core, texture, constants, sinks), card)

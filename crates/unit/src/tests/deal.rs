@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use super::kit::{FREE, Sink, Source, settle};
+use super::kit::{FREE, Sink, TokenSource, settle};
 use super::scenery::{card, draw, primitive, row_of_tiles};
 use crate::Card;
 use crate::assembly::{AssemblyConfig, Deal as Policy};
@@ -15,7 +15,7 @@ use work::{Funnel, PrimitiveOutcome, Segment};
 
 sim::circuit! {
     struct DealCircuit for Card {
-        source: One<Source<Piece>>,
+        source: One<TokenSource<Piece>>,
         deal: One<Deal>,
         sink: Vec<Sink<Run>>,
     }
@@ -53,7 +53,7 @@ fn dealt(config: &AssemblyConfig, most: Option<u32>, segment: &Segment) -> (Vec<
             card.install(0, Arc::new(segment.clone()), Arc::new(draw()), 0);
             let pieces = vec![(0, Piece { slot: 0, kind: Kind::DATA }), (0, Piece { slot: 0, kind: Kind::SEGMENT })];
             let unit = Deal::new(config, Keep::Always, true, most, input, outputs);
-            (DealCircuit::new(wiring, One(Source::new(pieces, output)), One(unit), sinks), card)
+            (DealCircuit::new(wiring, One(TokenSource::new(pieces, output)), One(unit), sinks), card)
         },
         |c, _| c.sink.iter().all(|sink| sink.got.last().is_some_and(|(_, run)| run.kind == Kind::SEGMENT)),
         |c, card| {

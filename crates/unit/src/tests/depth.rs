@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use super::kit::{FREE, Sink, Source, memory, port, round_trip, settle, write_time};
+use super::kit::{FREE, Sink, TokenSource, memory, port, round_trip, settle, write_time};
 use super::scenery::{attachment, begin_pass, card, depth_test, draw_with, group, mark, pass, row_of_tiles, surface};
 use crate::Card;
 use crate::block_cache::BlockCounts;
@@ -25,8 +25,8 @@ use work::{Attachment, Funnel};
 sim::circuit! {
     struct DepthCircuit for Card {
         /// The sources of early and late tests. The sinks, interpolation and colour units, have the same order.
-        groups: Vec<Source<GroupToken>>,
-        end: One<Source<Ack>>,
+        groups: Vec<TokenSource<GroupToken>>,
+        end: One<TokenSource<Ack>>,
         depth: One<Depth>,
         tested: Vec<Sink<GroupToken>>,
         updates: One<Sink<DepthBounds>>,
@@ -155,8 +155,8 @@ fn run(
             let ideal = plan.build(&mut wiring).ideal;
             let circuit = DepthCircuit::new(
                 wiring,
-                vec![Source::new(early, to_early), Source::new(late, to_late)],
-                One(Source::new(end, to_end)),
+                vec![TokenSource::new(early, to_early), TokenSource::new(late, to_late)],
+                One(TokenSource::new(end, to_end)),
                 One(Depth::new(scene.config.clone(), 0, ports, memory)),
                 vec![Sink::new(at_interpolate), Sink::new(at_color)],
                 One(Sink::new(at_traverse)),

@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use super::kit::{Echo, FREE, Sink, Source, settle};
+use super::kit::{Echo, FREE, Sink, TokenSource, settle};
 use super::scenery::{card, draw, draw_with, group, mark, row_of_tiles};
 use crate::Card;
 use crate::dispatch::{Dispatch, DispatchConfig, DispatchPorts, Outlet};
@@ -13,7 +13,7 @@ use work::Funnel;
 
 sim::circuit! {
     struct DispatchCircuit for Card {
-        source: One<Source<GroupToken>>,
+        source: One<TokenSource<GroupToken>>,
         dispatch: One<Dispatch>,
         core: Vec<Echo<WarpToken>>,
         begun: Option<Sink<Packing>>,
@@ -93,7 +93,7 @@ fn dispatched(config: &DispatchConfig, cores: &[Cycle], groups: &[(Cycle, u16, u
             };
             let circuit = DispatchCircuit::new(
                 wiring,
-                One(Source::new(items, output)),
+                One(TokenSource::new(items, output)),
                 One(Dispatch::new(config.clone(), 0, 32, ports)),
                 core,
                 Some(Sink::new(at_begun)),
@@ -218,7 +218,7 @@ fn settle_with(live: [u16; 4]) -> Funnel {
             };
             let circuit = DispatchCircuit::new(
                 wiring,
-                One(Source::new(vec![(0, token)], output)),
+                One(TokenSource::new(vec![(0, token)], output)),
                 One(Dispatch::new(config(), 0, 32, ports)),
                 vec![Echo::new(1, at_core, back)],
                 None,

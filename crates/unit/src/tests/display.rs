@@ -1,6 +1,6 @@
 //! A free-running display: tears, refreshes, bytes and dry lines by closed form.
 
-use super::kit::{FREE, Sink, Source, memory, port, settle};
+use super::kit::{FREE, Sink, TokenSource, memory, port, settle};
 use super::scenery::{card, surface};
 use crate::Card;
 use crate::card::Presented;
@@ -14,7 +14,7 @@ use sim::{Circuit, One, Unit, Wiring};
 
 sim::circuit! {
     struct DisplayCircuit for Card {
-        source: One<Source<Piece>>,
+        source: One<TokenSource<Piece>>,
         scanout: One<Scanout>,
         sink: One<Sink<Ack>>,
         ideal: Option<Ideal>,
@@ -86,7 +86,7 @@ fn seen_of(config: &ScanoutConfig, frames: &[(Cycle, u32)]) -> Seen {
         let last = times[times.len() - 1];
         let pieces = times.iter().map(|&at| (at - 1, Piece { slot: 0, kind: Kind::DATA }));
         let pieces = pieces.chain([(last, Piece { slot: 0, kind: Kind::END })]).collect();
-        (DisplayCircuit::new(wiring, One(Source::new(pieces, output)), unit, One(Sink::new(got)), ideal), card)
+        (DisplayCircuit::new(wiring, One(TokenSource::new(pieces, output)), unit, One(Sink::new(got)), ideal), card)
     };
     settle(
         run,
@@ -129,7 +129,7 @@ fn a_compressed_frame_is_read_as_it_is_stored() {
             let ideal = plan.build(&mut wiring).ideal;
             let unit = One(Scanout::new(config.clone(), 64, input, out, memory));
             let pieces = vec![(0, Piece { slot: 0, kind: Kind::DATA }), (0, Piece { slot: 0, kind: Kind::DATA })];
-            (DisplayCircuit::new(wiring, One(Source::new(pieces, output)), unit, One(Sink::new(got)), ideal), card)
+            (DisplayCircuit::new(wiring, One(TokenSource::new(pieces, output)), unit, One(Sink::new(got)), ideal), card)
         };
         let read =
             settle(run, |c, _| c.sink.got.len() == 2, |c, _| c.ideal.as_ref().expect("ideal memory").counts()[0].read_bytes);

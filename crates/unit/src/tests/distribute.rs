@@ -2,24 +2,24 @@
 
 use std::sync::Arc;
 
-use super::kit::{FREE, Sink, Source, settle};
+use super::kit::{FREE, Sink, TokenSource, settle};
 use super::scenery::{card_of_tiles, draw, row_of_tiles};
 use crate::Card;
 use crate::distribute::{Distribute, DistributeConfig, Overlap};
 use crate::interleave::Pattern;
 use crate::network::Sender;
 use crate::sorting::SortCounts;
-use crate::token::{Kind, Run, TriangleToken, Turn, bytes};
+use crate::token::{Kind, NextDraw, Run, TriangleToken, bytes};
 use num::Cycle;
 use sim::{Link, One, Wiring};
 use work::{End, Segment};
 
 sim::circuit! {
     struct DistributeCircuit for Card {
-        source: One<Source<Run>>,
+        source: One<TokenSource<Run>>,
         distribute: One<Distribute>,
         sink: Vec<Sink<TriangleToken>>,
-        turns: Option<Source<Turn>>,
+        turns: Option<TokenSource<NextDraw>>,
     }
 }
 
@@ -58,7 +58,7 @@ fn linked(pipelines: usize, config: &DistributeConfig, link_width: u32, segment:
             }
             let mut card = card_of_tiles(pipelines, config.tile);
             card.install(0, Arc::new(segment.clone()), Arc::new(draw()), 0);
-            let source = One(Source::new(vec![(0, run), (0, end)], output));
+            let source = One(TokenSource::new(vec![(0, run), (0, end)], output));
             let unit = One(Distribute::new(config.clone(), 0, into, Sender::direct(outputs)));
             (DistributeCircuit::new(wiring, source, unit, sink, None), card)
         },
@@ -165,13 +165,13 @@ fn triangles_wait_for_the_turn_of_their_draw() {
             let run = |slot, kind, count| (0, Run { slot, kind, sequence: 0, first: 0, count });
             let runs = vec![run(0, Kind::DATA, 1), run(0, Kind::SEGMENT, 0), run(1, Kind::DATA, 1), run(1, Kind::SEGMENT, 0)];
             let unit = Distribute::new(config(Overlap::Exact, 64), 0, into, Sender::direct(vec![out])).in_turn(told);
-            let turns = vec![(10, Turn { draw: 7 }), (30, Turn { draw: 8 })];
+            let turns = vec![(10, NextDraw { draw: 7 }), (30, NextDraw { draw: 8 })];
             let circuit = DistributeCircuit::new(
                 wiring,
-                One(Source::new(runs, output)),
+                One(TokenSource::new(runs, output)),
                 One(unit),
                 vec![Sink::new(input)],
-                Some(Source::new(turns, tell)),
+                Some(TokenSource::new(turns, tell)),
             );
             (circuit, card)
         },

@@ -2,14 +2,14 @@
 
 use std::sync::Arc;
 
-use super::kit::{FREE, Sink, Source, memory, port, round_trip, settle};
+use super::kit::{FREE, Sink, TokenSource, memory, port, round_trip, settle};
 use super::scenery::{attachment, begin_pass, card, depth_test, draw_with, group, mark, pass, row_of_tiles, surface};
 use crate::Card;
 use crate::block_cache::BlockCache;
 use crate::compression::{Codec, Compression};
 use crate::copies;
 use crate::depth::{Depth, DepthConfig, DepthPorts, QuestionPorts};
-use crate::early::{Early, EarlyCounts, EarlyRate, Known};
+use crate::early::{DepthSource, Early, EarlyCounts, EarlyRate};
 use crate::token::{Ack, GroupToken, Kind};
 use gfx::format::Format;
 use gfx::setup::DepthPlane;
@@ -20,9 +20,9 @@ use sim::{Circuit, Link, One, Unit, Wiring};
 
 sim::circuit! {
     struct EarlyCircuit for Card {
-        source: One<Source<GroupToken>>,
+        source: One<TokenSource<GroupToken>>,
         early: One<Early>,
-        end: One<Source<Ack>>,
+        end: One<TokenSource<Ack>>,
         depth: One<Depth>,
         sink: One<Sink<GroupToken>>,
         ack: One<Sink<Ack>>,
@@ -76,10 +76,10 @@ fn tested(scene: &Scene) -> (Vec<Cycle>, Cycle, EarlyCounts) {
             let (ask, questions) = wiring.channel("questions", 0, way, ids[1], ids[3]);
             let (answer, answers) = wiring.channel("answers", 0, way, ids[3], ids[1]);
             let known = match scene.latency {
-                Some(_) => Known::Owners { questions: vec![ask], answers: vec![answers] },
+                Some(_) => DepthSource::Owners { questions: vec![ask], answers: vec![answers] },
                 None => {
                     let memory = port(&mut plan, &mut wiring, ids[1]);
-                    Known::Copy(Box::new(BlockCache::new(
+                    DepthSource::Copy(Box::new(BlockCache::new(
                         16,
                         16,
                         16,
@@ -107,9 +107,9 @@ fn tested(scene: &Scene) -> (Vec<Cycle>, Cycle, EarlyCounts) {
             let ideal = plan.build(&mut wiring).ideal;
             let circuit = EarlyCircuit::new(
                 wiring,
-                One(Source::new(items, to_early)),
+                One(TokenSource::new(items, to_early)),
                 One(Early::new(0, rate, from_traverse, output, known)),
-                One(Source::new(Vec::new(), to_end)),
+                One(TokenSource::new(Vec::new(), to_end)),
                 One(owner),
                 One(Sink::new(tested)),
                 One(Sink::new(acked)),

@@ -3,7 +3,7 @@
 use std::collections::VecDeque;
 use std::sync::Arc;
 
-use super::kit::{FREE, Sink, Source, memory, port, round_trip, settle};
+use super::kit::{FREE, Sink, TokenSource, memory, port, round_trip, settle};
 use super::scenery::{card, draw, primitive};
 use crate::Card;
 use crate::fetch::{Fetch, FetchConfig, FetchInput, FetchPorts, Reuse, VertexDeal};
@@ -18,14 +18,14 @@ use work::*;
 
 sim::circuit! {
     struct FetchCircuit for Card {
-        source: One<Source<Piece>>,
+        source: One<TokenSource<Piece>>,
         fetch: One<Fetch>,
         core: Vec<Sink<WarpToken>>,
         batches: One<Sink<VertexBatch>>,
         /// The messages of assembly: batches that it gives back, and the number of indices that it has taken.
-        told: Vec<Source<WarpToken>>,
+        told: Vec<TokenSource<WarpToken>>,
         /// The messages of each pipeline about its fragments.
-        packed: Vec<Source<Packing>>,
+        packed: Vec<TokenSource<Packing>>,
         ideal: Option<Ideal>,
     }
 }
@@ -160,14 +160,14 @@ fn fetched_by(
                 pieces.extend([Kind::DATA, Kind::SEGMENT].map(|kind| (0, Piece { slot: slot as u16, kind })));
             }
             let done = retired.iter().enumerate().map(|(n, &at)| (at, WarpToken { warp: n as u32 })).collect();
-            let told = vec![Source::new(done, retire), Source::new(tokens(passed), tell)];
+            let told = vec![TokenSource::new(done, retire), TokenSource::new(tokens(passed), tell)];
             let packing =
                 |of: &&[(Cycle, u16, u16)]| of.iter().map(|&(at, core, state)| (at, Packing { core, state })).collect();
-            let packed = fragments.iter().zip(tell_cores).map(|(of, output)| Source::new(packing(of), output)).collect();
+            let packed = fragments.iter().zip(tell_cores).map(|(of, output)| TokenSource::new(packing(of), output)).collect();
             let ideal = plan.build(&mut wiring).ideal;
             let circuit = FetchCircuit::new(
                 wiring,
-                One(Source::new(pieces, output)),
+                One(TokenSource::new(pieces, output)),
                 One(Fetch::new(config.clone(), width, ports)),
                 core,
                 One(Sink::new(announced)),

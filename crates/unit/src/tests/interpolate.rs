@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use super::kit::{FREE, Sink, Source, settle};
+use super::kit::{FREE, Sink, TokenSource, settle};
 use super::scenery::{card, draw_with, group, row_of_tiles};
 use crate::Card;
 use crate::interpolate::{Interpolate, InterpolateConfig};
@@ -14,7 +14,7 @@ use work::ShaderShape;
 
 sim::circuit! {
     struct InterpolateCircuit for Card {
-        source: One<Source<GroupToken>>,
+        source: One<TokenSource<GroupToken>>,
         interpolate: One<Interpolate>,
         sink: One<Sink<GroupToken>>,
     }
@@ -43,7 +43,7 @@ fn interpolated(quads: u8, words: u32, interval: u32) -> Vec<Cycle> {
                 ..InterpolateConfig::default()
             };
             let unit = One(Interpolate::new(config, into, out));
-            (InterpolateCircuit::new(wiring, One(Source::new(items, output)), unit, One(Sink::new(input))), card)
+            (InterpolateCircuit::new(wiring, One(TokenSource::new(items, output)), unit, One(Sink::new(input))), card)
         },
         |c, _| c.sink.got.len() == 6,
         |c, _| c.sink.times(),

@@ -9,19 +9,19 @@ use num::Cycle;
 use sim::{Circuit, Clock, In, Link, Out, Tick, Token, Unit, UnitId, Wires, Wiring, run};
 
 /// Pushes its items in order, each as soon as it can and not before its cycle.
-pub struct Source<T> {
+pub struct TokenSource<T> {
     pub items: Vec<(Cycle, T)>,
     next: usize,
     output: Out<T>,
 }
 
-impl<T> Source<T> {
-    pub fn new(items: Vec<(Cycle, T)>, output: Out<T>) -> Source<T> {
-        Source { items, next: 0, output }
+impl<T> TokenSource<T> {
+    pub fn new(items: Vec<(Cycle, T)>, output: Out<T>) -> TokenSource<T> {
+        TokenSource { items, next: 0, output }
     }
 }
 
-impl<T: Token> Unit<Card> for Source<T> {
+impl<T: Token> Unit<Card> for TokenSource<T> {
     fn tick(&mut self, wires: &mut Wires, _: &mut Card) -> Tick {
         let mut did = Tick::Starved;
         while let Some(&(at, item)) = self.items.get(self.next) {

@@ -1,6 +1,6 @@
 //! The order at a ROP: which quads wait for which ends.
 
-use super::kit::{FREE, Sink, Source, settle};
+use super::kit::{FREE, Sink, TokenSource, settle};
 use super::scenery::{card, draw, group, mark, row_of_tiles};
 use crate::Card;
 use crate::network::Receiver;
@@ -13,7 +13,7 @@ use std::sync::Arc;
 
 sim::circuit! {
     struct OrderCircuit for Card {
-        source: Vec<Source<GroupToken>>,
+        source: Vec<TokenSource<GroupToken>>,
         order: One<Order>,
         late: One<Sink<GroupToken>>,
         color: One<Sink<GroupToken>>,
@@ -35,7 +35,7 @@ fn leaves(marks: [Option<(Cycle, Kind)>; 2]) -> Cycle {
                 let (output, input) = wiring.channel("in", n, FREE, id, ids[0]);
                 let marks = marks[n].map(|(at, kind)| (at, mark(kind, 0)));
                 let quads = (n == 1).then_some((marks.map_or(0, |(at, _)| at), quads));
-                source.push(Source::new(marks.into_iter().chain(quads).collect(), output));
+                source.push(TokenSource::new(marks.into_iter().chain(quads).collect(), output));
                 inputs.push(input);
             }
             let (late, tested) = wiring.channel("late", 0, FREE, ids[0], ids[1]);

@@ -1,6 +1,6 @@
 //! Resolve and scan-out: what streams through memory at the end of a pass and of a frame.
 
-use super::kit::{FREE, Sink, Source, memory, port, round_trip, settle, write_time};
+use super::kit::{FREE, Sink, TokenSource, memory, port, round_trip, settle, write_time};
 use super::scenery::{attachment, begin_pass, card, card_of_tiles, pass, surface};
 use crate::Card;
 use crate::compression::{Codec, Compression};
@@ -16,7 +16,7 @@ use work::Attachment;
 
 sim::circuit! {
     struct ResolveCircuit for Card {
-        source: One<Source<Piece>>,
+        source: One<TokenSource<Piece>>,
         resolve: One<Resolve>,
         sink: One<Sink<Ack>>,
         ideal: Option<Ideal>,
@@ -55,7 +55,7 @@ fn resolved_by(
             let ideal = plan.build(&mut wiring).ideal;
             let compression = Compression { enabled, codec: Codec::Planes, again: true };
             let unit = One(Resolve::new(config.clone(), pipeline, compression, input, out, memory));
-            let source = One(Source::new(vec![(0, PIECE)], output));
+            let source = One(TokenSource::new(vec![(0, PIECE)], output));
             (ResolveCircuit::new(wiring, source, unit, One(Sink::new(got)), ideal), card)
         },
         |c, _| c.sink.got.len() == 1 && c.wires().resident() == 0,
@@ -152,7 +152,7 @@ fn a_block_does_not_wait_for_the_one_behind_it() {
 
 sim::circuit! {
     struct ScanoutCircuit for Card {
-        source: One<Source<Piece>>,
+        source: One<TokenSource<Piece>>,
         scanout: One<Scanout>,
         sink: One<Sink<Ack>>,
         ideal: Option<Ideal>,
@@ -181,7 +181,7 @@ fn scan_out_reads_the_surface_as_fast_as_the_port_brings_it() {
                     out,
                     memory,
                 ));
-                let source = One(Source::new(vec![(0, PIECE)], output));
+                let source = One(TokenSource::new(vec![(0, PIECE)], output));
                 (ScanoutCircuit::new(wiring, source, unit, One(Sink::new(got)), ideal), card)
             },
             |c, _| c.sink.got.len() == 1,

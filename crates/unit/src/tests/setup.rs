@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use super::kit::{FREE, Sink, Source, settle};
+use super::kit::{FREE, Sink, TokenSource, settle};
 use super::scenery::{card, draw, row_of_tiles, triangle};
 use crate::network::Receiver;
 use crate::setup::{Setup, SetupConfig};
@@ -14,7 +14,7 @@ use work::{End, Segment};
 
 sim::circuit! {
     struct SetupCircuit for crate::Card {
-        source: Vec<Source<TriangleToken>>,
+        source: Vec<TokenSource<TriangleToken>>,
         setup: One<Setup>,
         sink: One<Sink<TriangleToken>>,
     }
@@ -41,7 +41,7 @@ fn set_up_of(
             let (mut source, mut into) = (Vec::new(), Vec::new());
             for (index, items) in inputs.iter().enumerate() {
                 let (output, input) = wiring.channel("in", index, FREE, sources[index], setup);
-                source.push(Source::new(items.clone(), output));
+                source.push(TokenSource::new(items.clone(), output));
                 into.push(input);
             }
             let link = Link::items(config.queue, config.triangles_per_cycle, config.latency);

@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use super::kit::{FREE, Sink, Source, memory, port, round_trip, settle};
+use super::kit::{FREE, Sink, TokenSource, memory, port, round_trip, settle};
 use super::scenery::{card, draw, step, warp};
 use crate::Card;
 use crate::tags::CacheCounts;
@@ -17,7 +17,7 @@ use work::*;
 
 sim::circuit! {
     struct TextureCircuit for Card {
-        source: One<Source<WarpToken>>,
+        source: One<TokenSource<WarpToken>>,
         texture: One<Texture>,
         sink: One<Sink<WarpToken>>,
         ideal: Option<Ideal>,
@@ -120,7 +120,7 @@ fn textured_as(
             let memory = port(&mut plan, &mut wiring, ids[1]);
             let ideal = plan.build(&mut wiring).ideal;
             let unit = One(Texture::new(config.clone(), TextureUser::default(), input, out, memory));
-            (TextureCircuit::new(wiring, One(Source::new(items, output)), unit, One(Sink::new(got)), ideal), card)
+            (TextureCircuit::new(wiring, One(TokenSource::new(items, output)), unit, One(Sink::new(got)), ideal), card)
         },
         |c, _| c.sink.got.len() == warps.len() && c.texture.resident() == 0 && c.wires().resident() == 0,
         |c, _| {

@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use super::kit::{FREE, Sink, Source, settle};
+use super::kit::{FREE, Sink, TokenSource, settle};
 use super::scenery::{
     attachment, begin_pass, card, card_of_tiles, depth_test, draw, draw_with, pass, row_of_tiles, surface, triangle,
 };
@@ -22,7 +22,7 @@ use work::{End, Funnel, RecordedState, Segment};
 
 sim::circuit! {
     struct GatherCircuit for Card {
-        source: One<Source<TriangleToken>>,
+        source: One<TokenSource<TriangleToken>>,
         traverse: One<Traverse>,
         sink: One<Sink<GroupToken>>,
     }
@@ -30,8 +30,8 @@ sim::circuit! {
 
 sim::circuit! {
     struct TraverseCircuit for Card {
-        source: One<Source<TriangleToken>>,
-        bounds: One<Source<DepthBounds>>,
+        source: One<TokenSource<TriangleToken>>,
+        bounds: One<TokenSource<DepthBounds>>,
         traverse: One<Traverse>,
         sink: One<Sink<GroupToken>>,
     }
@@ -95,8 +95,8 @@ fn traverse_with<R: PartialEq + std::fmt::Debug>(
             let items = triangles.chain([(0, triangle(Kind::SEGMENT, 0, 0))]).collect();
             let circuit = TraverseCircuit::new(
                 wiring,
-                One(Source::new(items, output)),
-                One(Source::new(updates.to_vec(), bounds_out)),
+                One(TokenSource::new(items, output)),
+                One(TokenSource::new(updates.to_vec(), bounds_out)),
                 One(Traverse::new(config.clone(), 0, Territory::Tiles, into, Some(told), out)),
                 One(Sink::new(input)),
             );
@@ -135,7 +135,7 @@ fn gather_circuit(
     let ids = ["source", "traverse", "sink"].map(|name| wiring.unit(name, 0));
     let (output, into) = wiring.channel("in", 0, FREE, ids[0], ids[1]);
     let (out, input) = wiring.channel("out", 0, FREE, ids[1], ids[2]);
-    GatherCircuit::new(wiring, One(Source::new(items, output)), One(unit(into, out)), One(Sink::new(input)))
+    GatherCircuit::new(wiring, One(TokenSource::new(items, output)), One(unit(into, out)), One(Sink::new(input)))
 }
 
 #[test]

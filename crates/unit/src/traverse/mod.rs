@@ -137,7 +137,7 @@ stats::counters! {
 
 /// Where in the current triangle the unit is.
 #[derive(Clone, Copy, Debug, Default)]
-struct Place {
+struct TrianglePosition {
     /// There is a current triangle.
     active: bool,
     slot: u16,
@@ -170,9 +170,9 @@ pub struct Traverse {
     input: In<TriangleToken>,
     updates: Option<In<DepthBounds>>,
     output: Out<GroupToken>,
-    place: Place,
+    place: TrianglePosition,
     /// Triangles that are traversed together with the current one.
-    together: Vec<Place>,
+    together: Vec<TrianglePosition>,
     /// The batch that is gathered, where batches are traversed together.
     gather: Option<Gather>,
     pace: Pace,
@@ -217,7 +217,7 @@ impl Traverse {
             input,
             updates,
             output,
-            place: Place::default(),
+            place: TrianglePosition::default(),
             together: Vec::new(),
             gather: None,
             free_at: 0,
@@ -321,7 +321,7 @@ impl Traverse {
         self.note(card.passes.get(work.pass), work, drawn);
         let TriangleToken { slot, sequence, triangle: number, .. } = token;
         let shared = work.is_shared(triangle.primitive);
-        self.place = Place { active: true, slot, sequence, triangle: number, shared, ..Place::default() };
+        self.place = TrianglePosition { active: true, slot, sequence, triangle: number, shared, ..TrianglePosition::default() };
         if let Territory::Bins(side) = self.territory {
             self.place.visit = self.visit_of_bin(card, work, triangle, sequence, side);
         }
@@ -503,7 +503,7 @@ impl Unit<Card> for Traverse {
                 if self.place.empty > 0 {
                     return Tick::Moved;
                 }
-                self.place = Place::default();
+                self.place = TrianglePosition::default();
                 continue;
             };
             let bins = matches!(self.territory, Territory::Bins(_));

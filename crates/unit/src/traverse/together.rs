@@ -1,6 +1,6 @@
 //! Triangles that are traversed together: those that wait, or batches of which all triangles that come here are there.
 
-use super::{Place, Traverse};
+use super::{Traverse, TrianglePosition};
 use crate::card::Card;
 use crate::distribute::{Overlap, owners};
 use crate::token::{Kind, TriangleToken};
@@ -110,7 +110,7 @@ impl Traverse {
     /// block, the first of them. A triangle without more blocks ends before any other goes on.
     pub(super) fn choose(&mut self, card: &Card) {
         self.place.next = self.skip_foreign(card);
-        let order = |place: &Place| (place.next, place.triangle);
+        let order = |place: &TrianglePosition| (place.next, place.triangle);
         for other in &mut self.together {
             if order(other) < order(&self.place) {
                 std::mem::swap(other, &mut self.place);

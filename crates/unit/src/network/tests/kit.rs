@@ -30,7 +30,7 @@ impl Order {
 }
 
 /// Sends its orders one after another, each as soon as it can.
-pub struct Source {
+pub struct OrderSender {
     number: u32,
     orders: Vec<Order>,
     /// When each was sent.
@@ -38,7 +38,7 @@ pub struct Source {
     sender: Sender<Item>,
 }
 
-impl Unit<()> for Source {
+impl Unit<()> for OrderSender {
     fn tick(&mut self, wires: &mut Wires, _: &mut ()) -> Tick {
         let mut moved = self.sender.poll(wires);
         loop {
@@ -143,7 +143,7 @@ impl Unit<()> for Sink {
 
 sim::circuit! {
     pub struct Rig for () {
-        source: Vec<Source>,
+        source: Vec<OrderSender>,
         router: Vec<Router>,
         credit_return: Option<CreditReturn>,
         sink: Vec<Sink>,
@@ -188,7 +188,7 @@ impl Case {
         let plan = plan.expect("a network");
         let sinks = wiring.bank("sink", self.sinks.len());
         let network = plan.connect(&mut wiring, &sources, &sinks);
-        let source = network.senders.into_iter().zip(&self.orders).enumerate().map(|(number, (sender, orders))| Source {
+        let source = network.senders.into_iter().zip(&self.orders).enumerate().map(|(number, (sender, orders))| OrderSender {
             number: number as u32,
             orders: orders.clone(),
             sent: Vec::new(),
@@ -207,15 +207,15 @@ impl Case {
     }
 
     /// Runs under one clock until nothing is left anywhere, credits included.
-    pub fn run(&self, clock: Clock) -> Outcome {
+    pub fn run(&self, clock: Clock) -> RigResult {
         let (mut rig, map) = self.build();
         run(&mut rig, &mut (), clock, 5_000, |rig, ()| is_over(rig))
             .unwrap_or_else(|stuck| panic!("{:?}: {clock:?}: {stuck}", self.config));
-        Outcome::of(rig, &map)
+        RigResult::of(rig, &map)
     }
 
     /// Runs under all clocks, which must agree in everything.
-    pub fn settle(&self) -> Outcome {
+    pub fn settle(&self) -> RigResult {
         let expected = self.run(Clock::EveryCycle);
         for clock in [Clock::SkipIdle, Clock::Shuffled(1), Clock::Shuffled(2)] {
             assert_eq!(self.run(clock), expected, "{:?}: {clock:?} against every cycle", self.config);
@@ -225,7 +225,7 @@ impl Case {
     }
 
     /// Every token sent has come to its receiver once, and those of a pair in order.
-    pub fn check(&self, outcome: &Outcome) {
+    pub fn check(&self, outcome: &RigResult) {
         let receivers = self.sinks.len();
         for receiver in 0..receivers {
             for (sender, orders) in self.orders.iter().enumerate() {
@@ -248,7 +248,7 @@ pub fn is_over(rig: &Rig) -> bool {
 
 /// The outcome of a run.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Outcome {
+pub struct RigResult {
     pub cycles: Cycle,
     /// By receiver.
     pub got: Vec<Vec<(Cycle, Item)>>,
@@ -258,14 +258,14 @@ pub struct Outcome {
     pub tree: Tree,
 }
 
-impl Outcome {
-    pub fn of(mut rig: Rig, map: &NetworkMap) -> Outcome {
+impl RigResult {
+    pub fn of(mut rig: Rig, map: &NetworkMap) -> RigResult {
         rig.wires_mut().settle();
         for unit in rig.wires().reading().units {
             assert_eq!(unit.total(), rig.wires().now(), "the account of a unit");
         }
         let (cycles, tree) = (rig.wires().now(), rig.tree());
-        Outcome {
+        RigResult {
             cycles,
             traffic: map.traffic(&tree, cycles),
             tree,

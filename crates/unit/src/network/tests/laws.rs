@@ -110,7 +110,7 @@ fn all_orders_of_ticks_give_one_outcome() {
                 step(&mut rig, &order, &mut ());
                 assert!(rig.wires().now() < 2000, "{topology:?} {order:?}: stuck");
             }
-            assert_eq!(super::kit::Outcome::of(rig, &map), expected, "{topology:?} {order:?}");
+            assert_eq!(super::kit::RigResult::of(rig, &map), expected, "{topology:?} {order:?}");
         }
     }
 }

@@ -1,6 +1,6 @@
 //! One sender, one receiver: latency, width, places.
 
-use super::kit::{ALL, Case, Order, Outcome, Taste, config, hops};
+use super::kit::{ALL, Case, Order, RigResult, Taste, config, hops};
 use crate::network::{NetworkConfig, Topology};
 use num::Cycle;
 
@@ -43,7 +43,7 @@ fn an_empty_network_takes_the_hops() {
 }
 
 /// The last of eight senders sends to the first of eight receivers, which takes one in `rest` cycles and starts at `start`.
-fn stream(config: &NetworkConfig, count: usize, bytes: u32, rest: Cycle, start: Cycle) -> Outcome {
+fn stream(config: &NetworkConfig, count: usize, bytes: u32, rest: Cycle, start: Cycle) -> RigResult {
     let orders = only(8, 7, vec![Order::new(0, 0, bytes); count]);
     let mut case = Case::new(config.clone(), orders, 8);
     case.sinks[0] = (Taste::Any, rest, start);

@@ -1,6 +1,6 @@
 //! The throughput of a network, and its hot spots.
 
-use super::kit::{ALL, Case, Order, Outcome, config};
+use super::kit::{ALL, Case, Order, RigResult, config};
 use crate::network::{Arbitration, NetworkConfig, Topology};
 use num::{Cycle, Random};
 use sim::Clock;
@@ -19,7 +19,7 @@ fn all_to_all(nodes: usize, rounds: usize) -> Vec<Vec<Order>> {
 }
 
 /// The parcels on the busiest link of a class.
-fn busiest(outcome: &Outcome, channels: &str) -> u64 {
+fn busiest(outcome: &RigResult, channels: &str) -> u64 {
     let count = |index| outcome.tree.number(&format!("channels.{channels}[{index}].items"));
     (0..).map_while(count).map(|items| items as u64).max().unwrap_or(0)
 }
