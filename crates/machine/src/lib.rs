@@ -54,7 +54,7 @@ pub use report::{
     CLASS, EFFICIENCY, FrameReport, LOAD_IMBALANCE, MachineReport, OVERLAP, PASSES_OUT_OF_ORDER, PassOrderCounts, Picture,
     SORTING, SORTING_LOSS, SORTING_NETWORK, STAGE, SortOutcome, Totals, WRONG_PIXELS,
 };
-pub use tally::{DrawReport, Moved, PhaseReport, Place, SHADING, Spent, Tally};
+pub use tally::{CounterGroup, DrawReport, Moved, PhaseReport, SHADING, Spent, Tally};
 pub use unit::card::notes::{BlockNotes, PassNotes};
 pub use unit::scanout::{Refresh, Shown};
 pub use watch::Watcher;

@@ -8,7 +8,7 @@
 //! the parts are whole numbers that add up to N x T.
 
 use super::class::{Class, Sorted};
-use super::parts::{Parts, Stage};
+use super::parts::{Parts, PipelineSection};
 use sim::{STATES, StallProbeCounts};
 use stats::Cycles;
 use unit::network::{SenderCounts, Stall};
@@ -93,12 +93,12 @@ pub(super) struct Accounts<'a> {
 /// The stages of a class's pipelines.
 fn stages(class: &Class) -> impl Iterator<Item = &'static str> {
     let own = class.sorted.own_geometry();
-    let front = Parts::stages(Stage::Geometry).filter(move |_| own);
-    front.chain(Parts::stages(Stage::Pixels)).chain(Parts::stages(Stage::Rop))
+    let front = Parts::stages(PipelineSection::Geometry).filter(move |_| own);
+    front.chain(Parts::stages(PipelineSection::Pixels)).chain(Parts::stages(PipelineSection::Rop))
 }
 
 /// Whether a bank is of a stage.
-fn is_of(stage: Stage, bank: &str) -> bool {
+fn is_of(stage: PipelineSection, bank: &str) -> bool {
     Parts::stages(stage).any(|name| name == bank)
 }
 
@@ -118,13 +118,13 @@ struct Busiest {
 
 /// The cycles in which the busiest unit of all had no input, or no work for another reason, by the state of the probe that watches it.
 /// Causes take from them.
-struct Rest {
+struct UnexplainedCycles {
     /// What is left, by the probe's state.
     left: [u64; STATES],
     pipelines: u64,
 }
 
-impl Rest {
+impl UnexplainedCycles {
     /// Takes at most `counted` of the cycles in these states. Returns the cycles taken, times the number of pipelines.
     fn take(&mut self, states: &[Stall], mut counted: u64) -> u64 {
         let mut sum = 0;
@@ -167,7 +167,7 @@ impl Accounts<'_> {
                 let (all, vertices) = self.waits.instructions[unit.number];
                 part(busy, vertices, all)
             }
-            Sorted::Primitives if is_of(Stage::Geometry, stage) || stage == "setup" => busy,
+            Sorted::Primitives if is_of(PipelineSection::Geometry, stage) || stage == "setup" => busy,
             Sorted::Triangles if matches!(stage, "tile_fetch" | "setup") => busy,
             _ => 0,
         };
@@ -217,7 +217,7 @@ impl Accounts<'_> {
         for state in [Stall::NetworkFull, Stall::ReceiverFull] {
             left[state as usize] += std::mem::take(&mut blocked[state as usize]);
         }
-        let mut rest = Rest { left, pipelines: n };
+        let mut rest = UnexplainedCycles { left, pipelines: n };
         // 2. The unit held something.
         loss.memory += n * account.memory;
         loss.downstream_backpressure += n * blocked.iter().sum::<u64>();
@@ -228,7 +228,7 @@ impl Accounts<'_> {
         loss.network += rest.take(&all, of_pipeline(&waits.composing));
         // 4. Before a network that sorts fragments, its own sender set the state. Receivers have no place left as they keep order, or others
         //    send more.
-        let behind = self.class.sorted != Sorted::Fragments || is_of(Stage::Rop, stage);
+        let behind = self.class.sorted != Sorted::Fragments || is_of(PipelineSection::Rop, stage);
         loss.network += rest.take(&[Stall::NetworkFull], u64::MAX);
         loss.reorder_stalls += rest.take(&[Stall::ReceiverFull], mean(waits.order.iter().copied()));
         loss.imbalance += rest.take(&[Stall::ReceiverFull], u64::MAX);

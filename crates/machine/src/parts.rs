@@ -34,7 +34,7 @@ use unit::traverse::Traverse;
 
 /// The part of a pipeline that a bank belongs to.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Stage {
+pub enum PipelineSection {
     /// Geometry: in front of the network that sorts, and of no pipeline, or in each pipeline, as the sort class says.
     Geometry,
     /// Rasterisation and shading.
@@ -72,7 +72,7 @@ sim::circuit! {
     /// A machine: the units of all sort classes in data-flow order. After `=` stands how many units all classes have of a bank. Of the
     /// others a class has as many as its file says. Each class joins them.
     #[derive(Clone)]
-    pub struct Parts for Card, sizes Shape of Config, numbers Ids, banks Banks, stages Stage {
+    pub struct Parts for Card, sizes Shape of Config, numbers Ids, banks Banks, stages PipelineSection {
         /// Reads events, hands out draws, keeps passes apart.
         command: One<Command> = one,
         /// Deals batches of primitives to pipelines whose geometry is their own.

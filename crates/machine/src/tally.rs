@@ -115,10 +115,10 @@ impl Tally {
     /// Each group of counters in addition to the funnel, in order: its place, whether it was at work (a unit that only starved was not), its
     /// counters, and their values. Groups are `units.NAME`, `caches.NAME`,
     /// `shading.NAME`, `memory.clients.NAME` and `memory.dram`; banks are summed.
-    pub fn groups(&self, mut to: impl FnMut((Place, bool), &'static [Declaration], &[u64])) {
+    pub fn groups(&self, mut to: impl FnMut((CounterGroup, bool), &'static [Declaration], &[u64])) {
         let mut values = Vec::with_capacity(8);
         let mut group =
-            |place: Place, starved: u64, declarations: &'static [Declaration], own: &mut dyn Iterator<Item = u64>| {
+            |place: CounterGroup, starved: u64, declarations: &'static [Declaration], own: &mut dyn Iterator<Item = u64>| {
                 values.clear();
                 values.extend(own);
                 let worked = values.iter().sum::<u64>() > starved;
@@ -149,7 +149,7 @@ impl Tally {
     }
 
     /// Each of these counters: the place of its group, its name in it, and its value.
-    pub fn each(&self, mut to: impl FnMut(Place, &'static str, u64)) {
+    pub fn each(&self, mut to: impl FnMut(CounterGroup, &'static str, u64)) {
         self.groups(|(place, _), declarations, values| {
             declarations.iter().zip(values).for_each(|(declaration, &value)| to(place, declaration.name, value));
         });
@@ -157,7 +157,7 @@ impl Tally {
 }
 
 /// Where a group of counters stands: the steps of its path, and what it is of.
-pub type Place = (&'static [&'static str], Option<&'static str>);
+pub type CounterGroup = (&'static [&'static str], Option<&'static str>);
 
 /// A draw of a pass, or what follows the last of them.
 #[derive(Clone, Debug)]

@@ -4,7 +4,7 @@ use std::ops::Range;
 
 use serde::ser::{Serialize, SerializeMap, Serializer};
 
-use machine::{DrawReport, PhaseReport, Place, Tally};
+use machine::{CounterGroup, DrawReport, PhaseReport, Tally};
 use num::Cycle;
 use run::replay::Frame;
 use stats::{Declaration, Group as _, csv_field};
@@ -72,7 +72,7 @@ impl<I: Iterator<Item = (&'static str, u64)> + Clone> Serialize for Counters<I> 
 
 /// A group of counters that did something: its place, and where its values are among all.
 struct Group {
-    place: Place,
+    place: CounterGroup,
     declarations: &'static [Declaration],
     values: Range<usize>,
 }

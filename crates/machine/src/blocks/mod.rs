@@ -11,7 +11,7 @@ use std::rc::Rc;
 use super::class::Sorted;
 use super::config::Config;
 pub(super) use super::parts::Shape;
-use super::parts::{Banks, Ids, Parts, Stage};
+use super::parts::{Banks, Ids, Parts, PipelineSection};
 pub(super) use ends::Ends;
 use ends::{Joint, Untaken, complaint};
 use mem::{Memory, MemoryIds, MemoryPlan, MemoryPort, MemoryUnits};
@@ -127,7 +127,7 @@ impl<'a> Builder<'a> {
         let (id, pipelines) = (&self.id, self.pipelines());
         // Geometry in front of the network belongs to no pipeline.
         let own = before && self.sorted().own_geometry();
-        let stages = [(Stage::Geometry, own), (Stage::Pixels, before), (Stage::Rop, rop)];
+        let stages = [(PipelineSection::Geometry, own), (PipelineSection::Pixels, before), (PipelineSection::Rop, rop)];
         let banks = stages.into_iter().filter(|&(_, of)| of).flat_map(|(stage, _)| id.of_stage(stage));
         let of = |bank: &'_ [UnitId]| {
             let each = bank.len() / pipelines;

@@ -2,7 +2,7 @@
 
 /// A key and its place.
 #[derive(Debug, PartialEq, Eq)]
-pub struct Place {
+pub struct KeyLocation {
     /// `path.to.key`.
     pub path: String,
     /// Line and column, from 1.
@@ -10,7 +10,7 @@ pub struct Place {
 }
 
 /// The keys of a text that has been parsed, as they stand in it.
-pub fn keys(text: &str) -> Vec<Place> {
+pub fn keys(text: &str) -> Vec<KeyLocation> {
     let mut found = Vec::new();
     // The keys whose values are open, and the last word with its place: a key, if a colon follows.
     let (mut open, mut key, mut word) = (Vec::new(), String::new(), None);
@@ -37,7 +37,7 @@ pub fn keys(text: &str) -> Vec<Place> {
                         counted = offset;
                         let above = open.iter().rfind(|k: &&String| !k.is_empty());
                         key = above.map_or(name.to_owned(), |above| format!("{above}.{name}"));
-                        found.push(Place { path: key.clone(), at: [line, column] });
+                        found.push(KeyLocation { path: key.clone(), at: [line, column] });
                     }
                     ('(' | '{' | '[', _) => open.push(std::mem::take(&mut key)),
                     (')' | '}' | ']', _) => {

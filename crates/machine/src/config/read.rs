@@ -6,7 +6,7 @@ use ron::Value;
 use ron::error::Position;
 use ron::value::Number;
 
-use super::places::{self, Place};
+use super::places::{self, KeyLocation};
 use super::{BUILT_IN, Config, ConfigError};
 use host::ron_reason;
 use knob::{Allowed, Knob, Section, Setting};
@@ -15,27 +15,27 @@ use num::{edits, nearest};
 /// A knob as written.
 struct Written {
     path: String,
-    value: Given,
+    value: WrittenValue,
 }
 
 /// A value as written.
-struct Given {
+struct WrittenValue {
     /// What a knob can take; none: a value of a kind that no knob takes.
     setting: Option<Setting>,
     /// How messages show it.
     shown: String,
 }
 
-impl From<Setting> for Given {
-    fn from(setting: Setting) -> Given {
-        Given { shown: setting.to_string(), setting: Some(setting) }
+impl From<Setting> for WrittenValue {
+    fn from(setting: Setting) -> WrittenValue {
+        WrittenValue { shown: setting.to_string(), setting: Some(setting) }
     }
 }
 
-impl Given {
+impl WrittenValue {
     /// A value that no knob takes.
-    fn unfit(shown: impl Into<String>) -> Given {
-        Given { setting: None, shown: shown.into() }
+    fn unfit(shown: impl Into<String>) -> WrittenValue {
+        WrittenValue { setting: None, shown: shown.into() }
     }
 }
 
@@ -130,7 +130,7 @@ fn is_configuration(map: &ron::Map) -> bool {
 }
 
 /// A place as messages name it.
-fn at(file: &str, Place { at: [line, column], .. }: &Place) -> String {
+fn at(file: &str, KeyLocation { at: [line, column], .. }: &KeyLocation) -> String {
     format!("{file}:{line}:{column}")
 }
 
@@ -149,7 +149,9 @@ pub fn assign(config: &mut Config, assignment: &str) -> Result<(), ConfigError> 
         _ => match digits.parse::<u64>() {
             Ok(number) => Setting::Number(number).into(),
             // A number, but no whole one from 0. Rust reads `inf` and `nan` as numbers, too: here they are names.
-            Err(_) if digits.ends_with(|c: char| c.is_ascii_digit()) && digits.parse::<f64>().is_ok() => Given::unfit(value),
+            Err(_) if digits.ends_with(|c: char| c.is_ascii_digit()) && digits.parse::<f64>().is_ok() => {
+                WrittenValue::unfit(value)
+            }
             // Names may be written without quotes here, where a shell would eat them.
             Err(_) => Setting::Name(value.trim_matches('"').to_owned()).into(),
         },
@@ -174,13 +176,13 @@ fn flatten(file: &str, path: String, value: &Value, written: &mut Vec<Written>) 
         Value::String(name) => Setting::Name(name.clone()).into(),
         Value::Number(number) => match whole(number) {
             Some(number) => Setting::Number(number).into(),
-            None => Given::unfit(number.into_f64().to_string()),
+            None => WrittenValue::unfit(number.into_f64().to_string()),
         },
-        Value::Char(c) => Given::unfit(format!("the character {c:?}")),
-        Value::Seq(_) => Given::unfit("a list"),
-        Value::Option(_) => Given::unfit("an option"),
-        Value::Unit => Given::unfit("empty"),
-        Value::Bytes(_) => Given::unfit("a string of bytes"),
+        Value::Char(c) => WrittenValue::unfit(format!("the character {c:?}")),
+        Value::Seq(_) => WrittenValue::unfit("a list"),
+        Value::Option(_) => WrittenValue::unfit("an option"),
+        Value::Unit => WrittenValue::unfit("empty"),
+        Value::Bytes(_) => WrittenValue::unfit("a string of bytes"),
     };
     written.push(Written { path, value });
     Ok(())
@@ -210,11 +212,11 @@ pub fn find(config: &Config, file: &str, path: &str) -> Result<(&'static Knob, S
 
 /// Sets the knob at a path.
 pub fn put(config: &mut Config, file: &str, path: &str, setting: &Setting) -> Result<(), ConfigError> {
-    apply(config, file, path, &Given::from(setting.clone()))
+    apply(config, file, path, &WrittenValue::from(setting.clone()))
 }
 
 /// Sets one knob.
-fn apply(config: &mut Config, file: &str, path: &str, given: &Given) -> Result<(), ConfigError> {
+fn apply(config: &mut Config, file: &str, path: &str, given: &WrittenValue) -> Result<(), ConfigError> {
     let (section, name) = path.rsplit_once('.').unwrap_or(("", path));
     let found = config.sections_mut().into_iter().find(|(known, _)| *known == section);
     let knob = found.as_ref().and_then(|(_, knobs)| knobs.knobs().iter().find(|knob| knob.name == name));

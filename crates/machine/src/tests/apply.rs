@@ -31,18 +31,18 @@ fn applied(events: &[Event], mut chosen: impl FnMut(u32) -> bool) -> Vec<Event> 
 }
 
 /// What is left of a run.
-struct Left {
+struct RunResult {
     frames: Vec<FrameReport>,
     total: Tree,
     blocks: Vec<(SurfaceKey, Vec<u32>, Vec<BlockState>)>,
 }
 
-fn run(config: &Config, events: Vec<Event>) -> Left {
+fn run(config: &Config, events: Vec<Event>) -> RunResult {
     let mut machine = Machine::new(config).unwrap();
     let mut frames = Vec::new();
     let total = machine.run_each(events.into_iter(), Clock::SkipIdle, |frame| frames.push(frame)).unwrap().total;
     let blocks = |store: &Store| (store.surface.key, store.codes.clone(), store.blocks.clone());
-    Left { frames, total, blocks: machine.card.frame.stores.iter().map(blocks).collect() }
+    RunResult { frames, total, blocks: machine.card.frame.stores.iter().map(blocks).collect() }
 }
 
 /// All that can be seen of surfaces is what it is where all is simulated: texels, and what they take in memory.
