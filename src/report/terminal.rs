@@ -9,7 +9,7 @@ use super::files::{About, head};
 use super::summary::{self, Phases, Pictures};
 use crate::num::Cycle;
 use crate::run::bound::STATED_ERRORS;
-use crate::run::replay::{Fidelity, Frame, Options, Outcome};
+use crate::run::replay::{Fidelity, Frame, Options, ReplayOutcome};
 use crate::run::sample::Margin;
 use crate::work::{FUNNEL, Funnel, Surface};
 
@@ -59,7 +59,7 @@ impl Seen {
     }
 
     /// Takes over what limits each phase.
-    fn limit(&mut self, done: &Outcome) {
+    fn limit(&mut self, done: &ReplayOutcome) {
         let mut estimated = Phases::default();
         done.limits.iter().for_each(|phases| estimated.add(phases));
         self.phases.limit(&estimated);
@@ -72,7 +72,7 @@ impl Seen {
 
     /// The pictures that the counts of a replay are of. Where frames were sampled these are all frames of the sequence, and those that were
     /// reported are taken to show as many pictures as the others.
-    fn pictures_counted(&self, done: &Outcome) -> Option<Pictures> {
+    fn pictures_counted(&self, done: &ReplayOutcome) -> Option<Pictures> {
         let seen = self.pictures?;
         let Some(sampled) = &done.sampled else { return Some(seen) };
         Some(Pictures { frames: seen.frames * sampled.frames / self.frames.max(1) as u64, ..seen })
@@ -81,7 +81,7 @@ impl Seen {
 
 /// What a replay came to: how many frames, the knobs that differ from the named configuration, where the work went and where the cycles,
 /// and the host's time.
-pub fn report(done: &Outcome, seen: &mut Seen, options: &Options, changed: &[KnobDifference]) -> String {
+pub fn report(done: &ReplayOutcome, seen: &mut Seen, options: &Options, changed: &[KnobDifference]) -> String {
     let mut out = format!("{} frame{}\n", seen.frames, if seen.frames == 1 { "" } else { "s" });
     if let Some(sampled) = &done.sampled {
         out = format!("{} frames, {} of them reported\n", sampled.frames, seen.frames);
@@ -126,7 +126,7 @@ pub fn report(done: &Outcome, seen: &mut Seen, options: &Options, changed: &[Kno
 }
 
 /// What [`report`] says, as one JSON document: all statistics, phases and draws.
-pub fn json(done: &Outcome, seen: &mut Seen, options: &Options, about: &About) -> Value {
+pub fn json(done: &ReplayOutcome, seen: &mut Seen, options: &Options, about: &About) -> Value {
     seen.limit(done);
     let mut document = head(about, &done.total);
     let Some(fields) = document.as_object_mut() else { return document };
@@ -166,7 +166,7 @@ fn knobs(changed: &[KnobDifference], config: &str) -> String {
 }
 
 /// Cycles, frames per second, and the host's time.
-fn times(done: &Outcome, cycles: f64, seen: &Seen, options: &Options) -> String {
+fn times(done: &ReplayOutcome, cycles: f64, seen: &Seen, options: &Options) -> String {
     let mhz = options.config.card.clock_mhz;
     let time = options.config.seconds(cycles);
     let frames = done.sampled.as_ref().map_or(seen.frames as f64, |sampled| sampled.frames as f64);

@@ -5,7 +5,7 @@ use std::fs;
 use std::path::{Path, PathBuf};
 
 use fillrate::machine::Config;
-use fillrate::run::maps::{Kind, Surface, details};
+use fillrate::run::maps::{MapKind, Surface, details};
 use fillrate::trace::Trace;
 use serde_json::{Value, json};
 
@@ -261,7 +261,7 @@ fn what_is_no_folder_of_a_replay_is_told() {
     assert!(refused(&["report", "traces/nowhere"]).contains("traces/nowhere"));
 }
 
-fn values(surface: &Surface, kind: Kind) -> u64 {
+fn values(surface: &Surface, kind: MapKind) -> u64 {
     surface.maps[kind as usize].values.iter().map(|&value| u64::from(value)).sum()
 }
 
@@ -276,19 +276,19 @@ fn maps_add_up_to_the_funnel() {
         let found = details(&trace, &config, 0, true).expect("it renders");
         let (maps, estimate) = (found.maps, found.estimate.expect("an estimate"));
         assert_eq!(maps.left_out, 0);
-        let sum = |kind: Kind| maps.surfaces.iter().map(|surface| values(surface, kind)).sum::<u64>();
-        assert_eq!(sum(Kind::Overdraw), maps.funnel.fragments_covered, "{name}");
+        let sum = |kind: MapKind| maps.surfaces.iter().map(|surface| values(surface, kind)).sum::<u64>();
+        assert_eq!(sum(MapKind::Overdraw), maps.funnel.fragments_covered, "{name}");
         // A fragment that is hidden beside others that are not is shaded as a helper: quads are rejected whole.
-        let shaded = sum(Kind::Overdraw) - sum(Kind::Hidden);
+        let shaded = sum(MapKind::Overdraw) - sum(MapKind::Hidden);
         assert!(shaded >= maps.funnel.fragments_shaded, "{name}: {shaded}");
-        assert_eq!(shaded + sum(Kind::Waste), maps.funnel.fragments_shaded + maps.funnel.helper_fragments, "{name}");
+        assert_eq!(shaded + sum(MapKind::Waste), maps.funnel.fragments_shaded + maps.funnel.helper_fragments, "{name}");
         assert_eq!(maps.surfaces.iter().map(|surface| surface.passes.len()).sum::<usize>(), passes, "{name}");
         assert!(estimate.phases.iter().any(|phase| phase.cycles > 0.0));
         // The machine's values by block add up to its counters.
         let home = replayed(&format!("traces/{name}"), &["--frames", "0"]);
         let json = json_of(&home.path().join("stats.json"));
         let counted = |path: &str| number(&json["total"], path).unwrap_or(0.0) as u64;
-        let noted = |kind: Kind| {
+        let noted = |kind: MapKind| {
             let map = |surface: &Surface| {
                 let map = surface.maps.iter().find(|map| map.kind == kind).expect("a map");
                 let first = |at: &usize| {
@@ -300,22 +300,22 @@ fn maps_add_up_to_the_funnel() {
             };
             maps.surfaces.iter().flat_map(map).collect::<Vec<u64>>()
         };
-        let total = |kind: Kind| noted(kind).iter().sum::<u64>();
-        assert_eq!(total(Kind::HierarchicalZ) + total(Kind::EarlyZ), counted("funnel.quads_early_culled"), "{name}");
+        let total = |kind: MapKind| noted(kind).iter().sum::<u64>();
+        assert_eq!(total(MapKind::HierarchicalZ) + total(MapKind::EarlyZ), counted("funnel.quads_early_culled"), "{name}");
         // Misses of vertex shaders belong to no block.
-        let (noted_misses, all) = (total(Kind::Misses), counted("caches.texture[*].misses"));
+        let (noted_misses, all) = (total(MapKind::Misses), counted("caches.texture[*].misses"));
         assert!(
             noted_misses <= all && (name == "particles" || all - noted_misses <= all / 100),
             "{name}: {noted_misses} of {all}"
         );
-        let when = noted(Kind::When);
+        let when = noted(MapKind::When);
         assert!(when.iter().any(|&at| at > 0) && when.iter().all(|&at| at < counted("cycles")), "{name}");
         let draws: Vec<u32> = maps.draws.iter().map(|draw| draw.number).collect();
         for surface in &maps.surfaces {
-            let last = &surface.maps[Kind::Draw as usize].values;
+            let last = &surface.maps[MapKind::Draw as usize].values;
             assert!(last.iter().all(|&draw| draw == 0 || draws.contains(&(draw - 1))), "{name}");
             // Where nothing is covered, nothing costs.
-            let none = surface.maps[Kind::Overdraw as usize].values.iter().zip(last).filter(|(covered, _)| **covered == 0);
+            let none = surface.maps[MapKind::Overdraw as usize].values.iter().zip(last).filter(|(covered, _)| **covered == 0);
             empty += none.clone().count();
             assert!(none.clone().all(|(_, &draw)| draw == 0), "{name}");
         }

@@ -9,7 +9,7 @@ use num::Random;
 use run::bound::frames::{Estimated, estimate};
 use run::cycle::{Simulated, simulate};
 use run::frame_sink::{Frame, FrameSink};
-use run::replay::{Fidelity, Options, Outcome, replay_to};
+use run::replay::{Fidelity, Options, ReplayOutcome, replay_to};
 use run::sample::survey::{Count, MISSES, Observers, Survey};
 use run::sample::{Quantity, Sampler, Sampling};
 use stats::Tree;
@@ -99,7 +99,7 @@ fn point(fidelity: String, [time, whole]: [Duration; 2], measured: &Values, trut
 }
 
 /// Half the intervals, relative to what was measured, of the quantities whose errors are reported.
-fn margins(run: &Outcome, measured: &Values, truth: &Values) -> Values {
+fn margins(run: &ReplayOutcome, measured: &Values, truth: &Values) -> Values {
     let counts = counts();
     std::array::from_fn(|i| {
         truth[i].filter(|&truth| reported(i, truth))?;

@@ -11,7 +11,7 @@ use run::cycle::{Simulated, simulate};
 use run::frame_runs::simulate_in_runs;
 use run::frame_sink::FrameSink;
 use run::host::process_cpu_time;
-use run::replay::{Fidelity, Options, Outcome, replay_to};
+use run::replay::{Fidelity, Options, ReplayOutcome, replay_to};
 use run::sample::survey::{Count, MISSES};
 use stats::Tree;
 use trace::Trace;
@@ -79,7 +79,7 @@ impl Spent {
 /// Cycles and picture of each frame by its number.
 type Frames = BTreeMap<u32, (f64, Option<(Surface, blake3::Hash)>)>;
 
-fn run(trace: &Trace, options: &Options) -> Result<(Frames, Outcome, Option<Spent>)> {
+fn run(trace: &Trace, options: &Options) -> Result<(Frames, ReplayOutcome, Option<Spent>)> {
     let (mut frames, before) = (Frames::new(), process_cpu_time());
     let outcome = replay_to(trace, options, &|_| (), &mut |frame| {
         let picture = frame.shown.map(|(surface, bytes)| (surface, blake3::hash(&bytes)));

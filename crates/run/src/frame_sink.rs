@@ -59,7 +59,7 @@ impl From<FrameReport> for Frame {
 }
 
 /// Is given the frames in order, each when it ends.
-pub type Taker<'t> = dyn FnMut(Frame) -> Result<()> + Send + 't;
+pub type FrameConsumer<'t> = dyn FnMut(Frame) -> Result<()> + Send + 't;
 
 /// Is given what each frame of a sampled sequence shows, simulated or not: in any order, by several threads. The statistics are empty.
 pub type Pictures<'p> = dyn Fn(Frame) -> Result<()> + Sync + 'p;
@@ -81,7 +81,7 @@ pub type Progress<'p> = dyn Fn(Ended) + Sync + 'p;
 /// Where frames leave a replay: passes each on, and reports progress.
 pub struct FrameSink<'s> {
     /// Is given the frames.
-    pub taker: Box<Taker<'s>>,
+    pub taker: Box<FrameConsumer<'s>>,
     /// Whether the receiver keeps the frames. If so, they count as memory in use.
     pub keeps: bool,
     /// Whether the frames of a simulated machine report their draws.

@@ -32,7 +32,7 @@ const NAMED: usize = 20_000;
 
 /// The quantity that a map counts.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Kind {
+pub enum MapKind {
     /// Fragments that triangles cover.
     Overdraw,
     /// Instructions of fragment shaders.
@@ -55,48 +55,51 @@ pub enum Kind {
     When,
 }
 
-impl Kind {
+impl MapKind {
     /// The kinds that are counted from the work, in the order of [`Surface::maps`].
-    pub const COUNTED: [Kind; 6] = [Kind::Overdraw, Kind::Cost, Kind::Waste, Kind::Hidden, Kind::Lines, Kind::Draw];
+    pub const COUNTED: [MapKind; 6] =
+        [MapKind::Overdraw, MapKind::Cost, MapKind::Waste, MapKind::Hidden, MapKind::Lines, MapKind::Draw];
 
     /// The kinds that a machine notes.
-    pub const NOTED: [Kind; 4] = [Kind::HierarchicalZ, Kind::EarlyZ, Kind::Misses, Kind::When];
+    pub const NOTED: [MapKind; 4] = [MapKind::HierarchicalZ, MapKind::EarlyZ, MapKind::Misses, MapKind::When];
 
     /// The name.
     pub fn name(self) -> &'static str {
         match self {
-            Kind::Overdraw => "overdraw",
-            Kind::Cost => "shading cost",
-            Kind::Waste => "quad waste",
-            Kind::Hidden => "hidden before shading",
-            Kind::Lines => "memory lines",
-            Kind::Draw => "last draw",
-            Kind::HierarchicalZ => "hierarchical Z rejects",
-            Kind::EarlyZ => "early Z rejects",
-            Kind::Misses => "texture misses",
-            Kind::When => "when",
+            MapKind::Overdraw => "overdraw",
+            MapKind::Cost => "shading cost",
+            MapKind::Waste => "quad waste",
+            MapKind::Hidden => "hidden before shading",
+            MapKind::Lines => "memory lines",
+            MapKind::Draw => "last draw",
+            MapKind::HierarchicalZ => "hierarchical Z rejects",
+            MapKind::EarlyZ => "early Z rejects",
+            MapKind::Misses => "texture misses",
+            MapKind::When => "when",
         }
     }
 
     /// A description of the quantity.
     pub fn about(self) -> &'static str {
         match self {
-            Kind::Overdraw => "Fragments that triangles cover, hidden ones included.",
-            Kind::Cost => "Instructions of fragment shaders, those of helper invocations included.",
-            Kind::Waste => "Helper invocations: the pixel lies outside the triangle, and is shaded for its quad.",
-            Kind::Hidden => "Fragments of quads that depth or stencil rejects whole before shading.",
-            Kind::Lines => {
+            MapKind::Overdraw => "Fragments that triangles cover, hidden ones included.",
+            MapKind::Cost => "Instructions of fragment shaders, those of helper invocations included.",
+            MapKind::Waste => "Helper invocations: the pixel lies outside the triangle, and is shaded for its quad.",
+            MapKind::Hidden => "Fragments of quads that depth or stencil rejects whole before shading.",
+            MapKind::Lines => {
                 "Lines of 64 bytes that the shaders of the pixel's quads ask of textures and buffers; each counts for all four pixels."
             }
-            Kind::HierarchicalZ => {
+            MapKind::HierarchicalZ => {
                 "Quads of the block of 8x8 pixels that hierarchical Z rejects on this machine, before they are tested."
             }
-            Kind::EarlyZ => "Quads of the block of 8x8 pixels that the early depth and stencil test rejects on this machine.",
-            Kind::Misses => {
+            MapKind::EarlyZ => {
+                "Quads of the block of 8x8 pixels that the early depth and stencil test rejects on this machine."
+            }
+            MapKind::Misses => {
                 "Lines that the shaders of the block of 8x8 pixels ask for and that miss the texture cache of this machine."
             }
-            Kind::When => "The cycle of the frame in which the block of 8x8 pixels was written last on this machine.",
-            Kind::Draw => {
+            MapKind::When => "The cycle of the frame in which the block of 8x8 pixels was written last on this machine.",
+            MapKind::Draw => {
                 "The draw whose fragment was shaded last, in the order of the trace. In a quad that is hidden in part, and behind a late depth test, it need not be the one that is seen."
             }
         }
@@ -104,7 +107,7 @@ impl Kind {
 
     /// Whether values are numbers of draws, each one higher, and 0 is none.
     pub fn is_draw(self) -> bool {
-        self == Kind::Draw
+        self == MapKind::Draw
     }
 }
 
@@ -112,7 +115,7 @@ impl Kind {
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Map {
     /// The quantity that it counts.
-    pub kind: Kind,
+    pub kind: MapKind,
     /// A value a cell, row by row: the sum over its pixels, or the last draw's.
     pub values: Vec<u32>,
 }
@@ -136,7 +139,7 @@ pub struct Surface {
     pub rows: u32,
     /// Passes that draw to it, by their numbers in the trace.
     pub passes: Vec<u32>,
-    /// Maps, by [`Kind::COUNTED`]; behind them those of [`Kind::NOTED`], where a machine has drawn the frame.
+    /// Maps, by [`MapKind::COUNTED`]; behind them those of [`MapKind::NOTED`], where a machine has drawn the frame.
     pub maps: Vec<Map>,
 }
 
@@ -241,21 +244,21 @@ impl Surface {
         let cell = cell(width, height);
         let (columns, rows) = (width.div_ceil(cell), height.div_ceil(cell));
         let cells = columns as usize * rows as usize;
-        let maps = Kind::COUNTED.map(|kind| Map { kind, values: vec![0; cells] }).to_vec();
+        let maps = MapKind::COUNTED.map(|kind| Map { kind, values: vec![0; cells] }).to_vec();
         Surface { name, shown: false, width, height, cell, columns, rows, passes: Vec::new(), maps }
     }
 
     /// Adds the maps of what a machine has noted. Cells have the value of their block, larger ones that of all their blocks.
     fn add_notes(&mut self, notes: &[PassNotes]) {
         let own: Vec<&PassNotes> = notes.iter().filter(|of| self.passes.contains(&of.pass)).collect();
-        for kind in Kind::NOTED {
+        for kind in MapKind::NOTED {
             let value = |of: &BlockNotes| match kind {
-                Kind::HierarchicalZ => of.hierarchical.into(),
-                Kind::EarlyZ => of.early.into(),
-                Kind::Misses => of.misses.into(),
+                MapKind::HierarchicalZ => of.hierarchical.into(),
+                MapKind::EarlyZ => of.early.into(),
+                MapKind::Misses => of.misses.into(),
                 _ => of.drawn,
             };
-            let join = |a: u64, b: u64| if kind == Kind::When { a.max(b) } else { a + b };
+            let join = |a: u64, b: u64| if kind == MapKind::When { a.max(b) } else { a + b };
             let side = self.cell.div_ceil(BLOCK);
             let at = |cell: u32| {
                 let [column, row] = [cell % self.columns, cell / self.columns].map(|at| at * self.cell / BLOCK);
@@ -299,17 +302,17 @@ impl Surface {
                     }
                     let at = (y / self.cell * self.columns + x / self.cell) as usize;
                     let covered = has(quad.coverage);
-                    let mut add = |kind: Kind, value: u32| {
+                    let mut add = |kind: MapKind, value: u32| {
                         let cell = &mut self.maps[kind as usize].values[at];
                         *cell = cell.saturating_add(value);
                     };
-                    add(Kind::Overdraw, u32::from(covered));
-                    add(Kind::Cost, cost);
-                    add(Kind::Lines, lines);
-                    add(Kind::Waste, u32::from(shades && shaded && !covered));
-                    add(Kind::Hidden, u32::from(shades && !shaded && covered));
+                    add(MapKind::Overdraw, u32::from(covered));
+                    add(MapKind::Cost, cost);
+                    add(MapKind::Lines, lines);
+                    add(MapKind::Waste, u32::from(shades && shaded && !covered));
+                    add(MapKind::Hidden, u32::from(shades && !shaded && covered));
                     if has(quad.kept) && (shaded || !shades) {
-                        self.maps[Kind::Draw as usize].values[at] = draw.number.saturating_add(1);
+                        self.maps[MapKind::Draw as usize].values[at] = draw.number.saturating_add(1);
                     }
                 }
             }

@@ -38,7 +38,7 @@ pub struct Consumer<'c> {
 /// The events of a rendering in order.
 pub struct Work {
     events: Receiver<Event>,
-    turn: Turn,
+    turn: ComputePermit,
     /// Whether the last event has been read.
     ended: Arc<AtomicBool>,
 }
@@ -67,13 +67,13 @@ impl Iterator for Work {
 }
 
 /// A consumer's turn to compute, which it has while it has events.
-struct Turn {
+struct ComputePermit {
     free: Receiver<()>,
     back: Sender<()>,
     mine: bool,
 }
 
-impl Turn {
+impl ComputePermit {
     fn begin(&mut self) {
         // The channel lives as long as this has both its ends.
         self.mine = self.free.recv().is_ok();
@@ -86,7 +86,7 @@ impl Turn {
     }
 }
 
-impl Drop for Turn {
+impl Drop for ComputePermit {
     fn drop(&mut self) {
         self.end();
     }
@@ -230,7 +230,7 @@ fn render(
     for Consumer { run, .. } in consumers {
         let (send, events) = channel::bounded(EVENTS_IN_FLIGHT);
         let ended = Arc::new(AtomicBool::new(false));
-        let turn = Turn { free: free.clone(), back: back.clone(), mine: false };
+        let turn = ComputePermit { free: free.clone(), back: back.clone(), mine: false };
         // The renderer waits for a consumer that has dropped its events until it is known whether that failed.
         let known = events.clone();
         let mut work = Work { events, turn, ended: ended.clone() };

@@ -23,7 +23,7 @@ use stats::Tree;
 use trace::Trace;
 use work::Funnel;
 
-pub use super::frame_sink::{Ended, Frame, Progress, Taker};
+pub use super::frame_sink::{Ended, Frame, FrameConsumer, Progress};
 
 /// The detail in which the card is simulated.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -169,7 +169,7 @@ impl Options {
 
 /// The outcome of a replay whose frames have been handed on.
 #[derive(Clone, Debug, Default)]
-pub struct Outcome {
+pub struct ReplayOutcome {
     /// Cycles of all frames; none where no time is simulated.
     pub cycles: Option<f64>,
     /// Statistics over all frames.
@@ -221,7 +221,12 @@ pub fn replay(trace: &Trace, options: &Options, progress: &Progress<'_>) -> Resu
 ///
 /// # Errors
 /// If the trace cannot be rendered, the machine stops, or the taker fails.
-pub fn replay_to(trace: &Trace, options: &Options, progress: &Progress<'_>, taker: &mut Taker<'_>) -> Result<Outcome> {
+pub fn replay_to(
+    trace: &Trace,
+    options: &Options,
+    progress: &Progress<'_>,
+    taker: &mut FrameConsumer<'_>,
+) -> Result<ReplayOutcome> {
     leave(trace, options, FrameSink { progress, per_draw: options.per_draw, limits: true, ..FrameSink::new(taker) })
 }
 
@@ -233,9 +238,9 @@ pub fn replay_pictured(
     trace: &Trace,
     options: &Options,
     progress: &Progress<'_>,
-    taker: &mut Taker<'_>,
+    taker: &mut FrameConsumer<'_>,
     pictures: &Pictures<'_>,
-) -> Result<Outcome> {
+) -> Result<ReplayOutcome> {
     if !matches!(options.fidelity, Fidelity::Sampled(_) | Fidelity::BoundSampled(_)) {
         bail!(
             "pictures leave without their frames where frames are sampled, not with the fidelity {}",
@@ -254,9 +259,9 @@ pub fn replay_watched(
     trace: &Trace,
     options: &Options,
     progress: &Progress<'_>,
-    taker: &mut Taker<'_>,
+    taker: &mut FrameConsumer<'_>,
     timeline: &mut Timeline,
-) -> Result<Outcome> {
+) -> Result<ReplayOutcome> {
     if options.fidelity != Fidelity::Cycle {
         bail!("a timeline is taken with the fidelity cycle, not {}", options.fidelity.name());
     }
@@ -264,7 +269,7 @@ pub fn replay_watched(
     leave(trace, options, FrameSink { progress, per_draw: options.per_draw, limits: true, timeline, ..FrameSink::new(taker) })
 }
 
-fn leave(trace: &Trace, options: &Options, sink: FrameSink<'_>) -> Result<Outcome> {
+fn leave(trace: &Trace, options: &Options, sink: FrameSink<'_>) -> Result<ReplayOutcome> {
     let watch = Stopwatch::start();
     let config = &options.config;
     let outcome = match options.fidelity {
@@ -273,14 +278,19 @@ fn leave(trace: &Trace, options: &Options, sink: FrameSink<'_>) -> Result<Outcom
             let mut rendering = options.rendering_for_counts(trace);
             rendering.consume(config.render_key(), functional::counting(sink, &mut total));
             rendering.run()?;
-            Outcome { total: functional::tree(&total), ..Outcome::default() }
+            ReplayOutcome { total: functional::tree(&total), ..ReplayOutcome::default() }
         }
         Fidelity::Bound => {
             let mut sum = Estimated::default();
             let mut rendering = options.rendering_for_counts(trace);
             estimate(&mut rendering, config, sink, &mut sum)?;
             rendering.run()?;
-            Outcome { cycles: Some(sum.cycles), total: sum.tree(config), machine_time: sum.time, ..Outcome::default() }
+            ReplayOutcome {
+                cycles: Some(sum.cycles),
+                total: sum.tree(config),
+                machine_time: sum.time,
+                ..ReplayOutcome::default()
+            }
         }
         Fidelity::Sampled(sampling) | Fidelity::BoundSampled(sampling) => sampled(trace, options, &sampling, sink)?,
         Fidelity::Cycle => {
@@ -300,7 +310,7 @@ fn leave(trace: &Trace, options: &Options, sink: FrameSink<'_>) -> Result<Outcom
             rendering.run()?;
             let Simulated { cycles, total, machine_time, warming_time, display } = out;
             let cycles = Some(cycles as f64);
-            Outcome {
+            ReplayOutcome {
                 cycles,
                 total,
                 machine_time,
@@ -308,9 +318,9 @@ fn leave(trace: &Trace, options: &Options, sink: FrameSink<'_>) -> Result<Outcom
                 frames_per_run,
                 limits: limited,
                 display,
-                ..Outcome::default()
+                ..ReplayOutcome::default()
             }
         }
     };
-    Ok(Outcome { clock_time: watch.clock(), ..outcome })
+    Ok(ReplayOutcome { clock_time: watch.clock(), ..outcome })
 }

@@ -5,7 +5,7 @@ use maud::{Markup, html};
 use serde_json::{Value, json};
 
 use super::{inline, readable};
-use crate::run::maps::{Kind, Map, Maps, Surface};
+use crate::run::maps::{Map, MapKind, Maps, Surface};
 
 /// The picture whose pixels are a map's numbers, 8 bits per channel, the largest first. It has no colour space: a browser hands the numbers on
 /// as they are.
@@ -90,7 +90,7 @@ pub fn section(maps: &Maps, picture: Option<&str>) -> Markup {
         @if maps.left_out > 0 { p.note { (readable(maps.left_out as f64)) " more surfaces are drawn to; those with most fragments are shown." } }
         p.note {
             "Overdraw to last draw are counted by pixel, in the order of the trace, from the work that every machine is given. "
-            @if maps.surfaces.iter().any(|surface| surface.maps.len() > Kind::COUNTED.len()) {
+            @if maps.surfaces.iter().any(|surface| surface.maps.len() > MapKind::COUNTED.len()) {
                 "Rejects, texture misses and when are what this machine noted, by blocks of 8x8 pixels, in a run of this frame alone with empty caches."
             } @else { "Rejects, texture misses and when are known where a machine has drawn the frame: replay with " code { "--fidelity cycle" } "." }
         }

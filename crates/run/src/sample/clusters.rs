@@ -72,12 +72,12 @@ pub struct Clusters {
     /// The group of each frame.
     groups: Table<u32>,
     /// The clusters: the first is that of the first frame, where there is one.
-    parts: Vec<Part>,
+    parts: Vec<FrameRange>,
 }
 
 /// Some frames of a group that stand one behind the other in it.
 #[derive(Clone, Debug)]
-struct Part {
+struct FrameRange {
     group: u32,
     places: Range<u32>,
 }
@@ -111,7 +111,7 @@ impl Clusters {
         let alike = centers.alike;
         let (groups, sizes) = centers.settle(signatures)?;
         let all = (0..).zip(sizes).filter(|(_, size)| *size > 0);
-        let mut parts: Vec<Part> = all.map(|(group, size)| Part { group, places: 0..size }).collect();
+        let mut parts: Vec<FrameRange> = all.map(|(group, size)| FrameRange { group, places: 0..size }).collect();
         // Halves, in the order of frames; where all are alike, there is nothing to tell an error by.
         while (alike || count > MEANS) && (2..count).contains(&parts.len().saturating_sub(1)) {
             // The first part is the first frame alone.
@@ -122,7 +122,7 @@ impl Clusters {
             }
             let middle = start + (end - start) / 2;
             parts[largest].places.end = middle;
-            parts.push(Part { places: middle..end, ..parts[largest] });
+            parts.push(FrameRange { places: middle..end, ..parts[largest] });
         }
         Ok(Clusters { groups, parts })
     }
@@ -192,7 +192,7 @@ impl Clusters {
 
 /// A way through all frames in order, which finds the cluster of each.
 struct Walk<'c> {
-    parts: &'c [Part],
+    parts: &'c [FrameRange],
     /// The clusters of each group that are not behind, the last first.
     left: Vec<Vec<usize>>,
     /// Frames of each group that are behind.
@@ -200,7 +200,7 @@ struct Walk<'c> {
 }
 
 impl Walk<'_> {
-    fn new(parts: &[Part]) -> Walk<'_> {
+    fn new(parts: &[FrameRange]) -> Walk<'_> {
         let groups = parts.iter().map(|part| part.group as usize + 1).max().unwrap_or(0);
         let mut left: Vec<Vec<usize>> = vec![Vec::new(); groups];
         parts.iter().enumerate().for_each(|(at, part)| left[part.group as usize].push(at));

@@ -21,7 +21,7 @@ use super::frame_runs::simulate_given_runs;
 use super::frame_sink::{Frame, FrameSink};
 use super::host::Stopwatch;
 use super::rendering::{Consumer, Work};
-use super::replay::{Fidelity, Options, Outcome};
+use super::replay::{Fidelity, Options, ReplayOutcome};
 use clusters::{Interval, LEVEL};
 use survey::{ACCESSES, Count, DRAM_READ, DRAM_WRITTEN, Drawn, EVICTIONS, HITS, MISSES, Observers, READ, Survey};
 
@@ -122,7 +122,7 @@ fn ranges(numbers: &[u32], first: u32, warm_up: u32) -> FrameSet {
 ///
 /// # Errors
 /// If the trace cannot be rendered, has too few frames, or the machine stops.
-pub(super) fn sampled(trace: &Trace, options: &Options, sampling: &Sampling, sink: FrameSink<'_>) -> Result<Outcome> {
+pub(super) fn sampled(trace: &Trace, options: &Options, sampling: &Sampling, sink: FrameSink<'_>) -> Result<ReplayOutcome> {
     let watch = Stopwatch::start();
     let sampler = Sampler::new(trace, options, Observers { pictures: sink.pictures, progress: sink.progress })?;
     let samples = match sampling.time_limit {
@@ -130,7 +130,7 @@ pub(super) fn sampled(trace: &Trace, options: &Options, sampling: &Sampling, sin
         None => sampling.samples,
     };
     let outcome = sampler.run(&Sampling { samples, ..*sampling }, sink)?;
-    Ok(Outcome { clock_time: watch.clock(), ..outcome })
+    Ok(ReplayOutcome { clock_time: watch.clock(), ..outcome })
 }
 
 /// A sequence that has been surveyed: any number of its frames can be drawn and simulated, again and again.
@@ -212,9 +212,9 @@ impl<'t> Sampler<'t> {
     ///
     /// # Errors
     /// If the trace cannot be rendered, has too few frames, or the machine stops.
-    pub fn run(&self, sampling: &Sampling, sink: FrameSink<'_>) -> Result<Outcome> {
+    pub fn run(&self, sampling: &Sampling, sink: FrameSink<'_>) -> Result<ReplayOutcome> {
         let outcome = of_survey(&self.survey, &self.dependencies, self.trace, self.options, sampling, sink)?;
-        Ok(Outcome {
+        Ok(ReplayOutcome {
             machine_time: outcome.machine_time + self.survey.time,
             clock_time: outcome.clock_time + self.time,
             ..outcome
@@ -308,7 +308,7 @@ fn of_survey(
     options: &Options,
     sampling: &Sampling,
     sink: FrameSink<'_>,
-) -> Result<Outcome> {
+) -> Result<ReplayOutcome> {
     let watch = Stopwatch::start();
     let all = survey.frames();
     if sampling.samples < 2 {
@@ -353,13 +353,13 @@ fn of_survey(
         margins: margins.collect(),
     };
     sampled.put(&mut total);
-    Ok(Outcome {
+    Ok(ReplayOutcome {
         cycles: Some(cycles),
         total,
         sampled: Some(sampled),
         machine_time,
         clock_time: watch.clock(),
-        ..Outcome::default()
+        ..ReplayOutcome::default()
     })
 }
 

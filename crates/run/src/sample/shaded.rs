@@ -80,7 +80,7 @@ pub(super) const SHADED: usize = 7;
 
 /// The time that a run of each of a pipeline's programs takes in a core and in its texture unit.
 #[derive(Clone, Copy, Default)]
-struct Taken {
+struct ProgramTimes {
     vertex: [f64; 2],
     quad: [f64; 2],
     packet: [f64; 2],
@@ -88,7 +88,7 @@ struct Taken {
 
 /// The costs of the runs of all pipelines.
 pub(super) struct Costs {
-    of: BTreeMap<u64, Taken>,
+    of: BTreeMap<u64, ProgramTimes>,
     cores: f64,
     /// Quads that all ROPs write in a cycle.
     quads: f64,
@@ -141,7 +141,7 @@ impl Costs {
                 let cost = ShaderProfile { runs: 1, instructions, chain: instructions, ..ShaderProfile::default() };
                 bound.of_run(&cost, invocations, 1)
             };
-            let taken = Taken {
+            let taken = ProgramTimes {
                 vertex: taken(&own.vertex, Stage::Vertex, 1.0),
                 quad: taken(&own.quad, Stage::Fragment, 4.0),
                 packet: taken(&own.packet, Stage::Compute, 4.0),
@@ -158,7 +158,7 @@ impl Costs {
 
     /// Adds what some runs of a pipeline's programs take to what the shaders of a frame take.
     fn add(&self, sum: &mut Shaded, pipeline: u64, [vertices, quads, visible, packets]: [f64; RUNS]) {
-        let Taken { vertex, quad, packet } = self.of.get(&pipeline).copied().unwrap_or_default();
+        let ProgramTimes { vertex, quad, packet } = self.of.get(&pipeline).copied().unwrap_or_default();
         let texture = |quads: f64| vertices * vertex[1] + quads * quad[1];
         let slowest = quad[0].max(quad[1]) / self.cores;
         let own = [

@@ -272,7 +272,7 @@ pub fn survey_in_parts(
         let signature = signature(work, &mut units);
         let estimates = ESTIMATES.map(|of| estimate.phases.iter().map(of).sum());
         let row = regressors.row((number - range.start) as usize)?;
-        known.push(Known { number: *number, regressors: std::array::from_fn(|at| row[at]), signature, estimates });
+        known.push(EstimatedFrame { number: *number, regressors: std::array::from_fn(|at| row[at]), signature, estimates });
     }
     let rows = predict(&options.config, range.start, &regressors, &summary, known, units.len())?;
     let time = read.iter().map(|part| part.time).sum::<Duration>() + watch.elapsed();
@@ -350,7 +350,7 @@ fn read_part(
 }
 
 /// A frame that was estimated.
-struct Known {
+struct EstimatedFrame {
     number: u32,
     regressors: [f64; REGRESSORS],
     signature: Vec<f64>,
@@ -364,11 +364,11 @@ fn predict(
     first: u32,
     regressors: &Table<f64>,
     summary: &Summary<REGRESSORS>,
-    known: Vec<Known>,
+    known: Vec<EstimatedFrame>,
     units: usize,
 ) -> Result<Table<f64>> {
     let ridge = Ridge::new(summary, known.iter().map(|known| known.regressors).collect());
-    let fit = |of: &dyn Fn(&Known) -> f64| ridge.fit(&known.iter().map(of).collect::<Vec<f64>>());
+    let fit = |of: &dyn Fn(&EstimatedFrame) -> f64| ridge.fit(&known.iter().map(of).collect::<Vec<f64>>());
     let mut laws: Vec<Law> = (0..units).map(|unit| fit(&|known| known.signature.get(unit).copied().unwrap_or(0.0))).collect();
     laws.extend((0..ESTIMATES.len()).map(|at| fit(&|known| known.estimates[at])));
     let (mut rows, mut number, mut row) = (Table::new(laws.len() + TAKES), first, vec![0.0; laws.len() + TAKES]);

@@ -18,17 +18,17 @@ type Texel<'t> = &'t dyn Fn(u32) -> Vec<u8>;
 /// A draw of everything: its pipeline, its depth in eighths and the number of its colour.
 type Layer = (RenderPipelineId, u32, u32);
 
-struct Stage {
+struct CaseRecorder {
     card: Recorder,
     module: ShaderId,
     size: [u32; 2],
 }
 
-impl Stage {
-    fn new(size: [u32; 2]) -> Stage {
+impl CaseRecorder {
+    fn new(size: [u32; 2]) -> CaseRecorder {
         let mut card = Recorder::new("case");
         let module = card.create_shader("draw", &shader(&[Some(TexelKind::Float)], false));
-        Stage { card, module, size }
+        CaseRecorder { card, module, size }
     }
 
     fn texture(&mut self, format: Format, samples: u32) -> TextureId {
@@ -82,7 +82,7 @@ fn red(sixteenths: u32) -> u32 {
 #[test]
 fn a_copied_image_is_loaded_from_a_texture_that_no_pass_had() {
     for samples in [1, 4] {
-        let mut stage = Stage::new(SMALL);
+        let mut stage = CaseRecorder::new(SMALL);
         let [from, to] = [(); 2].map(|()| stage.texture(Format::Rgba8Unorm, samples));
         let [from_view, to_view] = [from, to].map(|texture| stage.view(texture, Format::Rgba8Unorm));
         let pipeline = stage.pipeline(Format::Rgba8Unorm, samples, None);
@@ -107,7 +107,7 @@ fn a_copied_image_is_loaded_from_a_texture_that_no_pass_had() {
 #[test]
 fn views_with_and_without_srgb_share_one_image() {
     let (plain, srgb) = (Format::Rgba8Unorm, Format::Rgba8UnormSrgb);
-    let mut stage = Stage::new(SMALL);
+    let mut stage = CaseRecorder::new(SMALL);
     let texture = stage.texture(plain, 1);
     let [plain_view, srgb_view] = [plain, srgb].map(|format| stage.view(texture, format));
     let [plain_draw, srgb_draw] = [plain, srgb].map(|format| stage.pipeline(format, 1, None));
@@ -127,7 +127,7 @@ fn views_with_and_without_srgb_share_one_image() {
 #[test]
 fn samples_are_resolved_as_values_of_the_view() {
     for (of, expected) in [(Format::Rgba8Unorm, 128), (Format::Rgba8UnormSrgb, 188)] {
-        let mut stage = Stage::new(SMALL);
+        let mut stage = CaseRecorder::new(SMALL);
         let [many, shown] = [4, 1].map(|samples| stage.texture(Format::Rgba8Unorm, samples));
         let [many_view, shown_view] = [many, shown].map(|texture| stage.view(texture, of));
         let pipeline = stage.pipeline(of, 4, None);
@@ -161,7 +161,7 @@ fn test(format: Format, stencil: bool) -> DepthStencil {
 /// What of a depth attachment's aspects is there after a pass that clears it to depth 0.5 and stencil value 0x17f, as tests of a second pass see it.
 fn tested(format: Format, stores: [bool; 2], in_one_pass: bool, asks: &[(bool, u32, bool)]) {
     for samples in [1, 4] {
-        let mut stage = Stage::new(SMALL);
+        let mut stage = CaseRecorder::new(SMALL);
         let [color, depth] = [Format::Rgba8Unorm, format].map(|format| stage.texture(format, samples));
         let [color_view, depth_view] = [color, depth].map(|texture| stage.card.create_view(texture));
         let shown = stage.texture(Format::Rgba8Unorm, 1);
@@ -229,7 +229,7 @@ fn an_aspect_that_is_not_stored_is_zero_and_the_other_is_as_it_was() {
 #[test]
 fn depths_that_a_cache_has_kept_of_one_image_say_nothing_of_another() {
     // Larger than what a cache of hierarchical Z holds: stale lines of it would hide the fault.
-    let mut stage = Stage::new([96, 96]);
+    let mut stage = CaseRecorder::new([96, 96]);
     let format = Format::Depth32Float;
     let shown = stage.texture(Format::Rgba8Unorm, 1);
     let shown_view = stage.card.create_view(shown);
