@@ -8,7 +8,7 @@ use anyhow::{Result, anyhow};
 
 use super::Verdict;
 use crate::import::gl::Report;
-use crate::import::{self, Kind};
+use crate::import::{self, TraceKind};
 use crate::num::Limits;
 use crate::trace::{self, Origin, Trace};
 
@@ -133,7 +133,7 @@ impl Reading {
     /// meant for others of them.
     fn warn_ignored(&self, path: &Path) {
         let kind = import::detect(path).map(|found| found.kind);
-        let Some(kind @ (Kind::Native | Kind::Wgpu)) = kind else { return };
+        let Some(kind @ (TraceKind::Native | TraceKind::Wgpu)) = kind else { return };
         for (option, given) in
             [("--lenient", self.lenient), ("--keep-draws", self.keep_draws), ("--window", self.window.is_some())]
         {

@@ -53,7 +53,7 @@ pub struct LightingKey {
 
 /// How a coordinate is generated.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
-pub enum Made {
+pub enum TexGenMode {
     /// By a plane in object space.
     Object,
     /// By a plane in eye space.
@@ -68,7 +68,7 @@ pub enum Made {
 
 /// The shape of a texture.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
-pub enum Kind {
+pub enum TextureShape {
     /// 1D, stored as a 2D texture of one row.
     D1,
     /// 2D.
@@ -238,7 +238,7 @@ pub struct UnitKey {
     /// Its texture is read.
     pub sampled: bool,
     /// The texture.
-    pub kind: Kind,
+    pub kind: TextureShape,
     /// Its base format.
     pub base: Base,
     /// The source of each component that is read.
@@ -254,7 +254,7 @@ pub struct UnitKey {
     /// Coordinates that are mirrored at 0 before filtering.
     pub mirror: [bool; 3],
     /// Generated coordinates.
-    pub made: [Option<Made>; 4],
+    pub made: [Option<TexGenMode>; 4],
     /// Whether the texture matrix is not the identity.
     pub matrix: bool,
     /// Whether q may be other than 1.
@@ -409,10 +409,9 @@ impl ShaderKey {
     /// Whether the position in eye space is needed.
     #[inline]
     pub fn eye(&self) -> bool {
-        let made = self
-            .units
-            .iter()
-            .any(|unit| unit.made.iter().flatten().any(|made| matches!(made, Made::Eye | Made::Sphere | Made::Reflection)));
+        let made = self.units.iter().any(|unit| {
+            unit.made.iter().flatten().any(|made| matches!(made, TexGenMode::Eye | TexGenMode::Sphere | TexGenMode::Reflection))
+        });
         let lit = self.lighting.as_ref().is_some_and(|l| l.local_viewer || l.lights.iter().any(|light| !light.directional));
         if self.vertex.is_some() {
             return self.planes != 0;
@@ -424,7 +423,10 @@ impl ShaderKey {
     #[inline]
     pub fn normal(&self) -> bool {
         let made = |unit: &UnitKey| {
-            unit.made.iter().flatten().any(|made| matches!(made, Made::Sphere | Made::Reflection | Made::Normal))
+            unit.made
+                .iter()
+                .flatten()
+                .any(|made| matches!(made, TexGenMode::Sphere | TexGenMode::Reflection | TexGenMode::Normal))
         };
         if self.vertex.is_some() {
             return self.reads(input::NORMAL);

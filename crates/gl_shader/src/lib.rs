@@ -6,7 +6,7 @@
 //!
 //! ```
 //! use gl_shader::arb::parse;
-//! use gl_shader::arb::program::Stage;
+//! use gl_shader::arb::program::ProgramStage;
 //!
 //! let program = parse("!!ARBfp1.0\nMOV result.color, fragment.color;\nEND", Stage::Fragment).expect("a program");
 //! assert_eq!(program.instructions[0].name, "MOV");

@@ -3,7 +3,7 @@
 use std::fmt::Write;
 
 use crate::consts as e;
-use crate::key::{Base, DepthRead, EnvironmentKey, FOUR, Kind, UnitKey};
+use crate::key::{Base, DepthRead, EnvironmentKey, FOUR, TextureShape, UnitKey};
 
 /// Reads the texture of a unit into `texelK`.
 pub fn sample(unit: &UnitKey, out: &mut String) {
@@ -14,7 +14,7 @@ pub fn sample(unit: &UnitKey, out: &mut String) {
             format!("vec3f(0.5 + vec2f(0.5, {down}) * v.corner.xy / v.corner.z, 0.0)")
         }
         // Division does not change a direction.
-        (false, true) if unit.kind == Kind::Cube => format!("v.texture{k}.xyz"),
+        (false, true) if unit.kind == TextureShape::Cube => format!("v.texture{k}.xyz"),
         (false, true) => format!("v.texture{k}.xyz / v.texture{k}.w"),
         (false, false) => format!("v.texture{k}"),
     };
@@ -38,7 +38,7 @@ pub enum Detail {
 /// Reads the texture of a unit at `atK`.
 pub fn read(unit: &UnitKey, detail: Detail, out: &mut String) {
     let k = unit.unit;
-    if unit.kind == Kind::Rectangle {
+    if unit.kind == TextureShape::Rectangle {
         line!(out, "    at{k} = vec3f(at{k}.xy / vec2f(textureDimensions(image{k})), at{k}.z);");
     }
     for (part, _) in ["x", "y", "z"].iter().zip(unit.mirror).filter(|&(_, mirror)| mirror) {
@@ -54,9 +54,9 @@ pub fn read(unit: &UnitKey, detail: Detail, out: &mut String) {
         line!(out, "        at{k} = select(clamp(at{k}, -most, most), at{k}, side >= vec3f(major));\n    }}");
     }
     let at = match unit.kind {
-        Kind::D1 => format!("vec2f(at{k}.x, 0.5)"),
-        Kind::D2 | Kind::Rectangle => format!("at{k}.xy"),
-        Kind::D3 | Kind::Cube => format!("at{k}"),
+        TextureShape::D1 => format!("vec2f(at{k}.x, 0.5)"),
+        TextureShape::D2 | TextureShape::Rectangle => format!("at{k}.xy"),
+        TextureShape::D3 | TextureShape::Cube => format!("at{k}"),
     };
     let own = if unit.bias { format!(" + u.bias{k}.x") } else { String::new() };
     let explicit = matches!(detail, Detail::Level | Detail::Gradient);

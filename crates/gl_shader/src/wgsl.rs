@@ -7,7 +7,7 @@ use crate::arb;
 use crate::arb::program::{GENERICS, Output, Program};
 use crate::consts as e;
 use crate::expand::{expand, far_locations};
-use crate::key::{DepthRead, Expand, FogDistance, Kind, Made, ShaderKey, UnitKey};
+use crate::key::{DepthRead, Expand, FogDistance, ShaderKey, TexGenMode, TextureShape, UnitKey};
 use crate::lit::{colors, light};
 use crate::texels;
 
@@ -36,7 +36,7 @@ pub mod location {
 }
 
 /// The inputs of a module, beside its key.
-pub struct Source<'a> {
+pub struct ModuleInputs<'a> {
     /// Fields of the block of uniforms, in order.
     pub uniforms: &'a [Field],
     /// The vertex program.
@@ -56,7 +56,7 @@ pub struct Field {
 }
 
 /// The module of a key.
-pub fn module(key: &ShaderKey, source: &Source) -> String {
+pub fn module(key: &ShaderKey, source: &ModuleInputs) -> String {
     let mut out = String::new();
     if key.planes != 0 {
         line!(out, "enable clip_distances;");
@@ -69,9 +69,9 @@ pub fn module(key: &ShaderKey, source: &Source) -> String {
         let compared = if unit.depth == DepthRead::Compared { "_comparison" } else { "" };
         let kind = match unit.kind {
             _ if unit.depth != DepthRead::No => "texture_depth_2d",
-            Kind::D1 | Kind::D2 | Kind::Rectangle => "texture_2d<f32>",
-            Kind::D3 => "texture_3d<f32>",
-            Kind::Cube => "texture_cube<f32>",
+            TextureShape::D1 | TextureShape::D2 | TextureShape::Rectangle => "texture_2d<f32>",
+            TextureShape::D3 => "texture_3d<f32>",
+            TextureShape::Cube => "texture_cube<f32>",
         };
         line!(out, "@group(1) @binding({}) var image{}: {kind};", 2 * slot, unit.unit);
         line!(out, "@group(1) @binding({}) var sampler{}: sampler{compared};", 2 * slot + 1, unit.unit);
@@ -136,7 +136,7 @@ fn sampled(key: &ShaderKey) -> usize {
 }
 
 /// The inputs and outputs of the vertex stage.
-fn interface(key: &ShaderKey, source: &Source, out: &mut String) {
+fn interface(key: &ShaderKey, source: &ModuleInputs, out: &mut String) {
     line!(out, "struct Input {{");
     line!(out, "    @location({}) position: vec4f,", location::POSITION);
     for (location, name, kind) in attributes(key) {
@@ -280,18 +280,18 @@ fn coordinates(key: &ShaderKey, unit: &UnitKey, out: &mut String) {
     let given = if reads_coordinates(key, k) { format!("v.texture{k}") } else { format!("u.texture{k}") };
     if unit.made.iter().any(Option::is_some) {
         line!(out, "    var t{k}: vec4f;");
-        if unit.made.iter().flatten().any(|made| matches!(made, Made::Sphere | Made::Reflection)) {
+        if unit.made.iter().flatten().any(|made| matches!(made, TexGenMode::Sphere | TexGenMode::Reflection)) {
             line!(out, "    let reflected{k} = reflect(normalize(eye), n);");
             line!(out, "    let sphere{k} = 0.5 / length(reflected{k} + vec3f(0, 0, 1));");
         }
         for (i, (made, part)) in unit.made.iter().zip(["x", "y", "z", "w"]).enumerate() {
             let value = match made {
                 None => format!("{given}.{part}"),
-                Some(Made::Object) => format!("dot(u.object_planes{k}[{i}], v.position)"),
-                Some(Made::Eye) => format!("dot(u.eye_planes{k}[{i}], eye4)"),
-                Some(Made::Sphere) => format!("reflected{k}.{part} * sphere{k} + 0.5"),
-                Some(Made::Reflection) => format!("reflected{k}.{part}"),
-                Some(Made::Normal) => format!("n.{part}"),
+                Some(TexGenMode::Object) => format!("dot(u.object_planes{k}[{i}], v.position)"),
+                Some(TexGenMode::Eye) => format!("dot(u.eye_planes{k}[{i}], eye4)"),
+                Some(TexGenMode::Sphere) => format!("reflected{k}.{part} * sphere{k} + 0.5"),
+                Some(TexGenMode::Reflection) => format!("reflected{k}.{part}"),
+                Some(TexGenMode::Normal) => format!("n.{part}"),
             };
             line!(out, "    t{k}.{part} = {value};");
         }
@@ -302,7 +302,7 @@ fn coordinates(key: &ShaderKey, unit: &UnitKey, out: &mut String) {
     line!(out, "    o.texture{k} = {value}{};", if unit.projective { "" } else { ".xyz" });
 }
 
-fn fragment(key: &ShaderKey, source: &Source, out: &mut String) {
+fn fragment(key: &ShaderKey, source: &ModuleInputs, out: &mut String) {
     let asks = source.fragment.is_some_and(|program| program.code.as_ref().is_some_and(|code| code.facing));
     let facing = if key.two_side() || asks { ", @builtin(front_facing) front: bool" } else { "" };
     let own_depth = source.fragment.is_some_and(|program| program.outputs.contains(&Output::Depth));

@@ -8,7 +8,7 @@ use trace::{COMMANDS_FILE, TraceError};
 
 /// A kind of trace.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Kind {
+pub enum TraceKind {
     /// Our own.
     Native,
     /// An API trace of wgpu 30.
@@ -19,22 +19,22 @@ pub enum Kind {
     GlInterceptor,
 }
 
-impl fmt::Display for Kind {
+impl fmt::Display for TraceKind {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.write_str(match self {
-            Kind::Native => "native",
-            Kind::Wgpu => "wgpu",
-            Kind::Apitrace => "apitrace",
-            Kind::GlInterceptor => "GLInterceptor",
+            TraceKind::Native => "native",
+            TraceKind::Wgpu => "wgpu",
+            TraceKind::Apitrace => "apitrace",
+            TraceKind::GlInterceptor => "GLInterceptor",
         })
     }
 }
 
 /// A trace that was found.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Found {
+pub struct FoundTrace {
     /// Its kind.
-    pub kind: Kind,
+    pub kind: TraceKind,
     /// The file or folder to open it by.
     pub path: PathBuf,
 }
@@ -44,12 +44,12 @@ const PEEK: u64 = 64 << 10;
 
 /// Finds the trace that a path means: a trace's file, its folder, or the folder above it. None if there is none, or if nothing
 /// there can be read.
-pub fn detect(path: &Path) -> Option<Found> {
+pub fn detect(path: &Path) -> Option<FoundTrace> {
     detect_with(path, Links::Follow).ok().flatten()
 }
 
 /// As [`detect`], with a rule for symbolic links in the folder. What has the name of a trace and cannot be read is an error.
-pub(super) fn detect_with(path: &Path, links: Links) -> Result<Option<Found>, TraceError> {
+pub(super) fn detect_with(path: &Path, links: Links) -> Result<Option<FoundTrace>, TraceError> {
     if !path.is_dir() {
         // The user's own path.
         return found(path, Links::Follow);
@@ -74,15 +74,15 @@ pub(super) fn detect_with(path: &Path, links: Links) -> Result<Option<Found>, Tr
         let name = file.file_name()?.to_str()?;
         let likely = name.ends_with(".trace") || name.ends_with(".txt") || name.ends_with(".txt.gz");
         let kind = likely.then(|| found(file, links).ok().flatten()).flatten()?.kind;
-        matches!(kind, Kind::Apitrace | Kind::GlInterceptor).then(|| Found { kind, path: file.clone() })
+        matches!(kind, TraceKind::Apitrace | TraceKind::GlInterceptor).then(|| FoundTrace { kind, path: file.clone() })
     };
     Ok(files.iter().find_map(gl))
 }
 
 /// The trace in a file.
-fn found(file: &Path, links: Links) -> Result<Option<Found>, TraceError> {
+fn found(file: &Path, links: Links) -> Result<Option<FoundTrace>, TraceError> {
     let kind = kind_of_file(file, links).map_err(|error| TraceError::new(file, error))?;
-    Ok(kind.map(|kind| Found { kind, path: file.to_path_buf() }))
+    Ok(kind.map(|kind| FoundTrace { kind, path: file.to_path_buf() }))
 }
 
 /// Whether bytes are the start of Brotli, which has no mark, and of a version of apitrace's container in it.
@@ -92,21 +92,21 @@ fn is_brotli(start: &[u8]) -> bool {
     read.is_ok_and(|count| count == 1) && (1..=6).contains(&version[0])
 }
 
-fn kind_of_file(file: &Path, links: Links) -> io::Result<Option<Kind>> {
+fn kind_of_file(file: &Path, links: Links) -> io::Result<Option<TraceKind>> {
     let mut start = Vec::new();
     host::open(file, links)?.take(PEEK).read_to_end(&mut start)?;
     let name = file.file_name().and_then(|name| name.to_str()).unwrap_or("");
     Ok(if start.starts_with(b"PK") {
-        Some(Kind::Native)
+        Some(TraceKind::Native)
     } else if start.starts_with(b"GLI0.") || (start.starts_with(b"\x1f\x8b") && name.ends_with(".txt.gz")) {
-        Some(Kind::GlInterceptor)
+        Some(TraceKind::GlInterceptor)
     } else if name.ends_with(".trace") && (start.starts_with(b"at") || start.starts_with(b"\x1f\x8b") || is_brotli(&start)) {
-        Some(Kind::Apitrace)
+        Some(TraceKind::Apitrace)
     } else if name.ends_with(".ron") {
         // A wgpu trace is a list of actions, a native one a single struct. What is neither gets the native reader's message.
         let text = String::from_utf8_lossy(&start);
         let first = text[super::wgpu::trivia(&text)..].chars().next();
-        Some(if first == Some('[') { Kind::Wgpu } else { Kind::Native })
+        Some(if first == Some('[') { TraceKind::Wgpu } else { TraceKind::Native })
     } else {
         None
     })

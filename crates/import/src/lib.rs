@@ -33,7 +33,7 @@ use std::path::Path;
 use host::Links;
 use trace::{Reading, Trace, TraceError};
 
-pub use detect::{Found, Kind, detect};
+pub use detect::{FoundTrace, TraceKind, detect};
 use gl::Survey;
 
 /// Opens a trace of any kind. Errors name the file, and the place in it where there is one.
@@ -67,13 +67,13 @@ fn open_as(
     let in_folder = std::fs::metadata(path).map_err(|error| TraceError::new(path, error))?.is_dir();
     let links = if in_folder { reading.links() } else { Links::Follow };
     match detect::detect_with(path, reading.links())? {
-        Some(Found { kind: Kind::Native, path: file }) => match file.parent() {
+        Some(FoundTrace { kind: TraceKind::Native, path: file }) => match file.parent() {
             Some(folder) if in_folder => Trace::open_with(folder, reading),
             _ => Trace::open_with(file, reading),
         },
-        Some(Found { kind: Kind::Wgpu, path: file }) => wgpu::open_linked(&file, links, reading),
-        Some(Found { kind: kind @ (Kind::Apitrace | Kind::GlInterceptor), path }) => {
-            return gl::open(&path, kind == Kind::Apitrace, links, reading, frames, survey);
+        Some(FoundTrace { kind: TraceKind::Wgpu, path: file }) => wgpu::open_linked(&file, links, reading),
+        Some(FoundTrace { kind: kind @ (TraceKind::Apitrace | TraceKind::GlInterceptor), path }) => {
+            return gl::open(&path, kind == TraceKind::Apitrace, links, reading, frames, survey);
         }
         None => Err(TraceError::new(
             path,

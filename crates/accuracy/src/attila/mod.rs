@@ -11,7 +11,7 @@ use std::path::{Path, PathBuf};
 use anyhow::{Context, Result, ensure};
 
 use crate::harness::funnel;
-use import::{self, Kind};
+use import::{self, TraceKind};
 use machine::Config;
 use num::Limits;
 use run::replay::{Fidelity, Options, replay};
@@ -75,7 +75,7 @@ pub fn cases(folder: &Path) -> Result<Vec<Case>> {
     folders.sort();
     let mut cases = Vec::new();
     for path in folders {
-        let Some(found) = import::detect(&path).filter(|found| found.kind == Kind::GlInterceptor) else { continue };
+        let Some(found) = import::detect(&path).filter(|found| found.kind == TraceKind::GlInterceptor) else { continue };
         let name = path.file_name().unwrap_or_default().to_string_lossy().into_owned();
         let counters = Counters::read(&path.join(COUNTERS))?;
         let frame = counters.one("Frame")?;

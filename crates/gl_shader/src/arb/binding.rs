@@ -5,12 +5,12 @@ use super::parse::Parser;
 use super::program::*;
 use crate::{LIGHTS, PLANES, UNITS};
 
-type Outcome<T = ()> = Result<T, Wrong>;
+type ParseResult<T = ()> = Result<T, Wrong>;
 
 impl Parser {
     /// `vertex.texcoord[2]`, `fragment.position`: its bit.
-    pub(super) fn input(&mut self) -> Outcome<u32> {
-        let vertex = self.program.stage == Stage::Vertex;
+    pub(super) fn input(&mut self) -> ParseResult<u32> {
+        let vertex = self.program.stage == ProgramStage::Vertex;
         let wanted = if vertex { "vertex" } else { "fragment" };
         if self.name()? != wanted {
             return self.fail(format!("an input of this stage begins with {wanted}"));
@@ -45,11 +45,11 @@ impl Parser {
     }
 
     /// `result.color.back`
-    pub(super) fn output(&mut self) -> Outcome<Output> {
+    pub(super) fn output(&mut self) -> ParseResult<Output> {
         if self.name()? != "result" {
             return self.fail("a result begins with `result`");
         }
-        if self.program.stage == Stage::Fragment {
+        if self.program.stage == ProgramStage::Fragment {
             return Ok(match self.must(&["color", "depth"])? {
                 0 => {
                     self.bracket(1, "colour that is supported")?;
@@ -72,7 +72,7 @@ impl Parser {
     }
 
     /// The binding after `state` or `program`.
-    pub(super) fn binding(&mut self, state: bool) -> Outcome<Vec<Param>> {
+    pub(super) fn binding(&mut self, state: bool) -> ParseResult<Vec<Param>> {
         if !state {
             let local = self.must(&["env", "local"])? == 1;
             let range = self.range(PARAMETERS, "parameter")?;
@@ -141,7 +141,7 @@ impl Parser {
         u8::from(self.member(&["front", "back"]) == Some(1))
     }
 
-    fn matrix(&mut self) -> Outcome<Vec<Param>> {
+    fn matrix(&mut self) -> ParseResult<Vec<Param>> {
         let matrix = match self.must(&["modelview", "projection", "mvp", "texture", "program"])? {
             0 => {
                 self.bracket(1, "modelview matrix")?;

@@ -4,7 +4,7 @@ use std::fmt;
 
 /// A place in a program's text, both from 1.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct Place {
+pub struct ProgramLocation {
     /// Line.
     pub line: u32,
     /// Column, in characters.
@@ -15,7 +15,7 @@ pub struct Place {
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Wrong {
     /// The place.
-    pub place: Place,
+    pub place: ProgramLocation,
     /// The reason.
     pub reason: String,
 }
@@ -54,10 +54,10 @@ impl fmt::Display for Word {
 }
 
 /// Splits a text into words; the last one is [`Word::End`].
-pub fn words(text: &str) -> Result<Vec<(Word, Place)>, Wrong> {
+pub fn words(text: &str) -> Result<Vec<(Word, ProgramLocation)>, Wrong> {
     let characters: Vec<char> = text.chars().collect();
     let mut list = Vec::new();
-    let mut place = Place { line: 1, column: 1 };
+    let mut place = ProgramLocation { line: 1, column: 1 };
     let mut at = 0;
     while let Some(&c) = characters.get(at) {
         let mut length = 1;
@@ -66,7 +66,7 @@ pub fn words(text: &str) -> Result<Vec<(Word, Place)>, Wrong> {
         let in_name = |c: char| c.is_ascii_alphanumeric() || matches!(c, '_' | '$');
         match c {
             '\n' => {
-                place = Place { line: place.line + 1, column: 1 };
+                place = ProgramLocation { line: place.line + 1, column: 1 };
                 at += 1;
                 continue;
             }

@@ -11,7 +11,7 @@ mod lex;
 mod operand;
 mod parse;
 
-pub use lex::{Place, Wrong};
+pub use lex::{ProgramLocation, Wrong};
 pub use parse::parse;
 
 #[cfg(test)]

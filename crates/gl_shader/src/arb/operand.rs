@@ -4,10 +4,10 @@ use super::lex::{Word, Wrong};
 use super::parse::{Named, Parser};
 use super::program::*;
 
-type Outcome<T = ()> = Result<T, Wrong>;
+type ParseResult<T = ()> = Result<T, Wrong>;
 
 impl Parser {
-    pub(super) fn literal(&mut self) -> Outcome<[f32; 4]> {
+    pub(super) fn literal(&mut self) -> ParseResult<[f32; 4]> {
         if !self.take('{') {
             return Ok([self.signed()?; 4]);
         }
@@ -22,7 +22,7 @@ impl Parser {
         Ok(value)
     }
 
-    fn signed(&mut self) -> Outcome<f32> {
+    fn signed(&mut self) -> ParseResult<f32> {
         let negative = self.take('-');
         let _plus = !negative && self.take('+');
         match *self.peek() {
@@ -35,7 +35,7 @@ impl Parser {
     }
 
     /// A destination that is not an address register.
-    pub(super) fn written(&mut self) -> Outcome<Destination> {
+    pub(super) fn written(&mut self) -> ParseResult<Destination> {
         let place = self.place();
         let destination = self.destination()?;
         if matches!(destination.register, Register::Address(_)) {
@@ -44,7 +44,7 @@ impl Parser {
         Ok(destination)
     }
 
-    pub(super) fn destination(&mut self) -> Outcome<Destination> {
+    pub(super) fn destination(&mut self) -> ParseResult<Destination> {
         let place = self.place();
         let register = match self.name()?.as_str() {
             "result" => {
@@ -81,7 +81,7 @@ impl Parser {
         Ok(Destination { register, mask })
     }
 
-    pub(super) fn source(&mut self, scalar: bool) -> Outcome<Source> {
+    pub(super) fn source(&mut self, scalar: bool) -> ParseResult<SourceOperand> {
         let negative = self.take('-');
         let _plus = !negative && self.take('+');
         let register = self.operand()?;
@@ -101,13 +101,13 @@ impl Parser {
                 return self.fail("a scalar operand needs one component");
             }
         }
-        Ok(Source { register, swizzle, negate: [negative; 4] })
+        Ok(SourceOperand { register, swizzle, negate: [negative; 4] })
     }
 
     /// `r, x, -y, 0, 1`
-    pub(super) fn extended(&mut self) -> Outcome<Source> {
+    pub(super) fn extended(&mut self) -> ParseResult<SourceOperand> {
         let register = self.operand()?;
-        let mut source = Source { register, swizzle: [0; 4], negate: [false; 4] };
+        let mut source = SourceOperand { register, swizzle: [0; 4], negate: [false; 4] };
         for k in 0..4 {
             self.expect(',')?;
             let negative = self.take('-');
@@ -127,7 +127,7 @@ impl Parser {
         Ok(source)
     }
 
-    fn operand(&mut self) -> Outcome<Register> {
+    fn operand(&mut self) -> ParseResult<Register> {
         let place = self.place();
         let name = match self.peek().clone() {
             Word::Name(name) => name,
@@ -162,7 +162,7 @@ impl Parser {
     }
 
     /// `[3]`, or `[A0.x + 3]`.
-    fn element(&mut self, first: usize, count: usize) -> Outcome<Register> {
+    fn element(&mut self, first: usize, count: usize) -> ParseResult<Register> {
         self.expect('[')?;
         let place = self.place();
         let register = match self.peek().clone() {
@@ -186,7 +186,7 @@ impl Parser {
         Ok(register)
     }
 
-    fn parameter(&mut self, param: Param) -> Outcome<Register> {
+    fn parameter(&mut self, param: Param) -> ParseResult<Register> {
         if let Some(known) = self.program.params.iter().position(|known| *known == param) {
             return Ok(Register::Param(known));
         }
@@ -196,8 +196,8 @@ impl Parser {
 }
 
 /// Component numbers of letters; the letters of colours are valid in fragment programs only.
-fn components(letters: &str, stage: Stage) -> Option<Vec<u8>> {
+fn components(letters: &str, stage: ProgramStage) -> Option<Vec<u8>> {
     let of = |set: &str| letters.chars().map(|c| set.find(c).map(|k| k as u8)).collect::<Option<Vec<u8>>>();
-    let list = of("xyzw").or_else(|| if stage == Stage::Fragment { of("rgba") } else { None })?;
+    let list = of("xyzw").or_else(|| if stage == ProgramStage::Fragment { of("rgba") } else { None })?;
     (1..=4).contains(&list.len()).then_some(list)
 }

@@ -2,7 +2,7 @@
 
 use std::collections::BTreeMap;
 
-use super::lex::{Place, Word, Wrong, words};
+use super::lex::{ProgramLocation, Word, Wrong, words};
 use super::program::*;
 use crate::consts as e;
 use crate::glsl::stage::way;
@@ -58,7 +58,7 @@ pub(super) enum Named {
 
 /// The state of the parser.
 pub(super) struct Parser {
-    words: Vec<(Word, Place)>,
+    words: Vec<(Word, ProgramLocation)>,
     pub(super) at: usize,
     pub(super) names: BTreeMap<String, Named>,
     pub(super) program: Program,
@@ -66,15 +66,15 @@ pub(super) struct Parser {
     shadow: bool,
 }
 
-type Outcome<T = ()> = Result<T, Wrong>;
+type ParseResult<T = ()> = Result<T, Wrong>;
 
 /// Reads a program; `wanted` is the stage that it is bound to.
-pub fn parse(text: &str, wanted: Stage) -> Outcome<Program> {
+pub fn parse(text: &str, wanted: ProgramStage) -> ParseResult<Program> {
     let text = text.trim_start_matches(['\u{feff}', ' ', '\t', '\r', '\n']);
-    let start = Place { line: 1, column: 1 };
+    let start = ProgramLocation { line: 1, column: 1 };
     let (header, stage) = match text.get(..10) {
-        Some("!!ARBvp1.0") => (10, Stage::Vertex),
-        Some("!!ARBfp1.0") => (10, Stage::Fragment),
+        Some("!!ARBvp1.0") => (10, ProgramStage::Vertex),
+        Some("!!ARBfp1.0") => (10, ProgramStage::Fragment),
         _ => {
             let first: String = text.lines().next().unwrap_or("").chars().take(24).collect();
             return Err(Wrong { place: start, reason: format!("begins with {first:?}, not with !!ARBvp1.0 or !!ARBfp1.0") });
@@ -92,12 +92,12 @@ pub fn parse(text: &str, wanted: Stage) -> Outcome<Program> {
 }
 
 impl Parser {
-    pub(super) fn fail<T>(&self, reason: impl Into<String>) -> Outcome<T> {
+    pub(super) fn fail<T>(&self, reason: impl Into<String>) -> ParseResult<T> {
         // The place is that of the last word that was read, or of the current word.
         Err(Wrong { place: self.words[self.at.min(self.words.len() - 1)].1, reason: reason.into() })
     }
 
-    pub(super) fn fail_at<T>(&self, place: Place, reason: impl Into<String>) -> Outcome<T> {
+    pub(super) fn fail_at<T>(&self, place: ProgramLocation, reason: impl Into<String>) -> ParseResult<T> {
         Err(Wrong { place, reason: reason.into() })
     }
 
@@ -105,7 +105,7 @@ impl Parser {
         &self.words[self.at].0
     }
 
-    pub(super) fn place(&self) -> Place {
+    pub(super) fn place(&self) -> ProgramLocation {
         self.words[self.at].1
     }
 
@@ -123,11 +123,11 @@ impl Parser {
         found
     }
 
-    pub(super) fn expect(&mut self, sign: char) -> Outcome {
+    pub(super) fn expect(&mut self, sign: char) -> ParseResult {
         if self.take(sign) { Ok(()) } else { self.fail(format!("`{sign}` is missing before {}", self.peek())) }
     }
 
-    pub(super) fn name(&mut self) -> Outcome<String> {
+    pub(super) fn name(&mut self) -> ParseResult<String> {
         match self.peek().clone() {
             Word::Name(name) => {
                 self.next();
@@ -146,7 +146,7 @@ impl Parser {
     }
 
     /// As [`Parser::member`]; any other name is an error.
-    pub(super) fn must(&mut self, wanted: &[&str]) -> Outcome<usize> {
+    pub(super) fn must(&mut self, wanted: &[&str]) -> ParseResult<usize> {
         match self.member(wanted) {
             Some(found) => Ok(found),
             None => self.fail(format!("after this one of {} must follow", wanted.join(", "))),
@@ -154,7 +154,7 @@ impl Parser {
     }
 
     /// An integer below `most`.
-    pub(super) fn index(&mut self, most: u32, what: &str) -> Outcome<u32> {
+    pub(super) fn index(&mut self, most: u32, what: &str) -> ParseResult<u32> {
         match *self.peek() {
             Word::Number(number, true) if number < most as f32 => {
                 self.next();
@@ -165,7 +165,7 @@ impl Parser {
     }
 
     /// `[n]`, or 0 if there is none.
-    pub(super) fn bracket(&mut self, most: u32, what: &str) -> Outcome<u32> {
+    pub(super) fn bracket(&mut self, most: u32, what: &str) -> ParseResult<u32> {
         if !self.take('[') {
             return Ok(0);
         }
@@ -175,7 +175,7 @@ impl Parser {
     }
 
     /// `[n]` or `[n..m]`.
-    pub(super) fn range(&mut self, most: u32, what: &str) -> Outcome<std::ops::Range<u32>> {
+    pub(super) fn range(&mut self, most: u32, what: &str) -> ParseResult<std::ops::Range<u32>> {
         self.expect('[')?;
         let first = self.index(most, what)?;
         let mut last = first;
@@ -190,7 +190,7 @@ impl Parser {
         Ok(first..last + 1)
     }
 
-    fn whole(&mut self) -> Outcome {
+    fn whole(&mut self) -> ParseResult {
         loop {
             let place = self.place();
             let name = self.name()?;
@@ -238,7 +238,7 @@ impl Parser {
     }
 
     /// A name that is not in use.
-    fn declared(&mut self) -> Outcome<String> {
+    fn declared(&mut self) -> ParseResult<String> {
         let place = self.place();
         let name = self.name()?;
         if self.names.contains_key(&name) {
@@ -247,7 +247,7 @@ impl Parser {
         Ok(name)
     }
 
-    fn option(&mut self) -> Outcome {
+    fn option(&mut self) -> ParseResult {
         let place = self.place();
         let name = self.name()?;
         let fog = |parser: &mut Parser, mode| {
@@ -255,12 +255,12 @@ impl Parser {
             parser.program.inputs |= 1 << input::FOG;
         };
         match (name.as_str(), self.program.stage) {
-            ("ARB_precision_hint_nicest" | "ARB_precision_hint_fastest", Stage::Fragment) => {}
-            ("ARB_fragment_program_shadow", Stage::Fragment) => self.shadow = true,
-            ("ARB_position_invariant", Stage::Vertex) => self.program.invariant = true,
-            ("ARB_fog_linear", Stage::Fragment) => fog(self, e::LINEAR),
-            ("ARB_fog_exp", Stage::Fragment) => fog(self, e::EXP),
-            ("ARB_fog_exp2", Stage::Fragment) => fog(self, e::EXP2),
+            ("ARB_precision_hint_nicest" | "ARB_precision_hint_fastest", ProgramStage::Fragment) => {}
+            ("ARB_fragment_program_shadow", ProgramStage::Fragment) => self.shadow = true,
+            ("ARB_position_invariant", ProgramStage::Vertex) => self.program.invariant = true,
+            ("ARB_fog_linear", ProgramStage::Fragment) => fog(self, e::LINEAR),
+            ("ARB_fog_exp", ProgramStage::Fragment) => fog(self, e::EXP),
+            ("ARB_fog_exp2", ProgramStage::Fragment) => fog(self, e::EXP2),
             _ => return self.fail_at(place, format!("option {name} is not supported")),
         }
         if self.program.invariant {
@@ -270,7 +270,7 @@ impl Parser {
     }
 
     /// `PARAM name = ...` and `PARAM name[n] = { ... }`.
-    fn param(&mut self) -> Outcome {
+    fn param(&mut self) -> ParseResult {
         let name = self.declared()?;
         let first = self.program.params.len();
         let array = self.take('[');
@@ -308,7 +308,7 @@ impl Parser {
         Ok(())
     }
 
-    pub(super) fn append(&mut self, list: Vec<Param>) -> Outcome {
+    pub(super) fn append(&mut self, list: Vec<Param>) -> ParseResult {
         if self.program.params.len() + list.len() > MOST {
             return self.fail(format!("more than {MOST} parameters"));
         }
@@ -317,7 +317,7 @@ impl Parser {
     }
 
     /// A constant or a binding: one parameter or several.
-    fn bound(&mut self) -> Outcome<Vec<Param>> {
+    fn bound(&mut self) -> ParseResult<Vec<Param>> {
         match self.peek().clone() {
             Word::Name(name) if name == "state" || name == "program" => {
                 self.next();
@@ -327,10 +327,10 @@ impl Parser {
         }
     }
 
-    fn instruction(&mut self, written: &str, place: Place) -> Outcome {
+    fn instruction(&mut self, written: &str, place: ProgramLocation) -> ParseResult {
         let stage = self.program.stage;
         let (name, saturate) = match written.strip_suffix("_SAT") {
-            Some(name) if stage == Stage::Fragment => (name, true),
+            Some(name) if stage == ProgramStage::Fragment => (name, true),
             _ => (written, false),
         };
         if self.program.instructions.len() >= MOST {
@@ -338,12 +338,12 @@ impl Parser {
         }
         let mut instruction = Instruction { name: "", saturate, destination: None, sources: Vec::new(), unit: 0 };
         match (name, stage) {
-            ("KIL", Stage::Fragment) => {
+            ("KIL", ProgramStage::Fragment) => {
                 instruction.name = "KIL";
                 let source = self.source(false)?;
                 instruction.sources.push(source);
             }
-            ("TEX" | "TXP" | "TXB", Stage::Fragment) => {
+            ("TEX" | "TXP" | "TXB", ProgramStage::Fragment) => {
                 instruction.name = ["TEX", "TXP", "TXB"][["TEX", "TXP", "TXB"].iter().position(|n| *n == name).unwrap_or(0)];
                 instruction.destination = Some(self.destination()?);
                 self.expect(',')?;
@@ -357,7 +357,7 @@ impl Parser {
                     images.iter_mut().filter(|image| image.unit == instruction.unit).for_each(|image| image.ways = way::BIAS);
                 }
             }
-            ("ARL", Stage::Vertex) => {
+            ("ARL", ProgramStage::Vertex) => {
                 instruction.name = "ARL";
                 let place = self.place();
                 let destination = self.destination()?;
@@ -397,7 +397,7 @@ impl Parser {
     }
 
     /// `texture[n], 2D`
-    fn texture(&mut self) -> Outcome<usize> {
+    fn texture(&mut self) -> ParseResult<usize> {
         let place = self.place();
         if self.name()? != "texture" {
             return self.fail_at(place, "`texture[n]` is missing");

@@ -11,7 +11,7 @@ pub const MATRICES: usize = 8;
 
 /// A stage.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
-pub enum Stage {
+pub enum ProgramStage {
     /// `!!ARBvp1.0`
     Vertex = 1,
     /// `!!ARBfp1.0`
@@ -171,7 +171,7 @@ pub enum Register {
 
 /// An operand that is read. Components are 0 to 3; 4 and 5 are the constants 0 and 1 of `SWZ`.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Source {
+pub struct SourceOperand {
     /// What is read.
     pub register: Register,
     /// The source component of each component.
@@ -210,7 +210,7 @@ pub struct Instruction {
     /// The destination; none for `KIL`.
     pub destination: Option<Destination>,
     /// What is read.
-    pub sources: Vec<Source>,
+    pub sources: Vec<SourceOperand>,
     /// Texture unit.
     pub unit: usize,
 }
@@ -219,7 +219,7 @@ pub struct Instruction {
 #[derive(Clone, Debug, PartialEq)]
 pub struct Program {
     /// Its stage.
-    pub stage: Stage,
+    pub stage: ProgramStage,
     /// Instructions.
     pub instructions: Vec<Instruction>,
     /// Names of temporaries.
@@ -266,7 +266,7 @@ impl Program {
     }
 
     /// An empty program.
-    pub fn new(stage: Stage) -> Program {
+    pub fn new(stage: ProgramStage) -> Program {
         Program {
             stage,
             instructions: Vec::new(),

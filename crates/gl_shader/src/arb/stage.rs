@@ -7,7 +7,7 @@ use super::program::{Output, Program, input};
 use super::wgsl;
 use crate::expand;
 use crate::glsl::stage::{self as glsl, Clip, way};
-use crate::key::{Colors, DepthRead, Kind, ShaderKey};
+use crate::key::{Colors, DepthRead, ShaderKey, TextureShape};
 use crate::texels::{self, Detail};
 use crate::wgsl as fixed;
 
@@ -167,7 +167,7 @@ pub fn texels(key: &ShaderKey, programs: &[&Program], out: &mut String) {
                 continue;
             }
             let parameters = match (detail, unit.map(|unit| unit.kind)) {
-                (Detail::Gradient, Some(Kind::D3 | Kind::Cube)) => ", dx: vec3f, dy: vec3f",
+                (Detail::Gradient, Some(TextureShape::D3 | TextureShape::Cube)) => ", dx: vec3f, dy: vec3f",
                 (Detail::Gradient, _) => ", dx: vec2f, dy: vec2f",
                 _ => parameters,
             };
@@ -184,7 +184,7 @@ pub fn texels(key: &ShaderKey, programs: &[&Program], out: &mut String) {
         }
         if ways(k) & way::SIZE != 0 {
             let size = match unit.map(|unit| unit.kind) {
-                Some(Kind::D3) => format!("vec3i(textureDimensions(image{k}, level))"),
+                Some(TextureShape::D3) => format!("vec3i(textureDimensions(image{k}, level))"),
                 Some(_) => format!("vec3i(vec2i(textureDimensions(image{k}, level)), 1)"),
                 None => "vec3i()".to_owned(),
             };
@@ -194,7 +194,7 @@ pub fn texels(key: &ShaderKey, programs: &[&Program], out: &mut String) {
             line!(out, "fn texel{k}_fetch(at: vec3i, level: i32) -> vec4f {{");
             match unit {
                 Some(unit) => {
-                    let at = if unit.kind == Kind::D3 { "at" } else { "at.xy" };
+                    let at = if unit.kind == TextureShape::D3 { "at" } else { "at.xy" };
                     let read = format!("textureLoad(image{k}, {at}, level)");
                     let read = if unit.depth == DepthRead::No { read } else { format!("vec4f({read})") };
                     line!(out, "    let t = {read};\n    return {};\n}}", texels::swizzled(unit));

@@ -1,6 +1,6 @@
 //! Accepted programs, refused programs, and damaged ones.
 
-use super::lex::Place;
+use super::lex::ProgramLocation;
 use super::parse::parse;
 use super::program::*;
 use crate::glsl::stage::way;
@@ -12,7 +12,7 @@ const FRAGMENT: &str = "!!ARBfp1.0\nOPTION ARB_fog_exp2;\nTEMP t;\nTXB t, fragme
 
 #[test]
 fn a_program_is_read_as_it_is_written() {
-    let vertex = parse(VERTEX, Stage::Vertex).expect("a program");
+    let vertex = parse(VERTEX, ProgramStage::Vertex).expect("a program");
     assert_eq!(vertex.inputs, 1 << input::POSITION | 1 << input::COLOR);
     assert_eq!(vertex.outputs, [Output::Position, Output::Color(0)]);
     let row = |row| Param::Row { matrix: Matrix::Mvp, inverse: false, transpose: false, row };
@@ -22,7 +22,7 @@ fn a_program_is_read_as_it_is_written() {
     assert_eq!((second.name, to.register, to.mask), ("DP4", Register::Temp(0), [false, true, false, false]));
     assert_eq!(second.sources[0].register, Register::Param(1));
 
-    let fragment = parse(FRAGMENT, Stage::Fragment).expect("a program");
+    let fragment = parse(FRAGMENT, ProgramStage::Fragment).expect("a program");
     let rectangle = 2;
     let image = Image { unit: 1, target: rectangle, ways: way::BIAS };
     assert_eq!((&fragment.images[..], fragment.fog), (&[image][..], Some(0x801)));
@@ -40,12 +40,12 @@ fn a_program_is_read_as_it_is_written() {
 #[test]
 fn a_damaged_program_ends_with_a_program_or_a_place() {
     let mut wrong = 0;
-    for (text, stage) in [(VERTEX, Stage::Vertex), (FRAGMENT, Stage::Fragment)] {
+    for (text, stage) in [(VERTEX, ProgramStage::Vertex), (FRAGMENT, ProgramStage::Fragment)] {
         for at in 0..text.len() {
             for letter in ["", "[", "9", ".", "x", "-", "\u{e9}", "\0", "..", "{"] {
                 let damaged = format!("{}{letter}{}", &text[..at], &text[at + 1..]);
                 if let Err(error) = parse(&damaged, stage) {
-                    assert!(error.place != Place::default() && !error.reason.is_empty());
+                    assert!(error.place != ProgramLocation::default() && !error.reason.is_empty());
                     wrong += 1;
                 }
             }

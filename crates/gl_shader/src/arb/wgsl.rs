@@ -94,7 +94,7 @@ impl Emitter<'_> {
     /// Whether constants are written as literals. The compiler evaluates an expression of literals only, and refuses one without a finite
     /// value.
     fn inline(&self) -> bool {
-        let constant = |source: &&Source| matches!(source.register, Register::Param(k) if matches!(self.program.params[k], Param::Literal(_)));
+        let constant = |source: &&SourceOperand| matches!(source.register, Register::Param(k) if matches!(self.program.params[k], Param::Literal(_)));
         let sources = &self.instruction.sources;
         let plain = matches!(self.instruction.name, "MOV" | "SWZ");
         plain || sources.len() > 1 && sources.iter().filter(constant).count() <= 1

@@ -95,7 +95,7 @@ impl Layout {
     }
 
     /// The value as an expression of WGSL.
-    fn value(&self, place: &Place) -> String {
+    fn value(&self, place: &ElementAddress) -> String {
         match self {
             Layout::Vector(n, kind) => {
                 let all = format!("{}.{}", place.text(0), &"xyzw"[..*n]);
@@ -139,19 +139,19 @@ pub fn vector_name(n: usize, kind: ScalarKind) -> String {
 
 /// The position of a value: an array, a constant index, and the terms of the index that are not constant.
 #[derive(Clone, Debug)]
-struct Place {
+struct ElementAddress {
     array: String,
     first: usize,
     terms: String,
 }
 
-impl Place {
+impl ElementAddress {
     fn text(&self, k: usize) -> String {
         format!("{}[{}{}]", self.array, self.first + k, self.terms)
     }
 
-    fn moved(&self, by: usize) -> Place {
-        Place { first: self.first + by, ..self.clone() }
+    fn moved(&self, by: usize) -> ElementAddress {
+        ElementAddress { first: self.first + by, ..self.clone() }
     }
 }
 
@@ -187,7 +187,7 @@ pub struct Substitution<'a> {
     /// The array of their values.
     pub array: &'a str,
     /// Local names of the current function that stand for whole arrays and structures.
-    aliases: BTreeMap<String, (Layout, Place)>,
+    aliases: BTreeMap<String, (Layout, ElementAddress)>,
 }
 
 impl<'a> Substitution<'a> {
@@ -247,13 +247,13 @@ impl<'a> Substitution<'a> {
     }
 
     /// The uniform, or part of one, at the start of a text, and the text after it; none if there is no uniform.
-    fn path<'t>(&self, text: &'t str) -> Result<Option<(Layout, Place, &'t str)>, String> {
+    fn path<'t>(&self, text: &'t str) -> Result<Option<(Layout, ElementAddress, &'t str)>, String> {
         let mut at = name_end(text, 0);
         let name = &text[..at];
         let (mut layout, mut place) = match (self.aliases.get(name), self.roots.get(name)) {
             (Some(alias), _) => alias.clone(),
             (None, Some((layout, first))) => {
-                (layout.clone(), Place { array: self.array.to_owned(), first: *first, terms: String::new() })
+                (layout.clone(), ElementAddress { array: self.array.to_owned(), first: *first, terms: String::new() })
             }
             (None, None) => return Ok(None),
         };

@@ -5,7 +5,7 @@ use naga::ScalarKind;
 
 use super::access::{Layout, Member};
 use super::tokens::{Token, closing, parts};
-use super::{Outcome, Wrong};
+use super::{TranslateResult, Wrong};
 
 /// A uniform block.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -40,7 +40,7 @@ pub fn is_row_major(layout: &[Token]) -> bool {
 }
 
 /// The variables that the members of a block declare: the tokens of each, from its type on, with its name.
-pub(super) fn members(body: &[Token]) -> Outcome<Vec<(Vec<Token>, Token)>> {
+pub(super) fn members(body: &[Token]) -> TranslateResult<Vec<(Vec<Token>, Token)>> {
     let mut all = Vec::new();
     for declaration in body.split(|token| token.is(";")) {
         let mut at = 0;

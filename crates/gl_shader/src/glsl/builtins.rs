@@ -1,7 +1,7 @@
 //! Built-in names of old dialects, for OpenGL's state and fixed-function stages (OpenGL Shading Language 1.20, chapter 7).
 
 use crate::COLORS_MAX;
-use crate::arb::program::{Matrix, Output, Param, Stage, Term, input};
+use crate::arb::program::{Matrix, Output, Param, ProgramStage, Term, input};
 use crate::{IMAGES, LIGHTS, PLANES, STAGE_IMAGES, UNITS};
 
 /// The meaning of a name that begins with `gl_`.
@@ -63,13 +63,13 @@ const FOG: &str = "struct glx_FogParameters { vec4 color; float density; float s
 const RANGE: &str = "struct glx_Range { float near; float far; float diff; };";
 
 /// The built-in of a stage with this name, given without `gl_`.
-pub fn find(stage: Stage, name: &str) -> Option<Builtin> {
-    if stage == Stage::Vertex && name == "ClipDistance" {
+pub fn find(stage: ProgramStage, name: &str) -> Option<Builtin> {
+    if stage == ProgramStage::Vertex && name == "ClipDistance" {
         return Some(Builtin::many("float", PLANES, Role::ClipDistance));
     }
     let role = match stage {
-        Stage::Vertex => vertex(name),
-        Stage::Fragment => fragment(name),
+        ProgramStage::Vertex => vertex(name),
+        ProgramStage::Fragment => fragment(name),
     };
     role.map(|(kind, role)| Builtin::new(kind, role)).or_else(|| constant(name)).or_else(|| state(name))
 }
@@ -244,7 +244,7 @@ mod tests {
 
     #[test]
     fn state_has_as_many_vectors_as_its_type_has() {
-        let slots = |name: &str| match find(Stage::Vertex, name).expect("a name").role {
+        let slots = |name: &str| match find(ProgramStage::Vertex, name).expect("a name").role {
             Role::State(slots) => slots.len(),
             other => panic!("{other:?}"),
         };
@@ -254,7 +254,7 @@ mod tests {
         assert_eq!(slots("LightSource"), 12 * LIGHTS);
         assert_eq!(slots("Fog"), 5);
         assert_eq!(slots("Point"), 7);
-        assert_eq!(find(Stage::Fragment, "Vertex"), None);
-        assert_eq!(find(Stage::Vertex, "TexCoord_8"), None);
+        assert_eq!(find(ProgramStage::Fragment, "Vertex"), None);
+        assert_eq!(find(ProgramStage::Vertex, "TexCoord_8"), None);
     }
 }

@@ -1,6 +1,6 @@
 //! Conditions of `#if` and `#elif`.
 
-use super::lexemes::{Kind, Lexeme};
+use super::lexemes::{Lexeme, LexemeKind};
 
 /// A value; or why there is none, which is an error only where the value counts.
 type Value = Result<i64, &'static str>;
@@ -35,19 +35,19 @@ pub fn evaluate(lexemes: &[Lexeme]) -> Result<i64, String> {
     let mut complete = false;
     for lexeme in lexemes {
         match (&lexeme.kind, complete) {
-            (&Kind::Whole(value, _), false) => {
+            (&LexemeKind::Whole(value, _), false) => {
                 values.push(Ok(value as i64));
                 complete = true;
             }
-            (Kind::Mark("("), false) => pending.push(Pending::Open),
-            (&Kind::Mark(mark @ ("+" | "-" | "!" | "~")), false) => pending.push(Pending::Unary(mark)),
-            (Kind::Mark(")"), true) => {
+            (LexemeKind::Mark("("), false) => pending.push(Pending::Open),
+            (&LexemeKind::Mark(mark @ ("+" | "-" | "!" | "~")), false) => pending.push(Pending::Unary(mark)),
+            (LexemeKind::Mark(")"), true) => {
                 reduce(&mut values, &mut pending, 0);
                 if pending.pop().is_none() {
                     return Err("`)` without `(` in a condition".to_owned());
                 }
             }
-            (&Kind::Mark(mark), true) if binding(mark).is_some() => {
+            (&LexemeKind::Mark(mark), true) if binding(mark).is_some() => {
                 let tightness = binding(mark).unwrap_or(0);
                 reduce(&mut values, &mut pending, tightness);
                 pending.push(Pending::Binary(mark, tightness));
@@ -131,7 +131,8 @@ mod tests {
     use super::*;
 
     fn value(text: &str) -> Result<i64, String> {
-        let lexemes: Vec<Lexeme> = Lexer::new(text).expect("a text").filter(|lexeme| lexeme.kind != Kind::NewLine).collect();
+        let lexemes: Vec<Lexeme> =
+            Lexer::new(text).expect("a text").filter(|lexeme| lexeme.kind != LexemeKind::NewLine).collect();
         evaluate(&lexemes)
     }
 

@@ -7,7 +7,7 @@ use super::outline::{Variables, initialiser};
 use super::tokens::{Dialect, Token, closing, parts};
 
 /// A variable: the bracket of the block that it is declared in, or none at global scope, and its name.
-type Place = (Option<(usize, usize)>, String);
+type ScopedName = (Option<(usize, usize)>, String);
 
 /// Rewrites the declarations of all shaders of a stage.
 pub fn declarators(shaders: &mut [(Dialect, Vec<Token>)]) {
@@ -112,7 +112,7 @@ fn size(of: &Variables, name: &[Token]) -> (bool, Option<Vec<Token>>) {
 }
 
 /// Calls `visit` with each variable that is declared.
-fn each(shader: usize, tokens: &[Token], mut visit: impl FnMut(Place, &Variables, &[Token])) {
+fn each(shader: usize, tokens: &[Token], mut visit: impl FnMut(ScopedName, &Variables, &[Token])) {
     statements(shader, tokens, |block, start, end| {
         if let Some(of) = Variables::of(&tokens[start..=end]) {
             of.names.iter().for_each(|name| visit((block, name[0].text.clone()), &of, name));

@@ -9,11 +9,11 @@ use super::access::{Layout, Roots, Structures, Substitution};
 use super::blocks::{self, Block, Filled};
 use super::builtins::Role;
 use super::outs::outs;
-use super::rewrite::{FLIP, Global, Source, Storage};
+use super::rewrite::{FLIP, Global, RewrittenStage, Storage};
 use super::sampler::{Read, Sampler};
-use super::{Outcome, Wrong};
+use super::{TranslateResult, Wrong};
 use crate::arb::program::Param;
-use crate::arb::program::Stage;
+use crate::arb::program::ProgramStage;
 
 /// Number of lines in the text for naga before the first source line.
 const LINES_BEFORE: u32 = 2;
@@ -104,7 +104,7 @@ pub struct Translated {
     pub flip: Option<String>,
     /// Whether the position is that of the fixed-function pipeline.
     pub invariant: bool,
-    /// How the position of a fragment is counted ([`Source`]).
+    /// How the position of a fragment is counted ([`RewrittenStage`]).
     pub coordinates: [bool; 2],
 }
 
@@ -125,13 +125,13 @@ impl Translated {
 }
 
 /// Translates a stage. `array` is the expression of the array of its uniforms.
-pub fn translate(stage: Stage, source: &Source, array: &str) -> Outcome<Translated> {
+pub fn translate(stage: ProgramStage, source: &RewrittenStage, array: &str) -> TranslateResult<Translated> {
     let mut module = parse(stage, source)?;
     module.entry_points.clear();
     guarded(|| outs(&mut module)).map_err(|reason| Wrong::at(0, reason))?;
     let prefix = match stage {
-        Stage::Vertex => "vs_",
-        Stage::Fragment => "fs_",
+        ProgramStage::Vertex => "vs_",
+        ProgramStage::Fragment => "fs_",
     };
     // Both stages are one module of WGSL.
     let names: Vec<String> =
@@ -273,7 +273,7 @@ pub fn translate(stage: Stage, source: &Source, array: &str) -> Outcome<Translat
                 .arguments
                 .iter()
                 .map(|argument| Layout::of(&module, argument.ty, &structures).map_err(wrong))
-                .collect::<Outcome<_>>()?;
+                .collect::<TranslateResult<_>>()?;
             calls.push(Call { wgsl: wgsl.to_owned(), sampler, read, arguments, one: name.contains("One_") });
             continue;
         }
@@ -308,16 +308,16 @@ fn chain(error: &dyn std::error::Error) -> String {
 }
 
 /// The line of the source of a line of the text for naga.
-fn line_of(source: &Source, line: u32) -> u32 {
+fn line_of(source: &RewrittenStage, line: u32) -> u32 {
     let line = line.checked_sub(LINES_BEFORE + 1).and_then(|line| source.lines.get(line as usize).or(source.lines.last()));
     line.copied().unwrap_or(0)
 }
 
-fn parse(stage: Stage, source: &Source) -> Outcome<Module> {
+fn parse(stage: ProgramStage, source: &RewrittenStage) -> TranslateResult<Module> {
     let text = &source.text;
     let stage = match stage {
-        Stage::Vertex => ShaderStage::Vertex,
-        Stage::Fragment => ShaderStage::Fragment,
+        ProgramStage::Vertex => ShaderStage::Vertex,
+        ProgramStage::Fragment => ShaderStage::Fragment,
     };
     // A recording can have any text, and this front end is not made for that.
     match guarded(|| Frontend::default().parse(&Options::from(stage), text)).map_err(|reason| Wrong::at(0, reason))? {

@@ -10,16 +10,16 @@ use super::words::is_type;
 const ELEMENTS_MAX: usize = 16;
 
 /// A type: its name, and the size of an array.
-type Kind = (String, Option<String>);
+type DeclaredType = (String, Option<String>);
 
 /// The types of names.
 #[derive(Default)]
 struct Types {
     /// Members of structures, in order.
-    structures: BTreeMap<String, Vec<(String, Kind)>>,
+    structures: BTreeMap<String, Vec<(String, DeclaredType)>>,
     /// Global variables, and the results of functions. None: of several types.
-    globals: BTreeMap<String, Option<Kind>>,
-    results: BTreeMap<String, Option<Kind>>,
+    globals: BTreeMap<String, Option<DeclaredType>>,
+    results: BTreeMap<String, Option<DeclaredType>>,
 }
 
 /// Rewrites the comparisons in a stage's shaders.
@@ -66,7 +66,7 @@ fn text(tokens: &[Token]) -> String {
 }
 
 /// Notes the type of a name.
-fn note(to: &mut BTreeMap<String, Option<Kind>>, name: &str, kind: Kind) {
+fn note(to: &mut BTreeMap<String, Option<DeclaredType>>, name: &str, kind: DeclaredType) {
     let known = to.entry(name.to_owned()).or_insert_with(|| Some(kind.clone()));
     if known.as_ref() != Some(&kind) {
         *known = None;
@@ -74,7 +74,7 @@ fn note(to: &mut BTreeMap<String, Option<Kind>>, name: &str, kind: Kind) {
 }
 
 /// The names that a declaration gives and their types.
-fn declared(tokens: &[Token]) -> Vec<(String, Kind)> {
+fn declared(tokens: &[Token]) -> Vec<(String, DeclaredType)> {
     let Some(of) = Variables::of(tokens) else { return Vec::new() };
     let base = if of.kind[0].is("struct") { of.kind.get(1) } else { of.kind.first() };
     let Some(base) = base else { return Vec::new() };
@@ -118,7 +118,7 @@ impl Types {
     }
 
     /// A function with its comparisons rewritten, and the types that these compare.
-    fn rewritten(&self, tokens: &[Token]) -> (Vec<Token>, Vec<Kind>) {
+    fn rewritten(&self, tokens: &[Token]) -> (Vec<Token>, Vec<DeclaredType>) {
         let mut locals = BTreeMap::new();
         let is_kind = |token: &Token| token.word && (is_type(&token.text) || self.structures.contains_key(&token.text));
         for (at, token) in tokens.iter().enumerate().filter(|(_, token)| is_kind(token)) {
@@ -148,7 +148,8 @@ impl Types {
                 name = next + 1;
             }
         }
-        let (mut out, mut compared, mut at): (Vec<Token>, Vec<Kind>, usize) = (Vec::with_capacity(tokens.len()), Vec::new(), 0);
+        let (mut out, mut compared, mut at): (Vec<Token>, Vec<DeclaredType>, usize) =
+            (Vec::with_capacity(tokens.len()), Vec::new(), 0);
         // The place in `out` of each token.
         let mut places = Vec::with_capacity(tokens.len());
         while let Some(token) = tokens.get(at) {
@@ -193,7 +194,7 @@ impl Types {
     }
 
     /// The comparison of two arrays of which one is a member of a structure, element by element, if they are only read by that.
-    fn each(&self, operands: [&[Token]; 2], kind: &Kind, differ: bool) -> Option<String> {
+    fn each(&self, operands: [&[Token]; 2], kind: &DeclaredType, differ: bool) -> Option<String> {
         let count: usize = kind.1.as_ref()?.parse().ok().filter(|count| (1..=ELEMENTS_MAX).contains(count))?;
         if operands.iter().any(|of| of.iter().any(|token| token.is("(") || token.is("++") || token.is("--"))) {
             return None;
@@ -209,7 +210,7 @@ impl Types {
     }
 
     /// The type of an operand that is a name or a call with indices and members after it.
-    fn kind(&self, operand: &[Token], locals: &BTreeMap<String, Option<Kind>>) -> Option<Kind> {
+    fn kind(&self, operand: &[Token], locals: &BTreeMap<String, Option<DeclaredType>>) -> Option<DeclaredType> {
         let (first, mut rest) = operand.split_first()?;
         let close = |rest: &[Token]| closing(rest, 0).map(|close| close + 1);
         let mut kind = if rest.first().is_some_and(|next| next.is("(")) {
@@ -249,11 +250,11 @@ impl Types {
     }
 
     /// Writes the function that compares values of a type, after those of its parts.
-    fn function(&self, kind: &Kind, written: &mut BTreeSet<Kind>, out: &mut String) {
+    fn function(&self, kind: &DeclaredType, written: &mut BTreeSet<DeclaredType>, out: &mut String) {
         if !written.insert(kind.clone()) {
             return;
         }
-        let same = |kind: &Kind, a: &str, b: &str| {
+        let same = |kind: &DeclaredType, a: &str, b: &str| {
             if kind.1.is_some() || self.structures.contains_key(&kind.0) {
                 format!("glx_equal ( {a} , {b} )")
             } else {

@@ -2,11 +2,11 @@
 
 use std::rc::Rc;
 
-use super::{Outcome, Wrong};
+use super::{TranslateResult, Wrong};
 
 /// What a lexeme is.
 #[derive(Clone, Debug, PartialEq)]
-pub enum Kind {
+pub enum LexemeKind {
     /// A name or a keyword.
     Name(Rc<str>),
     /// A whole number, and whether it has the suffix `u`.
@@ -38,7 +38,7 @@ pub enum Unknown {
 #[derive(Clone, Debug)]
 pub struct Lexeme {
     /// What it is.
-    pub kind: Kind,
+    pub kind: LexemeKind,
     /// Its line, from 1.
     pub line: u32,
     /// Whether a blank or a comment stands directly before it.
@@ -50,30 +50,30 @@ pub struct Lexeme {
 impl Lexeme {
     /// Whether it is this mark.
     pub fn is(&self, mark: &str) -> bool {
-        matches!(self.kind, Kind::Mark(own) if own == mark)
+        matches!(self.kind, LexemeKind::Mark(own) if own == mark)
     }
 
     /// How it is written after the preprocessor: whole numbers are decimal.
     pub fn text(&self) -> String {
         match &self.kind {
-            Kind::Name(name) => name.to_string(),
-            Kind::Whole(value, unsigned) => format!("{value}{}", if *unsigned { "u" } else { "" }),
-            Kind::Real(value) => format!("{value:?}"),
-            Kind::Mark(mark) => (*mark).to_owned(),
-            Kind::Hash => "#".to_owned(),
-            Kind::NewLine => "the end of the line".to_owned(),
-            Kind::Unknown(Unknown::Character(c)) => c.to_string(),
-            Kind::Unknown(_) => "a number".to_owned(),
+            LexemeKind::Name(name) => name.to_string(),
+            LexemeKind::Whole(value, unsigned) => format!("{value}{}", if *unsigned { "u" } else { "" }),
+            LexemeKind::Real(value) => format!("{value:?}"),
+            LexemeKind::Mark(mark) => (*mark).to_owned(),
+            LexemeKind::Hash => "#".to_owned(),
+            LexemeKind::NewLine => "the end of the line".to_owned(),
+            LexemeKind::Unknown(Unknown::Character(c)) => c.to_string(),
+            LexemeKind::Unknown(_) => "a number".to_owned(),
         }
     }
 
     /// An error if it is no lexeme of the language.
-    pub fn known(self) -> Outcome<Lexeme> {
+    pub fn known(self) -> TranslateResult<Lexeme> {
         let reason = match self.kind {
-            Kind::Hash => "`#` is neither at the beginning of a line nor an operator that is supported".to_owned(),
-            Kind::Unknown(Unknown::Character(c)) => format!("the character {c:?} is not part of the language"),
-            Kind::Unknown(Unknown::Number) => "a number that is not well formed, or too large".to_owned(),
-            Kind::Unknown(Unknown::Width) => "numbers of 16 or 64 bits are not supported".to_owned(),
+            LexemeKind::Hash => "`#` is neither at the beginning of a line nor an operator that is supported".to_owned(),
+            LexemeKind::Unknown(Unknown::Character(c)) => format!("the character {c:?} is not part of the language"),
+            LexemeKind::Unknown(Unknown::Number) => "a number that is not well formed, or too large".to_owned(),
+            LexemeKind::Unknown(Unknown::Width) => "numbers of 16 or 64 bits are not supported".to_owned(),
             _ => return Ok(self),
         };
         Err(Wrong::at(self.line, reason))
@@ -97,7 +97,7 @@ pub struct Lexer {
 
 impl Lexer {
     /// Begins to read a text.
-    pub fn new(text: &str) -> Outcome<Lexer> {
+    pub fn new(text: &str) -> TranslateResult<Lexer> {
         Ok(Lexer { chars: without_comments(joined(text))?, at: 0, first: true })
     }
 
@@ -118,7 +118,7 @@ impl Lexer {
         }
     }
 
-    fn number(&mut self) -> Kind {
+    fn number(&mut self) -> LexemeKind {
         let digit = |c: char| c.is_ascii_digit();
         let (mut text, mut base, mut real) = (String::new(), 10, false);
         if self.take(|c| c == '0').is_some() {
@@ -150,13 +150,14 @@ impl Lexer {
         let unsigned = !real && self.take(|c| matches!(c, 'u' | 'U')).is_some();
         let wide = if real { ['l', 'L', 'h', 'H'] } else { ['l', 'L', 's', 'S'] };
         if self.take(|c| wide.contains(&c)).is_some() {
-            return Kind::Unknown(Unknown::Width);
+            return LexemeKind::Unknown(Unknown::Width);
         }
         if real {
             self.take(|c| matches!(c, 'f' | 'F'));
-            return text.parse().map_or(Kind::Unknown(Unknown::Number), Kind::Real);
+            return text.parse().map_or(LexemeKind::Unknown(Unknown::Number), LexemeKind::Real);
         }
-        u64::from_str_radix(&text, base).map_or(Kind::Unknown(Unknown::Number), |value| Kind::Whole(value, unsigned))
+        u64::from_str_radix(&text, base)
+            .map_or(LexemeKind::Unknown(Unknown::Number), |value| LexemeKind::Whole(value, unsigned))
     }
 }
 
@@ -172,7 +173,7 @@ impl Iterator for Lexer {
             // The last line has an end, too.
             let line = self.chars.last().map_or(1, |&(_, line)| line);
             return (!std::mem::replace(&mut self.first, true)).then_some(Lexeme {
-                kind: Kind::NewLine,
+                kind: LexemeKind::NewLine,
                 line,
                 spaced,
                 first: false,
@@ -186,18 +187,18 @@ impl Iterator for Lexer {
         } else if c.is_ascii_alphabetic() || c == '_' {
             let mut name = String::new();
             self.take_all(&mut name, |c| c.is_ascii_alphanumeric() || c == '_');
-            Kind::Name(name.into())
+            LexemeKind::Name(name.into())
         } else if let Some(mark) =
             MARKS.into_iter().find(|mark| mark.chars().enumerate().all(|(k, own)| follows(k, &|c| c == own)))
         {
             self.at += mark.len();
-            if mark == "\\" { Kind::Unknown(Unknown::Character('\\')) } else { Kind::Mark(mark) }
+            if mark == "\\" { LexemeKind::Unknown(Unknown::Character('\\')) } else { LexemeKind::Mark(mark) }
         } else {
             self.at += 1;
             match c {
-                '\n' => Kind::NewLine,
-                '#' => Kind::Hash,
-                c => Kind::Unknown(Unknown::Character(c)),
+                '\n' => LexemeKind::NewLine,
+                '#' => LexemeKind::Hash,
+                c => LexemeKind::Unknown(Unknown::Character(c)),
             }
         };
         Some(Lexeme { kind, line, spaced, first })
@@ -229,7 +230,7 @@ fn joined(text: &str) -> Vec<(char, u32)> {
 }
 
 /// The characters with a blank for each comment.
-fn without_comments(chars: Vec<(char, u32)>) -> Outcome<Vec<(char, u32)>> {
+fn without_comments(chars: Vec<(char, u32)>) -> TranslateResult<Vec<(char, u32)>> {
     let is = |at: usize, c: char| chars.get(at).is_some_and(|&(own, _)| own == c);
     let (mut out, mut at) = (Vec::with_capacity(chars.len()), 0);
     while let Some(&(c, line)) = chars.get(at) {
@@ -255,12 +256,12 @@ fn without_comments(chars: Vec<(char, u32)>) -> Outcome<Vec<(char, u32)>> {
 mod tests {
     use super::*;
 
-    fn kinds(text: &str) -> Vec<Kind> {
+    fn kinds(text: &str) -> Vec<LexemeKind> {
         Lexer::new(text).expect("a text").map(|lexeme| lexeme.kind).collect()
     }
 
-    fn whole(value: u64) -> Kind {
-        Kind::Whole(value, false)
+    fn whole(value: u64) -> LexemeKind {
+        LexemeKind::Whole(value, false)
     }
 
     #[test]
@@ -270,28 +271,28 @@ mod tests {
             [
                 whole(0),
                 whole(8),
-                Kind::Whole(31, true),
-                Kind::Whole(42, true),
-                Kind::Real(9.5),
-                Kind::Real(1.0),
-                Kind::Real(0.5e-3),
-                Kind::Real(100.0),
-                Kind::Real(0.0),
-                Kind::NewLine
+                LexemeKind::Whole(31, true),
+                LexemeKind::Whole(42, true),
+                LexemeKind::Real(9.5),
+                LexemeKind::Real(1.0),
+                LexemeKind::Real(0.5e-3),
+                LexemeKind::Real(100.0),
+                LexemeKind::Real(0.0),
+                LexemeKind::NewLine
             ]
         );
         for (text, unknown) in
             [("09", Unknown::Number), ("1e", Unknown::Number), ("0x", Unknown::Number), ("1.0lf", Unknown::Width)]
         {
-            assert_eq!(kinds(text)[0], Kind::Unknown(unknown), "{text}");
+            assert_eq!(kinds(text)[0], LexemeKind::Unknown(unknown), "{text}");
         }
-        assert_eq!(kinds("v.x.y0")[1..4], [Kind::Mark("."), Kind::Name("x".into()), Kind::Mark(".")]);
+        assert_eq!(kinds("v.x.y0")[1..4], [LexemeKind::Mark("."), LexemeKind::Name("x".into()), LexemeKind::Mark(".")]);
     }
 
     #[test]
     fn the_longest_mark_is_read() {
-        let marks: Vec<Kind> = ["<<=", "<", "<", "-", "--", "^^", "==", "="].map(Kind::Mark).into_iter().collect();
-        assert_eq!(kinds("<<=< < - --^^==="), [marks, vec![Kind::NewLine]].concat());
+        let marks: Vec<LexemeKind> = ["<<=", "<", "<", "-", "--", "^^", "==", "="].map(LexemeKind::Mark).into_iter().collect();
+        assert_eq!(kinds("<<=< < - --^^==="), [marks, vec![LexemeKind::NewLine]].concat());
     }
 
     #[test]

@@ -43,7 +43,7 @@ use std::rc::Rc;
 use host::with_room_for;
 use num::Limits;
 
-use crate::arb::program::Stage;
+use crate::arb::program::ProgramStage;
 pub use access::Layout;
 pub use emit::Translated;
 use emit::translate;
@@ -73,7 +73,7 @@ impl Wrong {
     }
 }
 
-type Outcome<T = ()> = Result<T, Wrong>;
+type TranslateResult<T = ()> = Result<T, Wrong>;
 
 /// Sources of both stages.
 pub type Sources = [Vec<Rc<str>>; 2];
@@ -100,7 +100,7 @@ impl Linked {
 /// If a shader is wrong or is not supported: its stage, the line of its source, and the reason.
 pub fn link(number: u32, sources: &Sources, limits: &Limits) -> Result<Rc<Linked>, String> {
     let mut stages = [None, None];
-    for (k, (stage, texts)) in [Stage::Vertex, Stage::Fragment].into_iter().zip(sources).enumerate() {
+    for (k, (stage, texts)) in [ProgramStage::Vertex, ProgramStage::Fragment].into_iter().zip(sources).enumerate() {
         if texts.is_empty() {
             continue;
         }
@@ -108,7 +108,7 @@ pub fn link(number: u32, sources: &Sources, limits: &Limits) -> Result<Rc<Linked
         // Counted references stay on their thread.
         let texts: Vec<&str> = texts.iter().map(|text| &**text).collect();
         let run = || {
-            let tokens = texts.iter().map(|text| preprocess::preprocess(text, limits)).collect::<Outcome<Vec<_>>>()?;
+            let tokens = texts.iter().map(|text| preprocess::preprocess(text, limits)).collect::<TranslateResult<Vec<_>>>()?;
             for (_, tokens) in &tokens {
                 let levels = tokens::nesting(tokens);
                 limits.shader_nesting.check(levels).map_err(|error| Wrong::at(0, error.to_string()))?;

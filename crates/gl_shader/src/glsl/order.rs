@@ -5,7 +5,7 @@ use std::collections::{BTreeMap, BTreeSet};
 
 use super::outline::{Header, Item, Variables, initialiser, items};
 use super::tokens::{Dialect, Token, closing, parts};
-use super::{Outcome, Wrong};
+use super::{TranslateResult, Wrong};
 
 /// A function by its name and its number of parameters.
 type Group = (String, usize);
@@ -18,7 +18,7 @@ type Items = Vec<Vec<Item>>;
 ///
 /// # Errors
 /// If two shader objects declare a variable or a structure in different ways, or if a function that is called has no body.
-pub fn order(shaders: Vec<(Dialect, Vec<Token>)>, moved: bool) -> Outcome<Vec<(Dialect, Vec<Token>)>> {
+pub fn order(shaders: Vec<(Dialect, Vec<Token>)>, moved: bool) -> TranslateResult<Vec<(Dialect, Vec<Token>)>> {
     let all: Items = shaders.iter().map(|(_, tokens)| items(tokens)).collect();
     let calls = Calls::of(&shaders, &all);
     calls.check(&shaders, &all)?;
@@ -121,7 +121,7 @@ impl Calls {
     }
 
     /// Refuses calls of functions that only have a prototype: naga takes these for functions without statements.
-    fn check(&self, shaders: &[(Dialect, Vec<Token>)], all: &Items) -> Outcome {
+    fn check(&self, shaders: &[(Dialect, Vec<Token>)], all: &Items) -> TranslateResult {
         let mut empty = BTreeMap::new();
         for ((_, tokens), items) in shaders.iter().zip(all) {
             let prototypes = items.iter().filter(|item| item.body(tokens).is_none()).filter_map(|item| item.function);
@@ -162,7 +162,7 @@ impl Calls {
 }
 
 /// A variable that is declared: the shader whose declaration stays, its type, and its initialiser.
-struct Kept {
+struct DeclaredVariable {
     shader: usize,
     kind: String,
     value: Option<String>,
@@ -170,7 +170,7 @@ struct Kept {
 
 /// Variables and structures that several shaders declare.
 struct Declared {
-    variables: BTreeMap<String, Kept>,
+    variables: BTreeMap<String, DeclaredVariable>,
     structures: BTreeMap<String, (usize, String)>,
 }
 
@@ -190,7 +190,7 @@ fn structure(kind: &[Token]) -> Option<&Token> {
 }
 
 impl Declared {
-    fn of(shaders: &[(Dialect, Vec<Token>)], all: &Items) -> Outcome<Declared> {
+    fn of(shaders: &[(Dialect, Vec<Token>)], all: &Items) -> TranslateResult<Declared> {
         let mut declared = Declared { variables: BTreeMap::new(), structures: BTreeMap::new() };
         for (k, ((_, tokens), items)) in shaders.iter().zip(all).enumerate() {
             for item in items.iter().filter(|item| item.function.is_none()) {
@@ -211,7 +211,7 @@ impl Declared {
     }
 
     /// Notes one variable.
-    fn variable(&mut self, shader: usize, of: &Variables, name: &[Token]) -> Outcome {
+    fn variable(&mut self, shader: usize, of: &Variables, name: &[Token]) -> TranslateResult {
         let value = initialiser(name);
         let brackets = &name[1..value.map_or(name.len(), |at| at - 1)];
         let kind = structure(of.kind).map_or_else(|| text(of.kind), |name| name.text.clone());
@@ -220,7 +220,7 @@ impl Declared {
         let value = value.map(|at| text(&name[at..]));
         match self.variables.get_mut(&name[0].text) {
             None => {
-                self.variables.insert(name[0].text.clone(), Kept { shader, kind, value });
+                self.variables.insert(name[0].text.clone(), DeclaredVariable { shader, kind, value });
             }
             Some(known) if known.shader == shader => {}
             Some(known) => {
@@ -231,7 +231,7 @@ impl Declared {
                     return Err(Wrong::at(name[0].line, format!("{what} is not supported")));
                 }
                 if known.value.is_none() && value.is_some() {
-                    *known = Kept { shader, kind, value };
+                    *known = DeclaredVariable { shader, kind, value };
                 }
             }
         }

@@ -10,9 +10,9 @@ use std::rc::Rc;
 use num::Limits;
 
 use super::condition::evaluate;
-use super::lexemes::{Kind, Lexeme, Lexer};
+use super::lexemes::{Lexeme, LexemeKind, Lexer};
 use super::tokens::{Dialect, Token, dialect};
-use super::{Outcome, Wrong};
+use super::{TranslateResult, Wrong};
 
 /// Macros that OpenGL defines for supported extensions.
 const EXTENSIONS: [&str; 4] =
@@ -26,7 +26,7 @@ const STEPS: u64 = 4;
 struct Macro {
     /// Parameters, if it has a list of them.
     parameters: Option<Vec<Rc<str>>>,
-    body: Vec<Kind>,
+    body: Vec<LexemeKind>,
 }
 
 /// A conditional block that is open.
@@ -84,7 +84,7 @@ struct Preprocessor<'l> {
 ///
 /// # Errors
 /// If a directive or a macro is wrong, or more comes of the text than the limits allow.
-pub fn preprocess(text: &str, limits: &Limits) -> Outcome<(Dialect, Vec<Token>)> {
+pub fn preprocess(text: &str, limits: &Limits) -> TranslateResult<(Dialect, Vec<Token>)> {
     let dialect = dialect(text);
     let mut own = Preprocessor {
         lexer: Lexer::new(text)?,
@@ -104,7 +104,7 @@ pub fn preprocess(text: &str, limits: &Limits) -> Outcome<(Dialect, Vec<Token>)>
         defines.extend([("GL_ES", 1), ("GL_FRAGMENT_PRECISION_HIGH", 1)]);
     }
     for (name, value) in defines {
-        own.macros.insert(name.into(), Rc::new(Macro { parameters: None, body: vec![Kind::Whole(value, false)] }));
+        own.macros.insert(name.into(), Rc::new(Macro { parameters: None, body: vec![LexemeKind::Whole(value, false)] }));
     }
     let (mut tokens, mut stream) = (Vec::new(), Stream::default());
     while let Some(lexeme) = own.next(&mut stream)? {
@@ -119,12 +119,12 @@ pub fn preprocess(text: &str, limits: &Limits) -> Outcome<(Dialect, Vec<Token>)>
 }
 
 impl Preprocessor<'_> {
-    fn wrong<T>(&self, reason: impl Into<String>) -> Outcome<T> {
+    fn wrong<T>(&self, reason: impl Into<String>) -> TranslateResult<T> {
         Err(Wrong::at(self.line, reason))
     }
 
     /// Counts steps.
-    fn count(&mut self, steps: usize) -> Outcome {
+    fn count(&mut self, steps: usize) -> TranslateResult {
         self.steps += steps as u64;
         let limit = self.limits.shader_constants;
         if self.steps <= limit.get().saturating_mul(STEPS) {
@@ -138,10 +138,10 @@ impl Preprocessor<'_> {
     }
 
     /// The next lexeme after the replacement of macros.
-    fn next(&mut self, stream: &mut Stream) -> Outcome<Option<Lexeme>> {
+    fn next(&mut self, stream: &mut Stream) -> TranslateResult<Option<Lexeme>> {
         while let Some(lexeme) = self.raw(stream)? {
-            let Kind::Name(name) = &lexeme.kind else { return Ok(Some(lexeme)) };
-            let value = |value: u64| Ok(Some(Lexeme { kind: Kind::Whole(value, false), ..lexeme.clone() }));
+            let LexemeKind::Name(name) = &lexeme.kind else { return Ok(Some(lexeme)) };
+            let value = |value: u64| Ok(Some(Lexeme { kind: LexemeKind::Whole(value, false), ..lexeme.clone() }));
             if stream.condition && &**name == "defined" {
                 let defined = self.defined(stream)?;
                 return value(u64::from(defined));
@@ -161,7 +161,7 @@ impl Preprocessor<'_> {
     }
 
     /// The next lexeme.
-    fn raw(&mut self, stream: &mut Stream) -> Outcome<Option<Lexeme>> {
+    fn raw(&mut self, stream: &mut Stream) -> TranslateResult<Option<Lexeme>> {
         self.count(1)?;
         if let Some(lexeme) = stream.back.take() {
             return Ok(Some(lexeme));
@@ -181,7 +181,7 @@ impl Preprocessor<'_> {
     }
 
     /// Begins to replace a macro. Returns whether there is one.
-    fn replace(&mut self, name: &Rc<str>, line: u32, stream: &mut Stream) -> Outcome<bool> {
+    fn replace(&mut self, name: &Rc<str>, line: u32, stream: &mut Stream) -> TranslateResult<bool> {
         if self.active.contains(name) {
             return Ok(false);
         }
@@ -211,8 +211,8 @@ impl Preprocessor<'_> {
             self.depth -= 1;
         }
         let mut lexemes = Vec::with_capacity(own.body.len());
-        let parameter = |kind: &Kind| match (kind, &own.parameters) {
-            (Kind::Name(name), Some(parameters)) => parameters.iter().position(|own| own == name),
+        let parameter = |kind: &LexemeKind| match (kind, &own.parameters) {
+            (LexemeKind::Name(name), Some(parameters)) => parameters.iter().position(|own| own == name),
             _ => None,
         };
         for kind in &own.body {
@@ -232,14 +232,14 @@ impl Preprocessor<'_> {
     }
 
     /// The arguments of a macro up to its closing bracket.
-    fn arguments(&mut self, name: &str, stream: &mut Stream) -> Outcome<Vec<Vec<Lexeme>>> {
+    fn arguments(&mut self, name: &str, stream: &mut Stream) -> TranslateResult<Vec<Vec<Lexeme>>> {
         let (mut arguments, mut depth, begin) = (vec![Vec::new()], 0_u64, self.line);
         while let Some(lexeme) = self.raw(stream)? {
             match lexeme.kind {
-                Kind::Mark("(") => depth += 1,
-                Kind::Mark(")") if depth == 0 => return Ok(arguments),
-                Kind::Mark(")") => depth -= 1,
-                Kind::Mark(",") if depth == 0 => {
+                LexemeKind::Mark("(") => depth += 1,
+                LexemeKind::Mark(")") if depth == 0 => return Ok(arguments),
+                LexemeKind::Mark(")") => depth -= 1,
+                LexemeKind::Mark(",") if depth == 0 => {
                     arguments.push(Vec::new());
                     continue;
                 }
@@ -251,7 +251,7 @@ impl Preprocessor<'_> {
     }
 
     /// All lexemes of a list after the replacement of macros.
-    fn expand(&mut self, mut stream: Stream) -> Outcome<Vec<Lexeme>> {
+    fn expand(&mut self, mut stream: Stream) -> TranslateResult<Vec<Lexeme>> {
         let mut out = Vec::new();
         while let Some(lexeme) = self.next(&mut stream)? {
             out.push(lexeme);
@@ -260,13 +260,13 @@ impl Preprocessor<'_> {
     }
 
     /// What `defined` says of the name that follows.
-    fn defined(&mut self, stream: &mut Stream) -> Outcome<bool> {
+    fn defined(&mut self, stream: &mut Stream) -> TranslateResult<bool> {
         let mut lexeme = self.raw(stream)?;
         let bracket = lexeme.as_ref().is_some_and(|lexeme| lexeme.is("("));
         if bracket {
             lexeme = self.raw(stream)?;
         }
-        let Some(Lexeme { kind: Kind::Name(name), .. }) = lexeme else { return self.wrong("`defined` without a name") };
+        let Some(Lexeme { kind: LexemeKind::Name(name), .. }) = lexeme else { return self.wrong("`defined` without a name") };
         if bracket && !self.raw(stream)?.is_some_and(|lexeme| lexeme.is(")")) {
             return self.wrong("`defined(` without `)`");
         }
@@ -274,12 +274,12 @@ impl Preprocessor<'_> {
     }
 
     /// The next lexeme of the text. Directives are followed.
-    fn read(&mut self) -> Outcome<Option<Lexeme>> {
+    fn read(&mut self) -> TranslateResult<Option<Lexeme>> {
         while let Some(lexeme) = self.lexer.next() {
             self.line = lexeme.line;
             match lexeme.kind {
-                Kind::NewLine => {}
-                Kind::Hash if lexeme.first => self.directive()?,
+                LexemeKind::NewLine => {}
+                LexemeKind::Hash if lexeme.first => self.directive()?,
                 _ if self.skipping => {}
                 _ => return lexeme.known().map(Some),
             }
@@ -289,14 +289,14 @@ impl Preprocessor<'_> {
 
     /// The rest of a line.
     fn rest(&mut self) -> Vec<Lexeme> {
-        self.lexer.by_ref().take_while(|lexeme| lexeme.kind != Kind::NewLine).collect()
+        self.lexer.by_ref().take_while(|lexeme| lexeme.kind != LexemeKind::NewLine).collect()
     }
 
     /// Reads a directive after its `#`.
-    fn directive(&mut self) -> Outcome {
+    fn directive(&mut self) -> TranslateResult {
         let rest = self.rest();
         let Some((word, rest)) = rest.split_first() else { return Ok(()) };
-        let Kind::Name(word) = &word.kind else {
+        let LexemeKind::Name(word) = &word.kind else {
             return if self.skipping { Ok(()) } else { self.wrong(format!("`#` before `{}`", word.text())) };
         };
         match (&**word, self.skipping) {
@@ -341,7 +341,7 @@ impl Preprocessor<'_> {
         Ok(())
     }
 
-    fn elif(&mut self, rest: &[Lexeme]) -> Outcome {
+    fn elif(&mut self, rest: &[Lexeme]) -> TranslateResult {
         let Some(block) = self.blocks.last() else { return self.wrong("`#elif` without `#if`") };
         if block.last {
             return self.wrong("`#elif` after `#else`");
@@ -356,15 +356,15 @@ impl Preprocessor<'_> {
     }
 
     /// The name that is all of the rest of a directive.
-    fn single_name(&self, rest: &[Lexeme]) -> Outcome<Rc<str>> {
+    fn single_name(&self, rest: &[Lexeme]) -> TranslateResult<Rc<str>> {
         match rest {
-            [Lexeme { kind: Kind::Name(name), .. }] => Ok(name.clone()),
+            [Lexeme { kind: LexemeKind::Name(name), .. }] => Ok(name.clone()),
             _ => self.wrong("the directive needs one name"),
         }
     }
 
-    fn condition(&mut self, rest: &[Lexeme]) -> Outcome<bool> {
-        let list = rest.iter().cloned().map(Lexeme::known).collect::<Outcome<Vec<_>>>()?;
+    fn condition(&mut self, rest: &[Lexeme]) -> TranslateResult<bool> {
+        let list = rest.iter().cloned().map(Lexeme::known).collect::<TranslateResult<Vec<_>>>()?;
         let lexemes = self.apart(Stream { condition: true, ..Stream::of(list) })?;
         match evaluate(&lexemes) {
             Ok(value) => Ok(value != 0),
@@ -373,17 +373,17 @@ impl Preprocessor<'_> {
     }
 
     /// Expands what is no part of the text around it, so that macros that are being replaced there count as any.
-    fn apart(&mut self, stream: Stream) -> Outcome<Vec<Lexeme>> {
+    fn apart(&mut self, stream: Stream) -> TranslateResult<Vec<Lexeme>> {
         let around = std::mem::take(&mut self.active);
         let lexemes = self.expand(stream);
         self.active = around;
         lexemes
     }
 
-    fn renumber(&mut self, rest: &[Lexeme]) -> Outcome {
+    fn renumber(&mut self, rest: &[Lexeme]) -> TranslateResult {
         let lexemes = self.apart(Stream::of(rest.to_vec()))?;
         match lexemes.iter().map(|lexeme| &lexeme.kind).collect::<Vec<_>>()[..] {
-            [&Kind::Whole(line, _)] | [&Kind::Whole(line, _), Kind::Whole(..)] if line < 1 << 32 => {
+            [&LexemeKind::Whole(line, _)] | [&LexemeKind::Whole(line, _), LexemeKind::Whole(..)] if line < 1 << 32 => {
                 self.offset = line as i64 - i64::from(self.line);
                 Ok(())
             }
@@ -391,8 +391,8 @@ impl Preprocessor<'_> {
         }
     }
 
-    fn define(&mut self, rest: &[Lexeme]) -> Outcome {
-        let Some((Lexeme { kind: Kind::Name(name), .. }, mut rest)) = rest.split_first() else {
+    fn define(&mut self, rest: &[Lexeme]) -> TranslateResult {
+        let Some((Lexeme { kind: LexemeKind::Name(name), .. }, mut rest)) = rest.split_first() else {
             return self.wrong("`#define` without a name");
         };
         let mut parameters = None;
@@ -403,7 +403,8 @@ impl Preprocessor<'_> {
             parameters = Some(self.parameters(&rest[1..close])?);
             rest = &rest[close + 1..];
         }
-        let body = rest.iter().cloned().map(|lexeme| lexeme.known().map(|lexeme| lexeme.kind)).collect::<Outcome<Vec<_>>>()?;
+        let body =
+            rest.iter().cloned().map(|lexeme| lexeme.known().map(|lexeme| lexeme.kind)).collect::<TranslateResult<Vec<_>>>()?;
         let own = Rc::new(Macro { parameters, body });
         if self.macros.get(name).is_some_and(|before| *before != own) {
             return self.wrong(format!("{name} is defined a second time, and otherwise"));
@@ -412,20 +413,20 @@ impl Preprocessor<'_> {
         Ok(())
     }
 
-    fn parameters(&self, list: &[Lexeme]) -> Outcome<Vec<Rc<str>>> {
+    fn parameters(&self, list: &[Lexeme]) -> TranslateResult<Vec<Rc<str>>> {
         let (mut names, mut seen) = (Vec::new(), HashSet::new());
         if list.is_empty() {
             return Ok(names);
         }
         for (k, lexeme) in list.iter().enumerate() {
             match &lexeme.kind {
-                Kind::Name(name) if k % 2 == 0 => {
+                LexemeKind::Name(name) if k % 2 == 0 => {
                     if !seen.insert(name.clone()) {
                         return self.wrong(format!("two parameters have the name {name}"));
                     }
                     names.push(name.clone());
                 }
-                Kind::Mark(",") if k % 2 == 1 => {}
+                LexemeKind::Mark(",") if k % 2 == 1 => {}
                 _ => return self.wrong("parameters of a macro are names between commas"),
             }
         }
@@ -440,7 +441,7 @@ impl Preprocessor<'_> {
 mod tests {
     use super::*;
 
-    fn of(text: &str) -> Outcome<String> {
+    fn of(text: &str) -> TranslateResult<String> {
         let (_, tokens) = preprocess(text, &Limits::default())?;
         Ok(tokens.iter().map(|token| token.text.as_str()).collect::<Vec<_>>().join(" "))
     }

@@ -13,8 +13,8 @@ use super::sampler::{Read, Sampler, read_of, sampler, stubs};
 use super::specialise::specialise;
 use super::tokens::{self, Dialect, Token, closing, parts};
 use super::words::{LATER, RESERVED, component, is_type, number_in_brackets, signature};
-use super::{Outcome, Wrong};
-use crate::arb::program::Stage;
+use super::{TranslateResult, Wrong};
+use crate::arb::program::ProgramStage;
 
 /// Where a variable at global scope comes from or goes to.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -48,7 +48,7 @@ pub struct Global {
 
 /// A rewritten stage.
 #[derive(Clone, Debug)]
-pub struct Source {
+pub struct RewrittenStage {
     /// The text for naga.
     pub text: String,
     /// Uniforms, inputs and outputs.
@@ -81,10 +81,10 @@ pub struct Source {
 pub const FLIP: &str = "glx_flip";
 
 struct Rewriter {
-    stage: Stage,
+    stage: ProgramStage,
     dialect: Dialect,
     out: Vec<Token>,
-    source: Source,
+    source: RewrittenStage,
     /// Names at global scope that have been declared.
     declared: BTreeSet<String>,
     /// Words in the bodies of structures.
@@ -107,8 +107,8 @@ const HARMLESS: [&str; 9] =
 const SAMPLERS_MAX: usize = 64;
 
 /// Rewrites the shaders of one stage: dialect and tokens of each.
-pub fn rewrite(stage: Stage, shaders: Vec<(Dialect, Vec<Token>)>) -> Outcome<Source> {
-    let source = Source {
+pub fn rewrite(stage: ProgramStage, shaders: Vec<(Dialect, Vec<Token>)>) -> TranslateResult<RewrittenStage> {
+    let source = RewrittenStage {
         text: String::new(),
         globals: Vec::new(),
         samplers: Vec::new(),
@@ -237,7 +237,11 @@ impl Rewriter {
     /// statement.
     fn invariant(&mut self, shaders: &mut [(Dialect, Vec<Token>)]) {
         let count = |name: &str| shaders.iter().flat_map(|(_, tokens)| tokens).filter(|token| token.is(name)).count();
-        if self.stage != Stage::Vertex || count("gl_Position") != 1 || count("gl_ClipVertex") != 0 || count("return") != 0 {
+        if self.stage != ProgramStage::Vertex
+            || count("gl_Position") != 1
+            || count("gl_ClipVertex") != 0
+            || count("return") != 0
+        {
             return;
         }
         let wanted = ["gl_Position", "=", "ftransform", "(", ")", ";"];
@@ -254,7 +258,7 @@ impl Rewriter {
     }
 
     /// Rewrites the declarations at global scope.
-    fn globals(&mut self, tokens: &[Token]) -> Outcome {
+    fn globals(&mut self, tokens: &[Token]) -> TranslateResult {
         let mut at = 0;
         while at < tokens.len() {
             let line = tokens[at].line;
@@ -276,7 +280,7 @@ impl Rewriter {
             while let Some(token) = tokens.get(at) {
                 match token.text.as_str() {
                     "attribute" => storage = Some(Storage::In),
-                    "varying" if self.stage == Stage::Vertex => storage = Some(Storage::Out),
+                    "varying" if self.stage == ProgramStage::Vertex => storage = Some(Storage::Out),
                     "varying" => storage = Some(Storage::In),
                     "uniform" => storage = Some(Storage::Uniform),
                     "in" => storage = Some(Storage::In),
@@ -419,7 +423,7 @@ impl Rewriter {
 
     /// Rewrites a uniform block, whose name is at `at`; returns the position after it. Without a name of an instance its members are
     /// variables of their own, or else those of a structure.
-    fn block(&mut self, tokens: &[Token], at: usize, block: Block) -> Outcome<usize> {
+    fn block(&mut self, tokens: &[Token], at: usize, block: Block) -> TranslateResult<usize> {
         let line = tokens[at].line;
         let missing = || Wrong::at(line, "a declaration without an end");
         let close = closing(tokens, at + 1).ok_or_else(missing)?;
@@ -443,7 +447,7 @@ impl Rewriter {
     }
 
     /// Rewrites a function, a structure, or a plain global variable; returns the position after it.
-    fn own(&mut self, tokens: &[Token], start: usize) -> Outcome<usize> {
+    fn own(&mut self, tokens: &[Token], start: usize) -> TranslateResult<usize> {
         let line = tokens[start].line;
         let mut at = start;
         let mut function = false;
@@ -496,7 +500,7 @@ impl Rewriter {
     }
 
     /// Tokens in naga's dialect.
-    fn body(&mut self, tokens: &[Token]) -> Outcome<Vec<Token>> {
+    fn body(&mut self, tokens: &[Token]) -> TranslateResult<Vec<Token>> {
         let mut out: Vec<Token> = Vec::with_capacity(tokens.len());
         let mut at = 0;
         while let Some(token) = tokens.get(at) {
@@ -518,7 +522,7 @@ impl Rewriter {
                 continue;
             }
             let called = tokens.get(at).is_some_and(|token| token.is("("));
-            let arguments = |open: usize| -> Outcome<usize> {
+            let arguments = |open: usize| -> TranslateResult<usize> {
                 closing(tokens, open).ok_or_else(|| Wrong::at(line, "a bracket that is not closed"))
             };
             match token.text.as_str() {
@@ -601,7 +605,7 @@ impl Rewriter {
     }
 
     /// The sampler that these tokens begin with, and how many of them name it.
-    fn sampler_of(&self, tokens: &[Token], line: u32) -> Outcome<Option<(usize, usize)>> {
+    fn sampler_of(&self, tokens: &[Token], line: u32) -> TranslateResult<Option<(usize, usize)>> {
         let Some(name) = tokens.first() else { return Ok(None) };
         if let Some(&(first, count)) = self.arrays.get(&name.text) {
             let Some(k) = number_in_brackets(&tokens[1..]) else {
@@ -616,7 +620,7 @@ impl Rewriter {
         Ok(self.source.samplers.iter().position(|known| name.is(&known.name)).map(|sampler| (sampler, 1)))
     }
 
-    fn builtin(&mut self, name: &str, line: u32) -> Outcome {
+    fn builtin(&mut self, name: &str, line: u32) -> TranslateResult {
         let Some(builtin) = builtins::find(self.stage, name) else {
             return Err(Wrong::at(line, format!("gl_{name} is not supported")));
         };
@@ -624,7 +628,7 @@ impl Rewriter {
         Ok(())
     }
 
-    fn finish(self) -> Source {
+    fn finish(self) -> RewrittenStage {
         let Rewriter { mut source, out, helpers, .. } = self;
         // All on the second line, so that lines of the source stay countable.
         let mut text = String::from("#version 450\n");
@@ -666,8 +670,8 @@ mod tests {
     #[test]
     fn a_bracket_at_the_start_of_a_shader_is_no_function() {
         for text in ["(1)\nvoid main() {}", "(sampler2D s)\nvoid main() {}"] {
-            let source =
-                rewrite(Stage::Fragment, vec![tokens::preprocess(text).expect("tokens")]).expect("text for naga to refuse");
+            let source = rewrite(ProgramStage::Fragment, vec![tokens::preprocess(text).expect("tokens")])
+                .expect("text for naga to refuse");
             assert!(source.text.contains("main"), "{}", source.text);
         }
     }

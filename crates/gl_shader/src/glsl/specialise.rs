@@ -8,18 +8,18 @@ use super::outline;
 use super::sampler::sampler;
 use super::tokens::{Dialect, Token, closing, parts};
 use super::words::number_in_brackets;
-use super::{Outcome, TOKENS_MAX, Wrong};
+use super::{TOKENS_MAX, TranslateResult, Wrong};
 
 /// What the overloads of a function differ in, as far as samplers are concerned: its name, its number of parameters, and which of them are
 /// samplers of which type.
-type Likeness = (String, usize, Vec<(usize, String)>);
+type SamplerSignature = (String, usize, Vec<(usize, String)>);
 
 /// The samplers that replace parameters, by the names of these: each as the tokens that name it.
 type Chosen = BTreeMap<String, Vec<Token>>;
 
 /// A function with sampler parameters, or a prototype of one.
 struct Function {
-    likeness: Likeness,
+    likeness: SamplerSignature,
     /// The places of its name, of the brackets around its parameters, and of what follows them.
     name: usize,
     close: usize,
@@ -44,18 +44,18 @@ struct Copies {
     /// Types of the program's samplers, and whether they are arrays.
     samplers: BTreeMap<String, (Token, bool)>,
     /// The functions of which there are copies.
-    functions: Vec<Likeness>,
+    functions: Vec<SamplerSignature>,
     /// The function and the samplers of each copy, in the order in which calls to them were found.
-    list: Vec<(Likeness, Vec<Vec<Token>>)>,
+    list: Vec<(SamplerSignature, Vec<Vec<Token>>)>,
     /// Their numbers, by the function and the text of the samplers.
-    numbers: BTreeMap<(Likeness, Vec<String>), usize>,
+    numbers: BTreeMap<(SamplerSignature, Vec<String>), usize>,
 }
 
 /// Replaces functions with sampler parameters in the shaders of a stage.
 ///
 /// # Errors
 /// If an argument for a sampler names none, or if the copies have too many tokens.
-pub fn specialise(shaders: &mut [(Dialect, Vec<Token>)]) -> Outcome {
+pub fn specialise(shaders: &mut [(Dialect, Vec<Token>)]) -> TranslateResult {
     let mut copies = Copies::default();
     let items: Vec<Vec<Item>> = shaders.iter().map(|(_, tokens)| items(tokens)).collect();
     copies.functions = items.iter().flatten().filter_map(|item| Some(item.function.as_ref()?.likeness.clone())).collect();
@@ -162,7 +162,7 @@ impl Copies {
     }
 
     /// These tokens with samplers in place of the parameters that `chosen` has, and calls of copies.
-    fn replaced(&mut self, tokens: &[Token], chosen: &Chosen) -> Outcome<Vec<Token>> {
+    fn replaced(&mut self, tokens: &[Token], chosen: &Chosen) -> TranslateResult<Vec<Token>> {
         let (mut out, mut at) = (Vec::with_capacity(tokens.len()), 0);
         while let Some(token) = tokens.get(at) {
             at += 1;
@@ -203,10 +203,16 @@ impl Copies {
     }
 
     /// The copy that a call with these arguments needs; none if it is that of a function without samplers.
-    fn copy(&mut self, name: &Token, arguments: &[&[Token]], chosen: &Chosen) -> Outcome<Option<(usize, Likeness)>> {
+    fn copy(
+        &mut self,
+        name: &Token,
+        arguments: &[&[Token]],
+        chosen: &Chosen,
+    ) -> TranslateResult<Option<(usize, SamplerSignature)>> {
         let named: Vec<_> = arguments.iter().map(|argument| self.named(argument, chosen)).collect();
         let overloads = || self.functions.iter().filter(|of| name.is(&of.0) && of.1 == arguments.len());
-        let fits = |of: &&Likeness| of.2.iter().all(|(k, kind)| named[*k].as_ref().is_some_and(|(known, _)| known == kind));
+        let fits =
+            |of: &&SamplerSignature| of.2.iter().all(|(k, kind)| named[*k].as_ref().is_some_and(|(known, _)| known == kind));
         let Some(of) = overloads().find(fits).cloned() else {
             let known = |argument: &&[Token]| argument.first().is_some_and(|first| self.samplers.contains_key(&first.text));
             if overloads().next().is_some() && arguments.iter().any(known) {
@@ -238,7 +244,7 @@ impl Copies {
     }
 
     /// Appends a copy of a function, or of its prototype.
-    fn write(&mut self, number: usize, tokens: &[Token], start: usize, of: &Function, out: &mut Vec<Token>) -> Outcome {
+    fn write(&mut self, number: usize, tokens: &[Token], start: usize, of: &Function, out: &mut Vec<Token>) -> TranslateResult {
         let name = &tokens[of.name];
         out.extend_from_slice(&tokens[start..of.name]);
         out.push(Token::new(copy_name(number, &name.text), name.line));

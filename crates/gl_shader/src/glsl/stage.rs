@@ -10,7 +10,7 @@ use super::emit::{Call, Named, Translated, Variable};
 use super::rewrite::Storage;
 use super::sampler::{Read, Sampler};
 use crate::arb::program::GENERICS;
-use crate::arb::program::{Output, Program, Stage, input};
+use crate::arb::program::{Output, Program, ProgramStage, input};
 use crate::arb::wgsl::{input_name, output_name};
 use crate::key::{Expand, ShaderKey};
 use crate::{COLORS_MAX, IMAGES, STAGE_IMAGES};
@@ -135,7 +135,7 @@ fn is_read(text: &str, name: &str) -> bool {
 }
 
 /// The program of a stage of a program object.
-pub fn program(stages: [Option<&Translated>; 2], stage: Stage, joints: &Joints) -> Result<Program, String> {
+pub fn program(stages: [Option<&Translated>; 2], stage: ProgramStage, joints: &Joints) -> Result<Program, String> {
     let of = stages[stage as usize - 1].ok_or("a stage that is not there")?;
     let mut code = Code {
         functions: of.text.clone(),
@@ -154,7 +154,7 @@ pub fn program(stages: [Option<&Translated>; 2], stage: Stage, joints: &Joints) 
     for named in &of.named {
         builtin(named, &mut code, &mut program);
     }
-    if let (Stage::Fragment, [upper, whole]) = (stage, of.coordinates) {
+    if let (ProgramStage::Fragment, [upper, whole]) = (stage, of.coordinates) {
         let position = input_name(input::POSITION);
         for (_, value) in code.set.iter_mut().filter(|(_, value)| *value == position) {
             let y = if upper { format!("u.height.z - {position}.y") } else { format!("{position}.y") };
@@ -171,11 +171,11 @@ pub fn program(stages: [Option<&Translated>; 2], stage: Stage, joints: &Joints) 
     if let Some(flip) = &of.flip {
         // The uniform for this is present if the fragment position is read.
         program.inputs |= 1 << input::POSITION;
-        code.set.push((flip.clone(), if stage == Stage::Fragment { "u.height.y".into() } else { "1.0".into() }));
+        code.set.push((flip.clone(), if stage == ProgramStage::Fragment { "u.height.y".into() } else { "1.0".into() }));
     }
     match stage {
-        Stage::Vertex => attributes(of, joints, &mut code, &mut program)?,
-        Stage::Fragment => {
+        ProgramStage::Vertex => attributes(of, joints, &mut code, &mut program)?,
+        ProgramStage::Fragment => {
             // Without a vertex shader, varyings are undefined; here they are 0.
             colors(of, joints, &mut code)?;
         }
@@ -331,7 +331,7 @@ fn attributes(of: &Translated, joints: &Joints, code: &mut Code, program: &mut P
 }
 
 /// Writes the function of a call; returns its kind of read.
-fn read(call: &Call, unit: usize, sampler: &Sampler, stage: Stage, out: &mut String) -> u8 {
+fn read(call: &Call, unit: usize, sampler: &Sampler, stage: ProgramStage, out: &mut String) -> u8 {
     let kind = |layout: &Layout| match layout {
         Layout::Vector(n, kind) => (*n, vector_name(*n, *kind)),
         _ => (4, "vec4f".into()),
@@ -363,7 +363,7 @@ fn read(call: &Call, unit: usize, sampler: &Sampler, stage: Stage, out: &mut Str
         }
         Read::Level | Read::ProjectedLevel => (format!("texel{unit}_level({at}, a1)"), way::LEVEL),
         // The vertex stage has no derivatives.
-        Read::Plain | Read::Projected if stage == Stage::Vertex => (format!("texel{unit}_level({at}, 0.0)"), way::LEVEL),
+        Read::Plain | Read::Projected if stage == ProgramStage::Vertex => (format!("texel{unit}_level({at}, 0.0)"), way::LEVEL),
         Read::Plain | Read::Projected if arguments.len() > 1 => (format!("texel{unit}_bias({at}, a1)"), way::BIAS),
         Read::Plain | Read::Projected => (format!("texel{unit}({at})"), way::PLAIN),
     };
@@ -381,7 +381,7 @@ fn read(call: &Call, unit: usize, sampler: &Sampler, stage: Stage, out: &mut Str
 }
 
 /// Writes the stage into a function of the module. Inputs and results are in variables.
-pub(crate) fn body(key: &ShaderKey, code: &Code, stage: Stage, out: &mut String) {
+pub(crate) fn body(key: &ShaderKey, code: &Code, stage: ProgramStage, out: &mut String) {
     if code.set.iter().any(|(_, value)| value == "point_place") {
         match key.expand {
             Expand::No => line!(out, "    let point_place = vec2f(0.5);"),
@@ -391,7 +391,7 @@ pub(crate) fn body(key: &ShaderKey, code: &Code, stage: Stage, out: &mut String)
     for (to, value) in &code.set {
         line!(out, "    {to} = {value};");
     }
-    if stage == Stage::Fragment {
+    if stage == ProgramStage::Fragment {
         for (k, varying) in code.varyings.iter().enumerate() {
             line!(out, "    {} = v.user{k};", varying.to);
         }
@@ -400,7 +400,7 @@ pub(crate) fn body(key: &ShaderKey, code: &Code, stage: Stage, out: &mut String)
     for (output, value) in &code.results {
         line!(out, "    let {} = {value};", output_name(*output));
     }
-    if stage == Stage::Vertex {
+    if stage == ProgramStage::Vertex {
         for (k, varying) in code.varyings.iter().enumerate() {
             line!(out, "    o.user{k} = {};", varying.from);
         }

@@ -164,7 +164,7 @@ pub struct Acquired {
 }
 
 /// An object that a trace knows by address.
-pub trait Known {
+pub trait AddressedObject {
     /// The native object.
     fn object(&self) -> Object;
 }
@@ -172,7 +172,7 @@ pub trait Known {
 macro_rules! known {
     ($($ty:ty: $object:ident $(. $field:ident)?),* $(,)?) => {
         $(
-            impl Known for $ty {
+            impl AddressedObject for $ty {
                 fn object(&self) -> Object {
                     Object::$object((*self)$(.$field)?)
                 }

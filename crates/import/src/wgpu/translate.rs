@@ -218,7 +218,7 @@ impl Translator {
     }
 
     /// Makes an id name what an action has made, or an invalid object where it made nothing.
-    fn make<T: Known>(
+    fn make<T: AddressedObject>(
         &mut self,
         table: fn(&mut Objects) -> &mut Table<T>,
         (id, label): (Id, Option<String>),
@@ -397,8 +397,8 @@ impl Translator {
     /// Notes that an object was dropped. It stays usable: a submit that was encoded before may come later in the file. A trace also
     /// drops objects that no action creates (derived pipeline layouts): these drops are ignored.
     fn drop_object(&mut self, action: Action) {
-        fn known<T: Known>(table: &Table<T>, id: Id) -> Option<Object> {
-            table.find(id).map(Known::object)
+        fn known<T: AddressedObject>(table: &Table<T>, id: Id) -> Option<Object> {
+            table.find(id).map(AddressedObject::object)
         }
         let o = &self.objects;
         let object = match action {

@@ -104,7 +104,7 @@ fn gzip_and_brotli_are_read() {
         std::fs::write(&path, bytes).expect("a file");
         import::detect(&path).map(|found| found.kind)
     };
-    assert_eq!(kind(&packed), Some(import::Kind::Apitrace));
+    assert_eq!(kind(&packed), Some(import::TraceKind::Apitrace));
     assert_eq!(kind(b"\x8b\x02\x80more"), None);
     let error = imported(b"\x8b\x02\x80more".to_vec()).err().expect("no recording");
     assert!(error.contains("container of version 109"), "{error}");

@@ -2,7 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
-use import::{self, Kind};
+use import::{self, TraceKind};
 use trace::command::Command;
 use trace::{Trace, TraceError};
 
@@ -36,7 +36,7 @@ fn commands(trace: &Trace) -> Vec<Command> {
 fn every_visible_trace_imports() {
     for folder in peers().into_iter().flatten() {
         let found = import::detect(&folder).expect("a trace");
-        assert_eq!(found.kind, Kind::Wgpu);
+        assert_eq!(found.kind, TraceKind::Wgpu);
         let trace = import::open(&folder).unwrap_or_else(|error| panic!("{error}"));
         let commands = commands(&trace);
         let count = |test: fn(&Command) -> bool| commands.iter().filter(|c| test(c)).count();

@@ -7,7 +7,7 @@ use std::path::{Path, PathBuf};
 
 use gfx::format::Format;
 use gfx::state;
-use import::{self, Found, Kind};
+use import::{self, FoundTrace, TraceKind};
 use serde::Deserialize;
 use trace::{self, Trace, TraceError};
 use wgpu_text as schema;
@@ -79,7 +79,7 @@ fn written_as_a_native_trace_it_stays_the_same() {
     let imported = import::open(folder("all")).unwrap();
     let home = tempfile::tempdir().unwrap();
     trace::write(&imported, home.path()).unwrap_or_else(|error| panic!("{error}"));
-    assert_eq!(import::detect(home.path()).unwrap().kind, Kind::Native);
+    assert_eq!(import::detect(home.path()).unwrap().kind, TraceKind::Native);
     let native = import::open(home.path()).unwrap_or_else(|error| panic!("{error}"));
     assert_eq!(listing(&imported), listing(&native));
     let names: Vec<_> = imported.blob_names().collect();
@@ -374,20 +374,20 @@ fn kinds_are_told_apart() {
         std::fs::write(&path, bytes).unwrap();
         path
     };
-    let found = |kind, path: &Path| Some(Found { kind, path: path.to_path_buf() });
+    let found = |kind, path: &Path| Some(FoundTrace { kind, path: path.to_path_buf() });
 
     let native = put("native/trace.ron", b"// A trace.\nTrace(version: 1)");
-    assert_eq!(import::detect(&home.path().join("native")), found(Kind::Native, &native));
+    assert_eq!(import::detect(&home.path().join("native")), found(TraceKind::Native, &native));
     let wgpu = put("wgpu/trace/trace.ron", b"/* from\nwgpu */ [\n]");
-    assert_eq!(import::detect(&home.path().join("wgpu")), found(Kind::Wgpu, &wgpu));
-    assert_eq!(import::detect(&home.path().join("wgpu/trace")), found(Kind::Wgpu, &wgpu));
-    assert_eq!(import::detect(&wgpu), found(Kind::Wgpu, &wgpu));
+    assert_eq!(import::detect(&home.path().join("wgpu")), found(TraceKind::Wgpu, &wgpu));
+    assert_eq!(import::detect(&home.path().join("wgpu/trace")), found(TraceKind::Wgpu, &wgpu));
+    assert_eq!(import::detect(&wgpu), found(TraceKind::Wgpu, &wgpu));
     let zip = put("a.zip", b"PK\x03\x04");
-    assert_eq!(import::detect(&zip), found(Kind::Native, &zip));
+    assert_eq!(import::detect(&zip), found(TraceKind::Native, &zip));
     let apitrace = put("gl/x.trace", b"at\x10\0\0\0");
-    assert_eq!(import::detect(&home.path().join("gl")), found(Kind::Apitrace, &apitrace));
+    assert_eq!(import::detect(&home.path().join("gl")), found(TraceKind::Apitrace, &apitrace));
     let gli = put("gli/tracefile.txt", b"GLI0.t\n");
-    assert_eq!(import::detect(&home.path().join("gli")), found(Kind::GlInterceptor, &gli));
+    assert_eq!(import::detect(&home.path().join("gli")), found(TraceKind::GlInterceptor, &gli));
     let none = put("notes/notes.txt", b"hello");
     assert_eq!(import::detect(&none), None);
     assert_eq!(import::detect(none.parent().unwrap()), None);

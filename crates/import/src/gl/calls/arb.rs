@@ -2,7 +2,7 @@
 
 use std::rc::Rc;
 
-use gl_shader::arb::program::{GENERICS, PARAMETERS, Stage};
+use gl_shader::arb::program::{GENERICS, PARAMETERS, ProgramStage};
 
 use crate::gl::call::{Arg, Call, Fault, GlResult, INVALID_ENUM, INVALID_VALUE, Shape, components};
 use crate::gl::machine::Gl;
@@ -10,10 +10,10 @@ use crate::gl::state::arb::{FRAGMENT_PROGRAM, VERTEX_PROGRAM};
 
 const PROGRAM_FORMAT_ASCII: u32 = 0x8875;
 
-fn stage(target: u32) -> GlResult<Stage> {
+fn stage(target: u32) -> GlResult<ProgramStage> {
     match target {
-        VERTEX_PROGRAM => Ok(Stage::Vertex),
-        FRAGMENT_PROGRAM => Ok(Stage::Fragment),
+        VERTEX_PROGRAM => Ok(ProgramStage::Vertex),
+        FRAGMENT_PROGRAM => Ok(ProgramStage::Fragment),
         _ => Err(INVALID_ENUM),
     }
 }
@@ -62,7 +62,7 @@ pub fn string(gl: &mut Gl, call: &Call, _: Shape) -> GlResult {
 }
 
 /// Sets parameters from this one on.
-fn set(gl: &mut Gl, stage: Stage, local: bool, first: u32, values: &[f64]) -> GlResult {
+fn set(gl: &mut Gl, stage: ProgramStage, local: bool, first: u32, values: &[f64]) -> GlResult {
     let list = match local {
         true => &mut gl.objects.programs.bound(&gl.context.programs, stage).local,
         false => gl.context.programs.environment_mut(stage),

@@ -2,7 +2,7 @@
 
 use std::rc::Rc;
 
-use gl_shader::arb::program::{GENERICS, Stage};
+use gl_shader::arb::program::{GENERICS, ProgramStage};
 use gl_shader::consts as e;
 
 use crate::gl::call::{Arg, Call, Fault, GlResult, INVALID_ENUM, INVALID_OPERATION, INVALID_VALUE, Scalar, Shape};
@@ -203,8 +203,8 @@ impl Gl {
         self.apply_materials()?;
         let (ready, bits) = self.array_views()?;
         // A vertex program may take its position from any attribute, or from none.
-        let program =
-            self.objects.glsl.has(self.context.glsl_program, Stage::Vertex) || self.state.programs & Stage::Vertex as u8 != 0;
+        let program = self.objects.glsl.has(self.context.glsl_program, ProgramStage::Vertex)
+            || self.state.programs & ProgramStage::Vertex as u8 != 0;
         if bits & (1 | 1 << GENERIC) == 0 && !program {
             return Ok(());
         }

@@ -1,7 +1,7 @@
 //! Framebuffer objects, renderbuffers, and the choice of the images that are drawn to and read.
 
 use gfx::state::Rect;
-use gl_shader::key::{Base, Kind};
+use gl_shader::key::{Base, TextureShape};
 use gl_shader::narrow::restored;
 use gl_shader::{COLORS_MAX, TARGETS, consts as e};
 
@@ -114,7 +114,7 @@ fn textured(gl: &Gl, target: u32, name: u32, level: u32) -> GlResult<Attachment>
     let face = target.wrapping_sub(e::TEXTURE_CUBE_MAP_POSITIVE_X);
     let (kind, layer) = match TARGETS.iter().position(|&known| known == target) {
         Some(k) => (kind_of(k), 0),
-        None if face < 6 => (Kind::Cube, face),
+        None if face < 6 => (TextureShape::Cube, face),
         None => return Err(INVALID_ENUM),
     };
     if gl.objects.textures.get(name).is_none_or(|texture| texture.kind != kind) {
@@ -131,7 +131,7 @@ pub fn texture_1d_or_2d(gl: &mut Gl, call: &Call, _: Shape) -> GlResult {
 pub fn texture_any(gl: &mut Gl, call: &Call, _: Shape) -> GlResult {
     let (name, level) = (call.u32(2)?, call.size(3)?);
     let kind = gl.objects.textures.get(name).map(|texture| texture.kind);
-    if matches!(kind, Some(Kind::Cube | Kind::D3)) {
+    if matches!(kind, Some(TextureShape::Cube | TextureShape::D3)) {
         return Err(Fault::Unsupported("frame buffer objects with all layers of a texture".into()));
     }
     let what = match kind {
@@ -288,7 +288,7 @@ pub fn read_buffer(gl: &mut Gl, call: &Call, _: Shape) -> GlResult {
 
 pub fn generate_mipmap(gl: &mut Gl, call: &Call, _: Shape) -> GlResult {
     let k = TARGETS.iter().position(|&target| Ok(target) == call.u32(0)).ok_or(INVALID_ENUM)?;
-    gl.generate_levels(k, 0..if kind_of(k) == Kind::Cube { 6 } else { 1 })
+    gl.generate_levels(k, 0..if kind_of(k) == TextureShape::Cube { 6 } else { 1 })
 }
 
 impl Gl {
@@ -300,7 +300,7 @@ impl Gl {
         let texture =
             if name == 0 { self.objects.default_textures.get_mut(target as u32) } else { self.objects.textures.get_mut(name) };
         let texture = texture.ok_or(INVALID_OPERATION)?;
-        if texture.kind == Kind::D3 {
+        if texture.kind == TextureShape::D3 {
             return Err(Fault::Unsupported("automatic mipmaps of 3D textures whose texels are on the card".into()));
         }
         let first = texture.range[0];

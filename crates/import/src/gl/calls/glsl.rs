@@ -1,6 +1,6 @@
 //! GLSL: shader and program objects, uniforms, and the stages that a draw uses. [`gl_shader::glsl`] translates them.
 
-use gl_shader::arb::program::Stage;
+use gl_shader::arb::program::ProgramStage;
 use gl_shader::glsl::{Sources, link};
 
 use crate::gl::call::{Arg, Call, Fault, GlResult, INVALID_OPERATION, INVALID_VALUE, Shape};
@@ -25,8 +25,8 @@ fn created(call: &Call) -> GlResult<u32> {
 
 pub fn create_shader(gl: &mut Gl, call: &Call, _: Shape) -> GlResult {
     let stage = match call.u32(0)? {
-        VERTEX_SHADER => Ok(Stage::Vertex),
-        FRAGMENT_SHADER => Ok(Stage::Fragment),
+        VERTEX_SHADER => Ok(ProgramStage::Vertex),
+        FRAGMENT_SHADER => Ok(ProgramStage::Fragment),
         other => Err(other),
     };
     gl.objects.glsl.shaders.insert(created(call)?, Shader { stage, source: "".into(), compiled: None });

@@ -1,6 +1,6 @@
 //! Capabilities, lighting, fog, and how primitives are rasterised.
 
-use gl_shader::arb::program::Stage;
+use gl_shader::arb::program::ProgramStage;
 use gl_shader::key::FogDistance;
 use gl_shader::{LIGHTS, TARGETS, consts as e};
 
@@ -231,7 +231,8 @@ fn track(gl: &mut Gl, [face, name]: [u32; 2], materials: [Material; 2]) -> GlRes
             vertices.iter_mut().for_each(|vertex| vertex.color = old);
         }
         gl.context.changing_material = Some(ChangingMaterial::Color(key, new));
-    } else if gl.state.lighting.two_side || gl.context.glsl_program != 0 || gl.state.programs & Stage::Vertex as u8 != 0 {
+    } else if gl.state.lighting.two_side || gl.context.glsl_program != 0 || gl.state.programs & ProgramStage::Vertex as u8 != 0
+    {
         return Err(Fault::Unsupported("several materials within a primitive, lit on two sides or by a program".into()));
     } else if gl.context.changing_material != Some(ChangingMaterial::Lit) {
         // The vertices before the change have the materials from before it.

@@ -1,6 +1,6 @@
 //! Parameters of textures, and sampler objects, which have the parameters of sampling.
 
-use gl_shader::key::{Base, Kind};
+use gl_shader::key::{Base, TextureShape};
 use gl_shader::{IMAGES, consts as e};
 
 use crate::gl::call::{Call, Fault, GlResult, INVALID_ENUM, INVALID_OPERATION, INVALID_VALUE, Scalar, Shape, parameters};
@@ -43,7 +43,7 @@ pub fn sampler_parameter(gl: &mut Gl, call: &Call, shape: Shape) -> GlResult {
     if sampler == 0 {
         return Err(INVALID_OPERATION);
     }
-    set_parameter(gl.objects.samplers.get_or_insert_with(sampler, || Texture::new(Kind::D2)), name, &values, shape)
+    set_parameter(gl.objects.samplers.get_or_insert_with(sampler, || Texture::new(TextureShape::D2)), name, &values, shape)
 }
 
 /// `glBindSampler(unit, sampler)`
@@ -53,7 +53,7 @@ pub fn bind(gl: &mut Gl, call: &Call, _: Shape) -> GlResult {
         return Err(INVALID_VALUE);
     }
     if sampler != 0 {
-        gl.objects.samplers.get_or_insert_with(sampler, || Texture::new(Kind::D2));
+        gl.objects.samplers.get_or_insert_with(sampler, || Texture::new(TextureShape::D2));
     }
     gl.context.samplers.bound[unit] = sampler;
     Ok(())
@@ -145,10 +145,10 @@ fn set_parameter(texture: &mut Texture, name: u32, values: &[f64], shape: Shape)
 }
 
 /// A wrap mode that textures of this kind may have.
-fn wrapping(kind: Kind, word: u32) -> GlResult<u32> {
+fn wrapping(kind: TextureShape, word: u32) -> GlResult<u32> {
     match word {
         e::CLAMP | e::CLAMP_TO_EDGE | e::CLAMP_TO_BORDER => Ok(word),
-        _ if kind == Kind::Rectangle => Err(INVALID_ENUM),
+        _ if kind == TextureShape::Rectangle => Err(INVALID_ENUM),
         e::REPEAT | e::MIRRORED_REPEAT | MIRROR_CLAMP | MIRROR_CLAMP_TO_EDGE | MIRROR_CLAMP_TO_BORDER => Ok(word),
         _ => Err(INVALID_ENUM),
     }

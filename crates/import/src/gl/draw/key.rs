@@ -45,14 +45,14 @@ impl Gl {
             }
         };
         let state = &self.state.texturing.units[unit];
-        let made: [Option<Made>; 4] = std::array::from_fn(|k| {
+        let made: [Option<TexGenMode>; 4] = std::array::from_fn(|k| {
             let on = state.generated & 1 << k != 0;
             on.then(|| match state.generation[k].mode {
-                e::OBJECT_LINEAR => Made::Object,
-                e::SPHERE_MAP => Made::Sphere,
-                e::REFLECTION_MAP => Made::Reflection,
-                e::NORMAL_MAP => Made::Normal,
-                _ => Made::Eye,
+                e::OBJECT_LINEAR => TexGenMode::Object,
+                e::SPHERE_MAP => TexGenMode::Sphere,
+                e::REFLECTION_MAP => TexGenMode::Reflection,
+                e::NORMAL_MAP => TexGenMode::Normal,
+                _ => TexGenMode::Eye,
             })
         });
         // Further units are read by programs alone.
@@ -86,7 +86,7 @@ impl Gl {
             unit,
             coordinates: false,
             sampled: false,
-            kind: target.map_or(Kind::D2, kind_of),
+            kind: target.map_or(TextureShape::D2, kind_of),
             base: bound.as_ref().map_or(Base::Rgba, |bound| bound.base),
             swizzle: bound.as_ref().map_or([0, 1, 2, 3], |bound| bound.swizzle),
             face_edges: !self.context.samplers.seamless && bound.as_ref().is_some_and(|bound| bound.face_edges),

@@ -1,6 +1,6 @@
 //! Points, lines and triangles before they are appended: patterns of lines, and lines that are clipped before the card lights them.
 
-use gl_shader::arb::program::Stage;
+use gl_shader::arb::program::ProgramStage;
 use gl_shader::consts as e;
 
 use crate::gl::call::GlResult;
@@ -22,7 +22,7 @@ impl Gl {
         if class == Class::Lines
             && self.state.is(e::LIGHTING)
             && self.widens_lines()
-            && self.active_program(Stage::Vertex)?.is_none()
+            && self.active_program(ProgramStage::Vertex)?.is_none()
         {
             let clip = to_clip(&self.context.matrices.projection.top, &self.context.matrices.modelview.top);
             let outside = |vertex: &Vertex| {

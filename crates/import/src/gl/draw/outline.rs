@@ -4,7 +4,7 @@
 //! polygons are cut as triangles. Along the sides of the view volume nothing is drawn, but the edges of triangles that these cut have another
 //! order, which patterns and edges over each other show.
 
-use gl_shader::arb::program::Stage;
+use gl_shader::arb::program::ProgramStage;
 use gl_shader::{PLANES, consts as e};
 use glam::{DVec2, DVec3, Mat4, dvec2, dvec3};
 
@@ -41,7 +41,7 @@ impl Gl {
         let planes: Vec<[f32; 4]> =
             (0..PLANES).filter(|&k| self.state.is(e::CLIP_PLANE0 + k as u32)).map(|k| self.state.transform.planes[k]).collect();
         // Whether a vertex program decides where vertices and clip planes are.
-        let program = self.active_program(Stage::Vertex)?;
+        let program = self.active_program(ProgramStage::Vertex)?;
         for corners in polygons {
             let back = self.is_back(&clip, corners.iter().map(|&i| &vertices[i as usize]));
             let culled = self.state.is(e::CULL_FACE)

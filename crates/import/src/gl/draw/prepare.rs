@@ -4,7 +4,7 @@
 use std::collections::BTreeSet;
 use std::rc::Rc;
 
-use gl_shader::arb::program::{Output, Stage, input};
+use gl_shader::arb::program::{Output, ProgramStage, input};
 use gl_shader::glsl::stage::way;
 use gl_shader::key::*;
 use gl_shader::{TARGETS, UNITS, consts as e, wgsl};
@@ -166,8 +166,8 @@ impl Gl {
         if on_card.is_none() && self.sides_differ(batch) {
             return Ok(Preparation::BySides);
         }
-        let vertex = self.active_program(Stage::Vertex)?;
-        let fragment = self.active_program(Stage::Fragment)?;
+        let vertex = self.active_program(ProgramStage::Vertex)?;
+        let fragment = self.active_program(ProgramStage::Fragment)?;
         if self.drawing.pixels.is_some() && (vertex.is_some() || fragment.is_some()) {
             return Err(Fault::Unsupported("pixel rectangles with programs".into()));
         }
@@ -385,7 +385,7 @@ impl Gl {
         let numbers: String = ["vertex", "fragment"].into_iter().zip(programs).filter_map(of).collect();
         let label = format!("fixed-{}{numbers}", self.drawing.shaders.len());
         let [vertex, fragment] = programs.map(|active| active.map(|active| &*active.program));
-        let text = wgsl::module(key, &wgsl::Source { uniforms, vertex, fragment });
+        let text = wgsl::module(key, &wgsl::ModuleInputs { uniforms, vertex, fragment });
         let shader = self.card.recorder.create_shader(&label, &text);
         self.drawing.texts.push((label, text));
         self.drawing.shaders.insert(key.clone(), shader);

@@ -2,7 +2,7 @@
 
 use std::rc::Rc;
 
-use gl_shader::arb::program::Stage;
+use gl_shader::arb::program::ProgramStage;
 use gl_shader::glsl::stage;
 use naga::ScalarKind;
 
@@ -14,7 +14,7 @@ use crate::gl::state::glsl::CodeKey;
 
 impl Gl {
     /// The stage of the current program.
-    pub fn glsl_program(&mut self, stage: Stage) -> GlResult<Option<ActiveProgram>> {
+    pub fn glsl_program(&mut self, stage: ProgramStage) -> GlResult<Option<ActiveProgram>> {
         let index = stage as usize - 1;
         let object = self.objects.glsl.programs.get(self.context.glsl_program).ok_or(INVALID_OPERATION)?;
         let refused =
@@ -29,7 +29,8 @@ impl Gl {
         let units = translated.samplers.iter().map(|sampler| unit(&sampler.name)).collect();
         let attribute = |name: &str| object.attributes.get(name).copied();
         let output = |name: &str| object.outputs.get(name).copied();
-        let location = |name: &str| if stage == Stage::Vertex { attribute(name).map(|at| [at, 0]) } else { output(name) };
+        let location =
+            |name: &str| if stage == ProgramStage::Vertex { attribute(name).map(|at| [at, 0]) } else { output(name) };
         let chosen = translated.variables.iter().map(|variable| location(&variable.global.name)).collect();
         let key: CodeKey = (linked.number, stage, units, chosen);
         let loaded = match self.glsl.codes.get(&key) {
@@ -74,7 +75,7 @@ impl Gl {
 
 impl Gl {
     /// The enabled program of a stage.
-    pub fn active_program(&mut self, stage: Stage) -> GlResult<Option<ActiveProgram>> {
+    pub fn active_program(&mut self, stage: ProgramStage) -> GlResult<Option<ActiveProgram>> {
         if self.context.glsl_program != 0 {
             return self.glsl_program(stage);
         }

@@ -35,7 +35,7 @@ impl Gl {
     /// Whether it is known if Mesa clips.
     fn clipping_decides(&self) -> bool {
         self.options.as_mesa
-            && self.state.programs & gl_shader::arb::program::Stage::Vertex as u8 == 0
+            && self.state.programs & gl_shader::arb::program::ProgramStage::Vertex as u8 == 0
             && self.context.glsl_program == 0
     }
 

@@ -1,7 +1,7 @@
 //! Line stipple (OpenGL 1.5, section 3.4.2). As in Mesa, each run of pixels that the pattern draws becomes a line of its own, whose colours, fog
 //! and texture coordinates lie on a straight line in the window, without perspective.
 
-use gl_shader::arb::program::Stage;
+use gl_shader::arb::program::ProgramStage;
 use gl_shader::consts as e;
 use glam::vec2;
 
@@ -18,7 +18,7 @@ const VERTICES_MAX: usize = 1 << 22;
 impl Gl {
     /// Appends what the pattern leaves of lines: of primitives, or of the outline of a polygon whose back is seen or not.
     pub fn dashed(&mut self, polygon: Option<bool>, vertices: &[Vertex], indices: &[u32]) -> GlResult {
-        let program = self.active_program(Stage::Vertex)?.is_some();
+        let program = self.active_program(ProgramStage::Vertex)?.is_some();
         let (mut vertices, modelview) = (vertices.to_vec(), self.context.matrices.modelview.top);
         if !program && !self.state.fog.from_coordinate {
             for vertex in &mut vertices {

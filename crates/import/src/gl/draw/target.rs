@@ -1,6 +1,6 @@
 //! The images that are drawn to and read.
 
-use gl_shader::key::{Base, Kind};
+use gl_shader::key::{Base, TextureShape};
 use gl_shader::{COLORS_MAX, consts as e};
 
 use crate::gl::call::{Fault, GlResult, INVALID_OPERATION};
@@ -42,7 +42,7 @@ impl Gl {
             }
             Attachment::Texture(name, layer, level) => {
                 let texture = self.objects.textures.get_mut(name).ok_or_else(|| missing(name, INCOMPLETE))?;
-                let face = if texture.kind == Kind::Cube { layer } else { 0 };
+                let face = if texture.kind == TextureShape::Cube { layer } else { 0 };
                 let Some(image) = texture.levels.get((face, level)) else { return Err(INCOMPLETE) };
                 let (size, base) = ([image.size[0], image.size[1]], image.base);
                 let surface = texture.surface(&mut self.card, layer, level)?;

@@ -1,7 +1,7 @@
 //! The uniforms of a draw. One list of fields both declares the block and fills it.
 
 use gl_shader::arb::program::{GENERICS, input};
-use gl_shader::key::{EnvironmentKey, Made, ShaderKey};
+use gl_shader::key::{EnvironmentKey, ShaderKey, TexGenMode};
 use gl_shader::wgsl::Field;
 use gl_shader::{UNITS, consts as e};
 use glam::Mat4;
@@ -127,14 +127,14 @@ fn visit(key: &ShaderKey, source: &UniformInputs, lit: Option<&[[f32; 4]]>, fiel
     }
     for (unit, sampling) in key.units.iter().zip(source.sampling) {
         let (k, of) = (unit.unit, &state.texturing.units[unit.unit]);
-        let planes = |wanted: Made, plane: &dyn Fn(usize) -> [f32; 4]| {
+        let planes = |wanted: TexGenMode, plane: &dyn Fn(usize) -> [f32; 4]| {
             let any = unit.made.contains(&Some(wanted));
             any.then(|| std::array::from_fn::<_, 4, _>(plane))
         };
-        if let Some(planes) = planes(Made::Object, &|k| of.generation[k].object) {
+        if let Some(planes) = planes(TexGenMode::Object, &|k| of.generation[k].object) {
             field("object_planes", Some(k), &planes);
         }
-        if let Some(planes) = planes(Made::Eye, &|k| of.generation[k].eye) {
+        if let Some(planes) = planes(TexGenMode::Eye, &|k| of.generation[k].eye) {
             field("eye_planes", Some(k), &planes);
         }
         if unit.matrix {

@@ -3,7 +3,7 @@
 use std::rc::Rc;
 
 use gl_shader::arb::parse;
-use gl_shader::arb::program::{MATRICES, Program, Stage};
+use gl_shader::arb::program::{MATRICES, Program, ProgramStage};
 use num::{NameMap, NumberMap};
 
 use crate::gl::state::transform::Stack;
@@ -72,7 +72,7 @@ impl Default for ProgramBindings {
 
 impl ProgramBindings {
     /// Binds a program.
-    pub fn bind(&mut self, stage: Stage, name: u32) {
+    pub fn bind(&mut self, stage: ProgramStage, name: u32) {
         self.bound[stage as usize - 1] = name;
     }
 
@@ -82,12 +82,12 @@ impl ProgramBindings {
     }
 
     /// The parameters that all programs of a stage read.
-    pub fn environment(&self, stage: Stage) -> &[[f32; 4]] {
+    pub fn environment(&self, stage: ProgramStage) -> &[[f32; 4]] {
         &self.environment[stage as usize - 1]
     }
 
     /// The parameters that all programs of a stage read, to be set.
-    pub fn environment_mut(&mut self, stage: Stage) -> &mut Vec<[f32; 4]> {
+    pub fn environment_mut(&mut self, stage: ProgramStage) -> &mut Vec<[f32; 4]> {
         &mut self.environment[stage as usize - 1]
     }
 }
@@ -111,7 +111,7 @@ impl ProgramObjects {
     }
 
     /// The object that is bound to a stage.
-    pub fn bound(&mut self, bindings: &ProgramBindings, stage: Stage) -> &mut Object {
+    pub fn bound(&mut self, bindings: &ProgramBindings, stage: ProgramStage) -> &mut Object {
         match bindings.bound[stage as usize - 1] {
             0 => &mut self.defaults[stage as usize - 1],
             name => self.objects.get_or_insert_with(name, Default::default),
@@ -140,7 +140,7 @@ impl ProgramTexts {
     }
 
     /// The program of a text, or the error in it.
-    pub fn load(&mut self, stage: Stage, text: &str) -> Result<NumberedProgram, String> {
+    pub fn load(&mut self, stage: ProgramStage, text: &str) -> Result<NumberedProgram, String> {
         let number = self.number();
         let load = || match parse(text, stage) {
             Ok(program) => Ok(NumberedProgram { number, program: Rc::new(program) }),

@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 use std::rc::Rc;
 
-use gl_shader::arb::program::Stage;
+use gl_shader::arb::program::ProgramStage;
 use gl_shader::glsl::{Linked, Sources};
 use num::{NameMap, NumberMap};
 
@@ -14,7 +14,7 @@ use crate::gl::state::arb::NumberedProgram;
 #[derive(Clone)]
 pub struct Shader {
     /// The stage; that of others is refused when a program with it draws.
-    pub stage: Result<Stage, u32>,
+    pub stage: Result<ProgramStage, u32>,
     /// Its source.
     pub source: Rc<str>,
     /// The source when it was compiled.
@@ -56,7 +56,7 @@ pub struct Executable {
 }
 
 /// The key of a stage's translated program: the linked program, the stage, units of samplers, locations of attributes and outputs.
-pub type CodeKey = (u32, Stage, Vec<u32>, Vec<Option<[u32; 2]>>);
+pub type CodeKey = (u32, ProgramStage, Vec<u32>, Vec<Option<[u32; 2]>>);
 
 /// The shader and program objects of a share group.
 #[derive(Default)]
@@ -89,7 +89,7 @@ impl GlslObjects {
     }
 
     /// Whether a program has a stage. One that cannot be translated may have any.
-    pub fn has(&self, program: u32, stage: Stage) -> bool {
+    pub fn has(&self, program: u32, stage: ProgramStage) -> bool {
         match self.linked(program) {
             Some(Ok(linked)) => linked.stages[stage as usize - 1].is_some(),
             Some(Err(_)) => true,

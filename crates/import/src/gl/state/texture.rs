@@ -2,7 +2,7 @@
 
 use gfx::format::Format;
 use gfx::state::*;
-use gl_shader::key::{Base, DepthRead, Kind};
+use gl_shader::key::{Base, DepthRead, TextureShape};
 use gl_shader::{IMAGES, consts as e};
 use num::*;
 use trace::command::*;
@@ -72,7 +72,7 @@ impl Native {
 #[derive(Clone, Debug)]
 pub struct Texture {
     /// Its shape.
-    pub kind: Kind,
+    pub kind: TextureShape,
     /// Images by face and level.
     pub levels: NumberMap<(u32, u32), Level>,
     /// Filters.
@@ -132,8 +132,8 @@ pub struct BoundTexture {
 
 impl Texture {
     /// An empty texture.
-    pub fn new(kind: Kind) -> Texture {
-        let rectangle = kind == Kind::Rectangle;
+    pub fn new(kind: TextureShape) -> Texture {
+        let rectangle = kind == TextureShape::Rectangle;
         Texture {
             kind,
             levels: NumberMap::new(),
@@ -177,7 +177,7 @@ impl Texture {
     }
 
     fn faces(&self) -> u32 {
-        if self.kind == Kind::Cube { 6 } else { 1 }
+        if self.kind == TextureShape::Cube { 6 } else { 1 }
     }
 
     fn mipmapped(&self) -> bool {
@@ -249,7 +249,7 @@ impl Texture {
         let image = image.clone();
         let Some(native) = &self.native else { return };
         let Some(k) = native.place(level, &image) else { return };
-        let layer = if self.kind == Kind::Cube { face } else { origin[2] };
+        let layer = if self.kind == TextureShape::Cube { face } else { origin[2] };
         upload(card, native, k, [origin[0], origin[1], layer], size, bytes);
     }
 
@@ -284,8 +284,8 @@ impl Texture {
                 }
                 (lowest, largest) = (lowest - 1, before.clone());
             }
-            let dimension = if self.kind == Kind::D3 { TextureDimension::D3 } else { TextureDimension::D2 };
-            let layers = if self.kind == Kind::D3 { largest.size[2] } else { self.faces() };
+            let dimension = if self.kind == TextureShape::D3 { TextureDimension::D3 } else { TextureDimension::D2 };
+            let layers = if self.kind == TextureShape::D3 { largest.size[2] } else { self.faces() };
             let levels = count + base_level - lowest;
             let size = [largest.size[0], largest.size[1], layers];
             let desc = TextureDesc { dimension, size, levels, samples: 1, format: first.format, opaque: false };
@@ -391,10 +391,10 @@ impl Texture {
         let (Some(first), Some(after)) = (self.levels.get((0, base_level)), level.checked_sub(base_level)) else {
             return Ok(None);
         };
-        let face = if self.kind == Kind::Cube { layer } else { 0 };
+        let face = if self.kind == TextureShape::Cube { layer } else { 0 };
         let full = Texture::full_levels(first.size);
         // A level beyond the smallest one belongs to no texture of the card.
-        if self.kind == Kind::D3 || first.size.contains(&0) || after >= full || !self.levels.contains((face, level)) {
+        if self.kind == TextureShape::D3 || first.size.contains(&0) || after >= full || !self.levels.contains((face, level)) {
             return Ok(None);
         }
         let needed = self.complete().unwrap_or(1).max(after + 1).min(full);
@@ -430,8 +430,8 @@ impl Texture {
             Some(&(_, view)) => view,
             None => {
                 let dimension = match kind {
-                    Kind::Cube => ViewDimension::Cube,
-                    Kind::D3 => ViewDimension::D3,
+                    TextureShape::Cube => ViewDimension::Cube,
+                    TextureShape::D3 => ViewDimension::D3,
                     _ => ViewDimension::D2,
                 };
                 let aspect = if native.base == Base::Depth { Aspect::DepthOnly } else { Aspect::All };
@@ -453,15 +453,15 @@ impl Texture {
             (Base::Depth, None) => (self.depth_mode, DepthRead::Plain),
             (base, _) => (base.plain(), DepthRead::No),
         };
-        if depth != DepthRead::No && !matches!(kind, Kind::D1 | Kind::D2 | Kind::Rectangle) {
+        if depth != DepthRead::No && !matches!(kind, TextureShape::D1 | TextureShape::D2 | TextureShape::Rectangle) {
             return Err(Fault::Unsupported("depth textures that are cube maps".into()));
         }
         // A direction is not clamped.
-        let clamp = self.wrap.map(|wrap| matches!(wrap, e::CLAMP | MIRROR_CLAMP) && linear && kind != Kind::Cube);
+        let clamp = self.wrap.map(|wrap| matches!(wrap, e::CLAMP | MIRROR_CLAMP) && linear && kind != TextureShape::Cube);
         let mirrors = [MIRROR_CLAMP, MIRROR_CLAMP_TO_EDGE, MIRROR_CLAMP_TO_BORDER];
-        let mirror = self.wrap.map(|wrap| mirrors.contains(&wrap) && kind != Kind::Cube);
+        let mirror = self.wrap.map(|wrap| mirrors.contains(&wrap) && kind != TextureShape::Cube);
         // As in Mesa, whatever the wrap modes are.
-        let face_edges = kind == Kind::Cube && linear;
+        let face_edges = kind == TextureShape::Cube && linear;
         let (bias, swizzle) = (self.bias, self.swizzle);
         Ok(Some(BoundTexture { bound, border, bias, base, clamp, mirror, levels, depth, swizzle, face_edges }))
     }
@@ -487,10 +487,10 @@ impl Texture {
         }
         // Coordinates that the texture's dimension does not use cannot reach a border.
         let used = match self.kind {
-            Kind::D1 => 1,
-            Kind::D2 | Kind::Rectangle => 2,
-            Kind::D3 => 3,
-            Kind::Cube => 0,
+            TextureShape::D1 => 1,
+            TextureShape::D2 | TextureShape::Rectangle => 2,
+            TextureShape::D3 => 3,
+            TextureShape::Cube => 0,
         };
         for mode in &mut address[used..] {
             *mode = AddressMode::ClampToEdge;

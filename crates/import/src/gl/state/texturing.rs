@@ -129,8 +129,8 @@ pub fn later(function: u32) -> u32 {
 }
 
 /// The kind of texture of a target.
-pub fn kind_of(target: usize) -> Kind {
-    [Kind::D1, Kind::D2, Kind::Rectangle, Kind::D3, Kind::Cube][target]
+pub fn kind_of(target: usize) -> TextureShape {
+    [TextureShape::D1, TextureShape::D2, TextureShape::Rectangle, TextureShape::D3, TextureShape::Cube][target]
 }
 
 /// The number of a texture target.
