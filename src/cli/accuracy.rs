@@ -4,7 +4,7 @@ use anyhow::{Context, Result};
 
 use super::threads::MOST;
 use super::{Verdict, attila, card, estimates, knobs, pareto, runs, scenes, shortcuts, skips};
-use crate::accuracy::{self, Outcome, Setting, Size, Target};
+use crate::accuracy::{self, Setting, Size, Target, TargetResult};
 
 /// Measure what a correct model must reproduce: identities, rules of specifications, closed forms
 #[derive(clap::Args)]
@@ -93,7 +93,7 @@ pub fn run(arguments: &Arguments) -> Result<Verdict> {
     if !quiet {
         print!("{}", accuracy::header());
     }
-    let mut outcomes: Vec<Outcome> = Vec::new();
+    let mut outcomes: Vec<TargetResult> = Vec::new();
     for (&size, &seed) in arguments.size.iter().flat_map(|size| arguments.seed.iter().map(move |seed| (size, seed))) {
         let size = match size {
             SizeName::Small => Size::Small,

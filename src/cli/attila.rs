@@ -5,7 +5,7 @@ use std::path::PathBuf;
 use anyhow::{Context, Result};
 
 use super::Verdict;
-use crate::accuracy::attila::{self, Outcome};
+use crate::accuracy::attila::{self, RecordingResult};
 
 /// Counters of the simulator ATTILA for recordings, beside those of this one on configs/attila.ron
 #[derive(clap::Args)]
@@ -64,7 +64,7 @@ pub fn run(arguments: &Arguments) -> Result<Verdict> {
         return Ok(Verdict::Done);
     }
     // One after another: times of the host are of one recording at a time.
-    let outcomes = cases.iter().map(|case| case.run(&machine)).collect::<Result<Vec<Outcome>>>()?;
+    let outcomes = cases.iter().map(|case| case.run(&machine)).collect::<Result<Vec<RecordingResult>>>()?;
     if arguments.json {
         super::say_json(&attila::json(&outcomes))?;
     } else if arguments.speed {

@@ -5,7 +5,7 @@ use std::path::PathBuf;
 use anyhow::{Context, Result};
 
 use super::Verdict;
-use crate::accuracy::card::{self, Benchmark, Outcome};
+use crate::accuracy::card::{self, Benchmark, BenchmarkResult};
 use crate::host;
 
 /// Microbenchmarks with published answers, measured on the models of real cards
@@ -59,5 +59,5 @@ pub fn run(arguments: &Arguments) -> Result<Verdict> {
         host::write_file(&path, card::markdown(&outcomes).as_bytes())
             .with_context(|| format!("cannot write {}", path.display()))?;
     }
-    Ok(if outcomes.iter().all(Outcome::holds) { Verdict::Done } else { Verdict::Failed })
+    Ok(if outcomes.iter().all(BenchmarkResult::holds) { Verdict::Done } else { Verdict::Failed })
 }

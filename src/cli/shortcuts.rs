@@ -5,7 +5,7 @@ use std::path::PathBuf;
 use anyhow::{Context, Result};
 
 use super::Verdict;
-use crate::accuracy::shortcuts::{SHORTCUTS, Taken, UNMEASURED, diverging, json, shortcuts, table};
+use crate::accuracy::shortcuts::{SHORTCUTS, ShortcutResult, UNMEASURED, diverging, json, shortcuts, table};
 
 /// Edge in pixels of the scene that is made to diverge.
 const EDGE: u32 = 256;
@@ -42,7 +42,7 @@ pub fn run(arguments: &Arguments) -> Result<Verdict> {
     }
     let config = arguments.machine.load()?;
     let mut verdict = Verdict::Done;
-    let mut found: Vec<(String, Vec<Taken>)> = Vec::new();
+    let mut found: Vec<(String, Vec<ShortcutResult>)> = Vec::new();
     for path in &arguments.traces {
         let trace = arguments.reading.open(path)?;
         verdict = verdict.and(super::reading::verdict(&trace));

@@ -2,15 +2,15 @@
 
 use std::path::Path;
 
-use fillrate::accuracy::shortcuts::{SHORTCUTS, Taken, UNMEASURED, diverging, json, shortcuts, table};
+use fillrate::accuracy::shortcuts::{SHORTCUTS, ShortcutResult, UNMEASURED, diverging, json, shortcuts, table};
 use fillrate::machine::Config;
 use fillrate::trace::Trace;
 
-fn taken(trace: &Trace) -> Vec<Taken> {
+fn taken(trace: &Trace) -> Vec<ShortcutResult> {
     shortcuts(trace, &Config::built_in("four-pipelines").expect("it is built in")).expect("all run")
 }
 
-fn of<'a>(taken: &'a [Taken], name: &str) -> &'a Taken {
+fn of<'a>(taken: &'a [ShortcutResult], name: &str) -> &'a ShortcutResult {
     taken.iter().find(|taken| taken.shortcut.name == name).unwrap_or_else(|| panic!("there is no shortcut {name}"))
 }
 

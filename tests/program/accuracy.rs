@@ -4,7 +4,7 @@ use fillrate::accuracy::{self, Setting, Size, Target};
 
 use super::cli::{refused, run};
 
-fn small(target: &'static Target, inject_fault: bool) -> accuracy::Outcome {
+fn small(target: &'static Target, inject_fault: bool) -> accuracy::TargetResult {
     let setting = Setting { seed: 1, size: Size::Small, inject_fault };
     target.run(&setting).unwrap_or_else(|error| panic!("{}: {error:#}", target.id))
 }

@@ -11,7 +11,7 @@ fn cheap_benchmarks_hold_and_find_their_faults() {
     let quick = quick();
     assert!(quick.len() >= 12, "{} benchmarks are cheap", quick.len());
     let outcomes = card::run(&quick, &[], false).expect("they run");
-    assert!(outcomes.iter().all(card::Outcome::holds), "\n{}", card::text(&outcomes));
+    assert!(outcomes.iter().all(card::BenchmarkResult::holds), "\n{}", card::text(&outcomes));
     let outcomes = card::run(&quick, &[], true).expect("they run with their faults");
     for outcome in &outcomes {
         assert!(!outcome.holds(), "{} does not find its fault\n{}", outcome.benchmark.name, card::text(&outcomes));

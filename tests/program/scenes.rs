@@ -4,7 +4,7 @@ use fillrate::accuracy::scenes::{self, SCENES};
 use fillrate::accuracy::{Row, Setting, Size};
 use fillrate::machine::config::SortClass;
 
-fn play(inject_fault: bool) -> Vec<scenes::Outcome> {
+fn play(inject_fault: bool) -> Vec<scenes::SceneResult> {
     scenes::run(SCENES, &Setting { seed: 1, size: Size::Small, inject_fault }).unwrap_or_else(|error| panic!("{error:#}"))
 }
 

@@ -44,7 +44,7 @@ mod walks;
 use anyhow::Result;
 
 pub use page::{header, json, lines, markdown, size_name};
-pub use yardstick::{Outcome, Row, Section, Setting, Size, Target};
+pub use yardstick::{Row, Section, Setting, Size, Target, TargetResult};
 
 /// All targets, in order.
 pub fn targets() -> impl Iterator<Item = &'static Target> {

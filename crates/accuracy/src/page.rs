@@ -4,7 +4,7 @@ use std::fmt::Write;
 
 use serde_json::{Value, json};
 
-use super::{Outcome, Row, Section, Size, Target};
+use super::{Row, Section, Size, Target, TargetResult};
 
 /// Columns of [`lines`].
 pub fn header() -> String {
@@ -16,7 +16,7 @@ fn line([target, case, expected, measured, error, allowed, verdict]: [String; 7]
 }
 
 /// The rows of an outcome as lines.
-pub fn lines(outcome: &Outcome) -> String {
+pub fn lines(outcome: &TargetResult) -> String {
     let mut text = String::new();
     for row in &outcome.rows {
         let [expected, measured, error, allowed] = [row.expected, row.measured, row.error, row.allowed].map(number);
@@ -55,7 +55,7 @@ pub fn size_name(size: Size) -> &'static str {
 }
 
 /// Outcomes as JSON.
-pub fn json(outcomes: &[Outcome]) -> Value {
+pub fn json(outcomes: &[TargetResult]) -> Value {
     let row = |row: &Row| {
         json!({
             "case": row.case,
@@ -66,7 +66,7 @@ pub fn json(outcomes: &[Outcome]) -> Value {
             "verdict": if row.holds() { "pass" } else { "fail" },
         })
     };
-    let one = |outcome: &Outcome| {
+    let one = |outcome: &TargetResult| {
         json!({
             "target": outcome.target.id,
             "section": &outcome.target.section.title()[..1],
@@ -77,7 +77,7 @@ pub fn json(outcomes: &[Outcome]) -> Value {
         })
     };
     json!({
-        "verdict": if outcomes.iter().all(Outcome::holds) { "pass" } else { "fail" },
+        "verdict": if outcomes.iter().all(TargetResult::holds) { "pass" } else { "fail" },
         "targets": outcomes.iter().map(one).collect::<Vec<_>>(),
     })
 }
@@ -95,7 +95,7 @@ every target must then fail. The tests run every target at its small size, with 
 
 /// Outcomes as a page. Each section has a table of its targets. Each target has a table of its cases, with the numbers of the first of the
 /// largest runs and the worst error of all runs.
-pub fn markdown(outcomes: &[Outcome]) -> String {
+pub fn markdown(outcomes: &[TargetResult]) -> String {
     let mut text = INTRODUCTION.to_owned();
     let failed = outcomes.iter().filter(|outcome| !outcome.holds()).count();
     let mut seeds: Vec<String> = Vec::new();
@@ -135,7 +135,7 @@ pub fn markdown(outcomes: &[Outcome]) -> String {
             let _ = writeln!(text, "| {} | {what} | {bound} | {fault} |", target.id);
         }
         for target in of_section {
-            let runs: Vec<&Outcome> = outcomes.iter().filter(|outcome| outcome.target.id == target.id).collect();
+            let runs: Vec<&TargetResult> = outcomes.iter().filter(|outcome| outcome.target.id == target.id).collect();
             let _ = write!(text, "\n### {}\n\n", target.id);
             text += "| case | expected | measured | error | allowed | worst of all runs | |\n|---|--:|--:|--:|--:|--:|---|\n";
             let Some(shown) = runs.iter().rev().max_by_key(|run| run.setting.size) else { continue };

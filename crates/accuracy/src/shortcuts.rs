@@ -137,7 +137,7 @@ const DIVERGING: &str = "
 
 /// A shortcut on a trace.
 #[derive(Clone, Debug)]
-pub struct Taken {
+pub struct ShortcutResult {
     /// Which one.
     pub shortcut: &'static Shortcut,
     /// Cycles with the shortcut, and the exact way.
@@ -153,7 +153,7 @@ fn off([shortcut, exact]: [f64; 2]) -> f64 {
     if exact == shortcut { 0.0 } else { shortcut / exact - 1.0 }
 }
 
-impl Taken {
+impl ShortcutResult {
     /// How far off the cycles are, relative to the exact ones.
     pub fn error(&self) -> f64 {
         off(self.cycles)
@@ -169,7 +169,7 @@ impl Taken {
 ///
 /// # Errors
 /// If the trace cannot be rendered, or a machine stops.
-pub fn shortcuts(trace: &Trace, config: &Config) -> Result<Vec<Taken>> {
+pub fn shortcuts(trace: &Trace, config: &Config) -> Result<Vec<ShortcutResult>> {
     // Each machine once, however many shortcuts are measured on it.
     let mut settings: Vec<(Vec<&str>, Clock)> = Vec::new();
     let mut place = |of: Vec<&'static str>, clock: Clock| {
@@ -195,7 +195,7 @@ pub fn shortcuts(trace: &Trace, config: &Config) -> Result<Vec<Taken>> {
     let taken = |(shortcut, places): (&'static Shortcut, [usize; 2])| {
         let runs: [&Ran; 2] = places.map(|at| &ran[at]);
         let cycles = runs.map(|run| run.cycles as f64);
-        Taken {
+        ShortcutResult {
             shortcut,
             cycles,
             work: shortcut.work.map_or(cycles, |measure| runs.map(|run| (measure.read)(&run.total) as f64)),
@@ -206,31 +206,31 @@ pub fn shortcuts(trace: &Trace, config: &Config) -> Result<Vec<Taken>> {
 }
 
 /// How far off cycles are on traces, by shortcut, as a table in Markdown.
-pub fn table(traces: &[(String, Vec<Taken>)]) -> String {
+pub fn table(traces: &[(String, Vec<ShortcutResult>)]) -> String {
     let row = |cells: Vec<String>| format!("| {} |\n", cells.join(" | "));
     let names = traces.iter().map(|(name, _)| name.clone());
     let mut out = row(["shortcut".to_owned()].into_iter().chain(names).chain(["worst".to_owned()]).collect());
     out.push_str(&format!("|---|{}\n", "--:|".repeat(traces.len() + 1)));
     let percent = |error: f64| if error.abs() < 5e-5 { "0".to_owned() } else { format!("{:+.2} %", 100.0 * error) };
     for (at, shortcut) in SHORTCUTS.iter().enumerate() {
-        let mut put = |what: &str, error: fn(&Taken) -> f64| {
+        let mut put = |what: &str, error: fn(&ShortcutResult) -> f64| {
             let errors: Vec<f64> = traces.iter().map(|(_, taken)| error(&taken[at])).collect();
             let worst =
                 errors.iter().copied().fold(0.0, |worst: f64, error| if error.abs() > worst.abs() { error } else { worst });
             let cells = errors.into_iter().chain([worst]).map(percent);
             out.push_str(&row([format!("{}: {what}", shortcut.name)].into_iter().chain(cells).collect()));
         };
-        put("cycles", Taken::error);
+        put("cycles", ShortcutResult::error);
         if let Some(measure) = shortcut.work {
-            put(measure.name, Taken::work_error);
+            put(measure.name, ShortcutResult::work_error);
         }
     }
     out
 }
 
 /// What was measured, as JSON.
-pub fn json(traces: &[(String, Vec<Taken>)]) -> Value {
-    let one = |taken: &Taken| {
+pub fn json(traces: &[(String, Vec<ShortcutResult>)]) -> Value {
+    let one = |taken: &ShortcutResult| {
         json!({
             "shortcut": taken.shortcut.name,
             "cycles": { "shortcut": taken.cycles[0], "exact": taken.cycles[1], "error": taken.error() },
@@ -243,7 +243,6 @@ pub fn json(traces: &[(String, Vec<Taken>)]) -> Value {
             "same_pictures": taken.same_pictures,
         })
     };
-    let trace =
-        |(name, taken): &(String, Vec<Taken>)| json!({ "trace": name, "shortcuts": taken.iter().map(one).collect::<Vec<_>>() });
+    let trace = |(name, taken): &(String, Vec<ShortcutResult>)| json!({ "trace": name, "shortcuts": taken.iter().map(one).collect::<Vec<_>>() });
     Value::Array(traces.iter().map(trace).collect())
 }

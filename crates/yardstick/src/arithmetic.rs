@@ -19,7 +19,7 @@ pub const ARITHMETIC: Target = Target {
 
 /// How far off a result may be.
 #[derive(Clone, Copy)]
-enum Bound {
+enum ErrorBound {
     /// No error beyond rounding: the result of real arithmetic, rounded once.
     Rounded,
     /// At most this number of units in the last place.
@@ -36,7 +36,7 @@ struct Operation {
     case: &'static str,
     exact: fn(f64, f64) -> f64,
     operands: fn(&mut Random) -> [f32; 2],
-    bound: Bound,
+    bound: ErrorBound,
 }
 
 /// Any bits: numbers of every size, and now and then no number.
@@ -72,73 +72,73 @@ fn away_from_one(random: &mut Random) -> [f32; 2] {
 const PI: f32 = std::f32::consts::PI;
 
 const OPERATIONS: &[Operation] = &[
-    Operation { expression: "a + b", case: "+, any bits", exact: |a, b| a + b, operands: any, bound: Bound::Rounded },
-    Operation { expression: "a + b", case: "+, near sizes", exact: |a, b| a + b, operands: near, bound: Bound::Rounded },
-    Operation { expression: "a - b", case: "-, near sizes", exact: |a, b| a - b, operands: near, bound: Bound::Rounded },
-    Operation { expression: "a * b", case: "x, any bits", exact: |a, b| a * b, operands: any, bound: Bound::Rounded },
-    Operation { expression: "a / b", case: "/", exact: |a, b| a / b, operands: near, bound: Bound::Ulp(2.5) },
+    Operation { expression: "a + b", case: "+, any bits", exact: |a, b| a + b, operands: any, bound: ErrorBound::Rounded },
+    Operation { expression: "a + b", case: "+, near sizes", exact: |a, b| a + b, operands: near, bound: ErrorBound::Rounded },
+    Operation { expression: "a - b", case: "-, near sizes", exact: |a, b| a - b, operands: near, bound: ErrorBound::Rounded },
+    Operation { expression: "a * b", case: "x, any bits", exact: |a, b| a * b, operands: any, bound: ErrorBound::Rounded },
+    Operation { expression: "a / b", case: "/", exact: |a, b| a / b, operands: near, bound: ErrorBound::Ulp(2.5) },
     Operation {
         expression: "inverseSqrt(a)",
         case: "inverseSqrt",
         exact: |a, _| 1.0 / libm::sqrt(a),
         operands: |random| [positive(random), 0.0],
-        bound: Bound::Ulp(2.0),
+        bound: ErrorBound::Ulp(2.0),
     },
     Operation {
         expression: "sqrt(a)",
         case: "sqrt",
         exact: |a, _| libm::sqrt(a),
         operands: |random| [positive(random), 0.0],
-        bound: Bound::Ulp(2.0),
+        bound: ErrorBound::Ulp(2.0),
     },
     Operation {
         expression: "exp2(a)",
         case: "exp2",
         exact: |a, _| libm::exp2(a),
         operands: |random| [random.range(-126.0, 127.9), 0.0],
-        bound: Bound::UlpAndTwice(3.0),
+        bound: ErrorBound::UlpAndTwice(3.0),
     },
     Operation {
         expression: "exp(a)",
         case: "exp",
         exact: |a, _| libm::exp(a),
         operands: |random| [random.range(-87.0, 88.7), 0.0],
-        bound: Bound::UlpAndTwice(3.0),
+        bound: ErrorBound::UlpAndTwice(3.0),
     },
     Operation {
         expression: "log2(a)",
         case: "log2 outside [0.5, 2]",
         exact: |a, _| libm::log2(a),
         operands: away_from_one,
-        bound: Bound::Ulp(3.0),
+        bound: ErrorBound::Ulp(3.0),
     },
     Operation {
         expression: "log2(a)",
         case: "log2 in [0.5, 2]",
         exact: |a, _| libm::log2(a),
         operands: |random| [random.range(0.5, 2.0), 0.0],
-        bound: Bound::Absolute(1.0 / (1 << 21) as f64),
+        bound: ErrorBound::Absolute(1.0 / (1 << 21) as f64),
     },
     Operation {
         expression: "log(a)",
         case: "log outside [0.5, 2]",
         exact: |a, _| libm::log(a),
         operands: away_from_one,
-        bound: Bound::Ulp(3.0),
+        bound: ErrorBound::Ulp(3.0),
     },
     Operation {
         expression: "sin(a)",
         case: "sin in [-pi, pi]",
         exact: |a, _| libm::sin(a),
         operands: |random| [random.range(-PI, PI), 0.0],
-        bound: Bound::Absolute(1.0 / (1 << 11) as f64),
+        bound: ErrorBound::Absolute(1.0 / (1 << 11) as f64),
     },
     Operation {
         expression: "cos(a)",
         case: "cos in [-pi, pi]",
         exact: |a, _| libm::cos(a),
         operands: |random| [random.range(-PI, PI), 0.0],
-        bound: Bound::Absolute(1.0 / (1 << 11) as f64),
+        bound: ErrorBound::Absolute(1.0 / (1 << 11) as f64),
     },
 ];
 
@@ -146,16 +146,16 @@ const OPERATIONS: &[Operation] = &[
 const PIECE: u32 = 1 << 12;
 
 /// The error of one result, in the unit of its bound; infinite where one is a number and the other is not.
-fn error(bound: Bound, operand: f32, got: f32, exact: f64) -> f64 {
+fn error(bound: ErrorBound, operand: f32, got: f32, exact: f64) -> f64 {
     if got.is_nan() || exact.is_nan() {
         return if got.is_nan() && exact.is_nan() { 0.0 } else { f64::INFINITY };
     }
     let off = (f64::from(got) - exact).abs();
     match bound {
-        Bound::Rounded => f64::from(u8::from(got != exact as f32)),
-        Bound::Ulp(_) => off / ulp(exact),
-        Bound::UlpAndTwice(least) => off / ulp(exact) / (least + 2.0 * f64::from(operand.abs())),
-        Bound::Absolute(_) => off,
+        ErrorBound::Rounded => f64::from(u8::from(got != exact as f32)),
+        ErrorBound::Ulp(_) => off / ulp(exact),
+        ErrorBound::UlpAndTwice(least) => off / ulp(exact) / (least + 2.0 * f64::from(operand.abs())),
+        ErrorBound::Absolute(_) => off,
     }
 }
 
@@ -174,7 +174,7 @@ fn check(setting: &Setting) -> Result<Vec<Row>> {
                 .map(|(&[a, b], got)| error(operation.bound, a, f32::from_bits(got), (operation.exact)(a.into(), b.into())));
             // Wrong roundings are counted; of the others the worst counts.
             Ok(match operation.bound {
-                Bound::Rounded => each.sum::<f64>(),
+                ErrorBound::Rounded => each.sum::<f64>(),
                 _ => each.fold(0.0, f64::max),
             })
         });
@@ -182,10 +182,10 @@ fn check(setting: &Setting) -> Result<Vec<Row>> {
         let worst = errors.iter().copied().fold(0.0, f64::max);
         let case = operation.case;
         rows.push(match operation.bound {
-            Bound::Rounded => Row::exact(format!("{case}: results not rounded correctly"), 0.0, errors.iter().sum()),
-            Bound::Ulp(most) => Row::at_most(format!("{case}: worst, in ULP"), worst, most),
-            Bound::UlpAndTwice(_) => Row::at_most(format!("{case}: worst, as a share of the bound"), worst, 1.0),
-            Bound::Absolute(most) => Row::at_most(format!("{case}: worst, absolute"), worst, most),
+            ErrorBound::Rounded => Row::exact(format!("{case}: results not rounded correctly"), 0.0, errors.iter().sum()),
+            ErrorBound::Ulp(most) => Row::at_most(format!("{case}: worst, in ULP"), worst, most),
+            ErrorBound::UlpAndTwice(_) => Row::at_most(format!("{case}: worst, as a share of the bound"), worst, 1.0),
+            ErrorBound::Absolute(most) => Row::at_most(format!("{case}: worst, absolute"), worst, most),
         });
     }
     Ok(rows)

@@ -27,7 +27,7 @@ mod shared;
 mod target;
 
 pub use queue::QUEUE;
-pub use target::{Outcome, Row, Section, Setting, Size, Target};
+pub use target::{Row, Section, Setting, Size, Target, TargetResult};
 
 /// Targets of rasterisation and numbers, in order.
 pub const RASTER: &[Target] = &[

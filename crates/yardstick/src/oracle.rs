@@ -31,7 +31,7 @@ type Point = [i32; 2];
 type Case = ([Point; 3], Point);
 
 /// A way to make triangles.
-struct Kind {
+struct TriangleGenerator {
     name: &'static str,
     make: fn(&mut Random) -> Case,
 }
@@ -53,8 +53,8 @@ fn pixel_of(point: Point) -> Point {
     point.map(|v| v >> 8)
 }
 
-const KINDS: [Kind; 9] = [
-    Kind {
+const KINDS: [TriangleGenerator; 9] = [
+    TriangleGenerator {
         name: "random, a fraction of a pixel to 16 pixels",
         make: |random| {
             let size = 1 << random.below(5);
@@ -62,21 +62,21 @@ const KINDS: [Kind; 9] = [
             (std::array::from_fn(|_| center.map(|v| v + random.between(-size * 128, size * 128))), pixel_of(center))
         },
     },
-    Kind {
+    TriangleGenerator {
         name: "vertices on samples",
         make: |random| {
             let v = std::array::from_fn(|_| some_sample(random));
             (v, pixel_of(v[0]))
         },
     },
-    Kind {
+    TriangleGenerator {
         name: "vertices on multiples of 1/8 pixel",
         make: |random| {
             let v = std::array::from_fn(|_| near_middle(random, 12).map(|v| v & !31));
             (v, pixel_of(v[0]))
         },
     },
-    Kind {
+    TriangleGenerator {
         name: "an edge through a sample",
         make: |random| {
             let at = some_sample(random);
@@ -86,7 +86,7 @@ const KINDS: [Kind; 9] = [
             ([along(-m), near_middle(random, 30), along(n)], pixel_of(at))
         },
     },
-    Kind {
+    TriangleGenerator {
         name: "slivers of 1/65536 square pixel and a few",
         make: |random| {
             let p = near_middle(random, 8);
@@ -95,7 +95,7 @@ const KINDS: [Kind; 9] = [
             ([p, [p[0] + d[0], p[1] + d[1]], r], pixel_of(r))
         },
     },
-    Kind {
+    TriangleGenerator {
         name: "collinear and repeated vertices",
         make: |random| {
             let p = near_middle(random, 8);
@@ -105,7 +105,7 @@ const KINDS: [Kind; 9] = [
             (v, pixel_of(p))
         },
     },
-    Kind {
+    TriangleGenerator {
         name: "extents of 16 to 32767 pixels",
         make: |random| {
             let size = 16 << random.below(12);
@@ -118,7 +118,7 @@ const KINDS: [Kind; 9] = [
             (v, pixel_of(on_edge))
         },
     },
-    Kind {
+    TriangleGenerator {
         name: "an edge through a sample, 100 to 32767 pixels long",
         make: |random| {
             let at = [0, 1].map(|_| random.between(10, 8000) * 256 + 128);
@@ -129,7 +129,7 @@ const KINDS: [Kind; 9] = [
             ([along(-m), third, along(n)], pixel_of(at))
         },
     },
-    Kind {
+    TriangleGenerator {
         name: "corners of the guard band",
         make: |random| {
             const CORNERS: [Point; 11] = [

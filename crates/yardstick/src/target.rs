@@ -152,7 +152,7 @@ pub struct Target {
 
 /// A target that was run.
 #[derive(Clone, Debug)]
-pub struct Outcome {
+pub struct TargetResult {
     /// Which one.
     pub target: &'static Target,
     /// With what.
@@ -161,7 +161,7 @@ pub struct Outcome {
     pub rows: Vec<Row>,
 }
 
-impl Outcome {
+impl TargetResult {
     /// Whether everything is as it must be; nothing measured is nothing shown.
     pub fn holds(&self) -> bool {
         !self.rows.is_empty() && self.rows.iter().all(Row::holds)
@@ -173,9 +173,9 @@ impl Target {
     ///
     /// # Errors
     /// If what it runs does not run.
-    pub fn run(&'static self, setting: &Setting) -> Result<Outcome> {
+    pub fn run(&'static self, setting: &Setting) -> Result<TargetResult> {
         let rows = (self.check)(setting)?;
-        Ok(Outcome { target: self, setting: *setting, rows })
+        Ok(TargetResult { target: self, setting: *setting, rows })
     }
 }
 

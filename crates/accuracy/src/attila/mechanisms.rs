@@ -5,7 +5,7 @@ use std::fmt::Write;
 use anyhow::Result;
 
 use super::page::{difference, mean};
-use super::{Bound, Case, Outcome, Row, Window};
+use super::{Case, RecordingResult, Row, Tolerance, Window};
 use machine::Config;
 
 /// A machine without one mechanism.
@@ -54,7 +54,11 @@ const ALL: &[Without] = &[
 ];
 
 /// The row of a recording that a change moves most, of those that may be compared with ATTILA's.
-fn moved<'o>(before: &'o [Outcome], after: &'o [Outcome], of: impl Fn(Bound) -> bool) -> Option<(&'o str, &'o Row, &'o Row)> {
+fn moved<'o>(
+    before: &'o [RecordingResult],
+    after: &'o [RecordingResult],
+    of: impl Fn(Tolerance) -> bool,
+) -> Option<(&'o str, &'o Row, &'o Row)> {
     let recordings = before.iter().zip(after);
     let rows = recordings
         .flat_map(|(old, new)| old.rows.iter().zip(&new.rows).map(|(old_row, row)| (old.name.as_str(), old_row, row)));
@@ -75,8 +79,8 @@ pub fn mechanisms(cases: &[Case], machine: &Config) -> Result<String> {
     let mut text = String::from(
         "| set | counts or bytes that move most | cycles that move most | rows that hold | cycles, geometric mean |\n|---|---|---|--:|--:|\n",
     );
-    let mut line = |what: &str, [counted, cycles]: [String; 2], after: &[Outcome]| {
-        let bounded = || after.iter().flat_map(|outcome| &outcome.rows).filter(|row| row.bound != Bound::None);
+    let mut line = |what: &str, [counted, cycles]: [String; 2], after: &[RecordingResult]| {
+        let bounded = || after.iter().flat_map(|outcome| &outcome.rows).filter(|row| row.bound != Tolerance::None);
         let held = bounded().filter(|row| row.holds()).count();
         let _ = writeln!(text, "| {what} | {counted} | {cycles} | {held} of {} | {:.3} |", bounded().count(), mean(after));
     };
@@ -88,7 +92,7 @@ pub fn mechanisms(cases: &[Case], machine: &Config) -> Result<String> {
         }
         machine.check()?;
         let after = run(&machine, window.map_or_else(Window::default, |(window, _)| window))?;
-        let most = |of: fn(Bound) -> bool| match moved(&before, &after, of) {
+        let most = |of: fn(Tolerance) -> bool| match moved(&before, &after, of) {
             Some((name, old, new)) => format!("`{name}`: {} {} ({})", new.what, difference(new), difference(old)),
             None => "-".into(),
         };
@@ -96,7 +100,7 @@ pub fn mechanisms(cases: &[Case], machine: &Config) -> Result<String> {
         let what = window.map_or_else(|| set.join(", "), |(_, name)| name.into());
         line(
             &what,
-            [most(|bound| !matches!(bound, Bound::None | Bound::Cycles)), most(|bound| bound == Bound::Cycles)],
+            [most(|bound| !matches!(bound, Tolerance::None | Tolerance::Cycles)), most(|bound| bound == Tolerance::Cycles)],
             &after,
         );
     }

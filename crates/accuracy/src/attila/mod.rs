@@ -20,7 +20,7 @@ use trace::Reading;
 pub use counters::Counters;
 pub use mechanisms::mechanisms;
 pub use page::{holds, json, markdown, speeds, text};
-pub use rows::{Bound, Row};
+pub use rows::{Row, Tolerance};
 
 /// Fragments per second that ATTILA shades on a host of our time.
 pub const THEIR_FRAGMENTS_A_SECOND: f64 = 26_000.0;
@@ -41,7 +41,7 @@ pub struct Case {
 
 /// What came of one.
 #[derive(Clone, Debug)]
-pub struct Outcome {
+pub struct RecordingResult {
     /// The recording's name.
     pub name: String,
     /// The frame that was counted.
@@ -52,10 +52,10 @@ pub struct Outcome {
     pub fragments_a_second: f64,
 }
 
-impl Outcome {
+impl RecordingResult {
     /// Our cycles of drawing by theirs.
     pub fn ratio(&self) -> f64 {
-        self.rows.iter().find(|row| row.bound == Bound::Cycles).map_or(1.0, |row| row.ours / row.theirs)
+        self.rows.iter().find(|row| row.bound == Tolerance::Cycles).map_or(1.0, |row| row.ours / row.theirs)
     }
 }
 
@@ -118,12 +118,12 @@ impl Case {
     ///
     /// # Errors
     /// If the recording does not replay, or a counter is missing.
-    pub fn run(&self, machine: &Config) -> Result<Outcome> {
+    pub fn run(&self, machine: &Config) -> Result<RecordingResult> {
         self.run_stored(machine, Window::default())
     }
 
     /// As [`Case::run`], with the window stored in another way.
-    fn run_stored(&self, machine: &Config, Window { upward, alpha }: Window) -> Result<Outcome> {
+    fn run_stored(&self, machine: &Config, Window { upward, alpha }: Window) -> Result<RecordingResult> {
         let frames = self.frame..self.frame + 1;
         let reading =
             Reading { limits: Limits::default(), keep_draws: true, upward, window_alpha: alpha, ..Reading::default() };
@@ -142,7 +142,7 @@ impl Case {
         let rows = rows::rows(&self.counters, frame)?;
         let shaded = 4.0 * funnel(&frame.tree)?.quads_shaded as f64;
         let fragments_a_second = shaded / replayed.clock_time.as_secs_f64().max(1e-9);
-        Ok(Outcome { name: self.name.clone(), frame: self.frame, rows, fragments_a_second })
+        Ok(RecordingResult { name: self.name.clone(), frame: self.frame, rows, fragments_a_second })
     }
 }
 

@@ -4,7 +4,7 @@ use std::fmt::Write;
 
 use serde_json::{Value, json};
 
-use super::{Bound, Outcome, Row, THEIR_FRAGMENTS_A_SECOND, geometric_mean};
+use super::{RecordingResult, Row, THEIR_FRAGMENTS_A_SECOND, Tolerance, geometric_mean};
 
 /// The relative difference as text.
 pub(super) fn difference(row: &Row) -> String {
@@ -20,22 +20,22 @@ pub(super) fn difference(row: &Row) -> String {
 
 fn verdict(row: &Row) -> &'static str {
     match row.bound {
-        Bound::None => "",
+        Tolerance::None => "",
         _ if row.holds() => "pass",
         _ => "FAIL",
     }
 }
 
 /// The geometric mean of our cycles of drawing by theirs.
-pub(super) fn mean(outcomes: &[Outcome]) -> f64 {
-    geometric_mean(outcomes.iter().map(Outcome::ratio))
+pub(super) fn mean(outcomes: &[RecordingResult]) -> f64 {
+    geometric_mean(outcomes.iter().map(RecordingResult::ratio))
 }
 
 /// The largest deviation that the geometric mean may have.
 const MEAN_ALLOWED: f64 = 0.10;
 
 /// All comparisons as text, times of the host last.
-pub fn text(outcomes: &[Outcome]) -> String {
+pub fn text(outcomes: &[RecordingResult]) -> String {
     let mut text = String::new();
     for outcome in outcomes {
         let _ = writeln!(text, "{}, frame {}", outcome.name, outcome.frame);
@@ -55,12 +55,12 @@ pub fn text(outcomes: &[Outcome]) -> String {
 }
 
 /// Shaded fragments per second, by ATTILA's.
-pub fn speeds(outcomes: &[Outcome], markdown: bool) -> String {
+pub fn speeds(outcomes: &[RecordingResult], markdown: bool) -> String {
     let mut text = String::new();
     if markdown {
         text.push_str("| recording | shaded fragments a second | by ATTILA's 26,000 | at least 100 |\n|---|--:|--:|---|\n");
     }
-    let times = |outcome: &Outcome| outcome.fragments_a_second / THEIR_FRAGMENTS_A_SECOND;
+    let times = |outcome: &RecordingResult| outcome.fragments_a_second / THEIR_FRAGMENTS_A_SECOND;
     for outcome in outcomes {
         let (name, rate, times) = (&outcome.name, outcome.fragments_a_second, times(outcome));
         let verdict = if times >= 100.0 { "pass" } else { "FAIL" };
@@ -81,7 +81,7 @@ pub fn speeds(outcomes: &[Outcome], markdown: bool) -> String {
 }
 
 /// All comparisons as a table for a page: a row a counter, a column a recording.
-pub fn markdown(outcomes: &[Outcome]) -> String {
+pub fn markdown(outcomes: &[RecordingResult]) -> String {
     let mut text = String::from("| here / ATTILA |");
     for outcome in outcomes {
         let _ = write!(text, " {} |", outcome.name);
@@ -102,7 +102,7 @@ pub fn markdown(outcomes: &[Outcome]) -> String {
         text.push('\n');
     }
     let failed = outcomes.iter().flat_map(|outcome| &outcome.rows).filter(|row| !row.holds()).count();
-    let all = outcomes.iter().flat_map(|outcome| &outcome.rows).filter(|row| row.bound != Bound::None).count();
+    let all = outcomes.iter().flat_map(|outcome| &outcome.rows).filter(|row| row.bound != Tolerance::None).count();
     let _ = writeln!(
         text,
         "\n{} of {all} rows hold. Cycles of drawing by ATTILA's, geometric mean: {:.3}, of which 0.9 to 1.1 holds.",
@@ -113,7 +113,7 @@ pub fn markdown(outcomes: &[Outcome]) -> String {
 }
 
 /// All comparisons as JSON.
-pub fn json(outcomes: &[Outcome]) -> Value {
+pub fn json(outcomes: &[RecordingResult]) -> Value {
     let row = |row: &Row| {
         let difference = row.difference();
         json!({
@@ -122,10 +122,10 @@ pub fn json(outcomes: &[Outcome]) -> Value {
             "attila": row.theirs,
             "difference": difference.is_finite().then_some(difference),
             "allowed": row.bound.allowed(),
-            "verdict": if row.bound == Bound::None { None } else { Some(if row.holds() { "pass" } else { "fail" }) },
+            "verdict": if row.bound == Tolerance::None { None } else { Some(if row.holds() { "pass" } else { "fail" }) },
         })
     };
-    let one = |outcome: &Outcome| {
+    let one = |outcome: &RecordingResult| {
         json!({
             "recording": outcome.name,
             "frame": outcome.frame,
@@ -136,6 +136,6 @@ pub fn json(outcomes: &[Outcome]) -> Value {
 }
 
 /// Whether all that is counted holds, times of the host left out.
-pub fn holds(outcomes: &[Outcome]) -> bool {
+pub fn holds(outcomes: &[RecordingResult]) -> bool {
     outcomes.iter().flat_map(|outcome| &outcome.rows).all(Row::holds) && (mean(outcomes) - 1.0).abs() <= MEAN_ALLOWED
 }

@@ -122,7 +122,7 @@ impl Class {
 
 /// Where a published number comes from.
 #[derive(Clone, Copy, Debug)]
-pub struct Source {
+pub struct Citation {
     /// The publication, and what it says.
     pub text: &'static str,
     /// Whether the number was seen in it; if not, it is quoted from memory.
@@ -130,13 +130,13 @@ pub struct Source {
 }
 
 /// A number that was seen in its source.
-const fn seen(text: &'static str) -> Source {
-    Source { text, seen: true }
+const fn seen(text: &'static str) -> Citation {
+    Citation { text, seen: true }
 }
 
 /// A number whose source was not at hand to check it.
-const fn unconfirmed(text: &'static str) -> Source {
-    Source { text, seen: false }
+const fn unconfirmed(text: &'static str) -> Citation {
+    Citation { text, seen: false }
 }
 
 /// Why a benchmark is not met.
@@ -166,7 +166,7 @@ pub struct Benchmark {
     /// The deviation allowed.
     pub class: Class,
     /// Where the answer is published.
-    pub source: Source,
+    pub source: Citation,
     /// The answer by the knobs of a configuration, where it follows from them.
     formula: Option<fn(&Config) -> Vec<f64>>,
     /// Assignments that make the card a wrong one.
@@ -238,7 +238,7 @@ impl Verdict {
 
 /// A benchmark that was run.
 #[derive(Clone, Debug)]
-pub struct Outcome {
+pub struct BenchmarkResult {
     /// Which one.
     pub benchmark: &'static Benchmark,
     /// The answer of the model.
@@ -249,7 +249,7 @@ pub struct Outcome {
     pub from_formula: Option<f64>,
 }
 
-impl Outcome {
+impl BenchmarkResult {
     /// The verdict.
     pub fn verdict(&self) -> Verdict {
         let off = self.deviation.abs();
@@ -325,13 +325,13 @@ impl Benchmark {
     ///
     /// # Errors
     /// If the card does not take a change, a trace cannot be replayed, or nothing can be read from it.
-    pub fn run(&'static self, changes: &[&str]) -> Result<Outcome> {
+    pub fn run(&'static self, changes: &[&str]) -> Result<BenchmarkResult> {
         let of = || format!("{} on {}", self.name, self.card);
         let bench = Bench::new(self.config(changes).with_context(of)?);
         let measured = (self.measure)(&bench).with_context(of)?;
         let deviation = self.class.deviation(self.published, &measured);
         let from_formula = self.formula.map(|formula| Class::Exact.deviation(&formula(bench.config()), &measured));
-        Ok(Outcome { benchmark: self, measured, deviation, from_formula })
+        Ok(BenchmarkResult { benchmark: self, measured, deviation, from_formula })
     }
 }
 
@@ -339,7 +339,7 @@ impl Benchmark {
 ///
 /// # Errors
 /// As [`Benchmark::run`].
-pub fn run(benchmarks: &[&'static Benchmark], changes: &[&str], inject_fault: bool) -> Result<Vec<Outcome>> {
+pub fn run(benchmarks: &[&'static Benchmark], changes: &[&str], inject_fault: bool) -> Result<Vec<BenchmarkResult>> {
     on_threads(benchmarks.len(), "benchmark", &|at| {
         let benchmark = benchmarks[at];
         let fault = if inject_fault { benchmark.fault } else { &[] };

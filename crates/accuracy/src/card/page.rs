@@ -4,7 +4,7 @@ use std::fmt::Write;
 
 use serde_json::{Value, json};
 
-use super::{Benchmark, CARDS, Class, Outcome, Source};
+use super::{Benchmark, BenchmarkResult, CARDS, Citation, Class};
 
 /// Columns of [`line()`].
 pub fn header() -> String {
@@ -16,7 +16,7 @@ fn columns([card, name, published, measured, deviation, class, verdict]: [String
 }
 
 /// An outcome as a line, with its reason below it where it is not met.
-pub fn line(outcome: &Outcome) -> String {
+pub fn line(outcome: &BenchmarkResult) -> String {
     let Benchmark { card, name, published, class, because, .. } = outcome.benchmark;
     let cells = [
         (*card).to_owned(),
@@ -38,14 +38,14 @@ pub fn line(outcome: &Outcome) -> String {
 }
 
 /// All outcomes as text, with the median and the number that holds.
-pub fn text(outcomes: &[Outcome]) -> String {
+pub fn text(outcomes: &[BenchmarkResult]) -> String {
     let mut text = header();
     outcomes.iter().for_each(|outcome| text += &line(outcome));
     text + &summary(outcomes) + "\n"
 }
 
 /// The median of the sizes of all deviations.
-pub fn median(outcomes: &[Outcome]) -> f64 {
+pub fn median(outcomes: &[BenchmarkResult]) -> f64 {
     let mut sizes: Vec<f64> = outcomes.iter().map(|outcome| outcome.deviation.abs()).collect();
     sizes.sort_by(f64::total_cmp);
     match sizes.len() {
@@ -55,7 +55,7 @@ pub fn median(outcomes: &[Outcome]) -> f64 {
 }
 
 /// What became of all of them, in a sentence.
-fn summary(outcomes: &[Outcome]) -> String {
+fn summary(outcomes: &[BenchmarkResult]) -> String {
     let met = outcomes.iter().filter(|outcome| outcome.deviation.abs() <= outcome.benchmark.class.allowed()).count();
     let holding = outcomes.iter().filter(|outcome| outcome.holds()).count();
     let all = outcomes.len();
@@ -95,8 +95,8 @@ fn number(value: f64) -> String {
 }
 
 /// Outcomes as JSON.
-pub fn json(outcomes: &[Outcome]) -> Value {
-    let one = |outcome: &Outcome| {
+pub fn json(outcomes: &[BenchmarkResult]) -> Value {
+    let one = |outcome: &BenchmarkResult| {
         let benchmark = outcome.benchmark;
         json!({
             "card": benchmark.card,
@@ -116,7 +116,7 @@ pub fn json(outcomes: &[Outcome]) -> Value {
         })
     };
     json!({
-        "verdict": if outcomes.iter().all(Outcome::holds) { "pass" } else { "fail" },
+        "verdict": if outcomes.iter().all(BenchmarkResult::holds) { "pass" } else { "fail" },
         "median": median(outcomes),
         "benchmarks": outcomes.iter().map(one).collect::<Vec<_>>(),
     })
@@ -136,11 +136,11 @@ formula says how, and measurement and formula agree to 1 % (marked =). Sources m
 ";
 
 /// Outcomes as a page: a table for each card.
-pub fn markdown(outcomes: &[Outcome]) -> String {
+pub fn markdown(outcomes: &[BenchmarkResult]) -> String {
     let mut text = INTRODUCTION.to_owned();
     let _ = writeln!(text, "{}", summary(outcomes));
     for &(card, name) in CARDS {
-        let of_card: Vec<&Outcome> = outcomes.iter().filter(|outcome| outcome.benchmark.card == card).collect();
+        let of_card: Vec<&BenchmarkResult> = outcomes.iter().filter(|outcome| outcome.benchmark.card == card).collect();
         if of_card.is_empty() {
             continue;
         }
@@ -153,9 +153,9 @@ pub fn markdown(outcomes: &[Outcome]) -> String {
     text
 }
 
-fn row(outcome: &Outcome) -> String {
+fn row(outcome: &BenchmarkResult) -> String {
     let Benchmark { name, what, unit, published, class, source, because, .. } = outcome.benchmark;
-    let Source { text, seen } = source;
+    let Citation { text, seen } = source;
     let unit = if unit.is_empty() { String::new() } else { format!(" {unit}") };
     let verdict = match because {
         Some(because) => format!("{}: {}", outcome.verdict().text(), because.what),

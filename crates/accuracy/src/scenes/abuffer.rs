@@ -4,7 +4,7 @@ use anyhow::Result;
 
 use super::kit::{COLORED, Draw, Kit, Pass};
 use super::shapes::{Corner, center, clip, covers};
-use super::{Image, Scene, Stage};
+use super::{Image, Scene, SceneRun};
 use crate::Row;
 use crate::harness::funnel;
 use gfx::format::Format;
@@ -177,7 +177,7 @@ fn all(layers: &[Layer], x: u32, y: u32) -> [f64; 3] {
     composite(covering(layers, x, y).iter())
 }
 
-fn lists(stage: &mut Stage, most: usize) -> Result<()> {
+fn lists(stage: &mut SceneRun, most: usize) -> Result<()> {
     let layers = layers();
     let trace = listed(&layers, most, !stage.fault());
     let frames = stage.show(&trace)?;
@@ -220,7 +220,7 @@ fn lists(stage: &mut Stage, most: usize) -> Result<()> {
     Ok(())
 }
 
-fn weighted(stage: &mut Stage) -> Result<()> {
+fn weighted(stage: &mut SceneRun) -> Result<()> {
     let layers = layers();
     let power = if stage.fault() { "w * w" } else { "w * w * w" };
     let mut kit = Kit::new("weighted");

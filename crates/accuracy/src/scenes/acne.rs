@@ -3,7 +3,7 @@
 use anyhow::Result;
 
 use super::kit::{Draw, Kit, Pass};
-use super::{Scene, Stage};
+use super::{Scene, SceneRun};
 use crate::Row;
 use gfx::format::Format;
 use gfx::state::Compare;
@@ -23,7 +23,7 @@ const TEXELS: u32 = 37;
 const BANDS: u32 = 8;
 const SLOPE: f32 = 0.75;
 
-fn play(stage: &mut Stage) -> Result<()> {
+fn play(stage: &mut SceneRun) -> Result<()> {
     let mut kit = Kit::new("acne");
     let map = kit.target("map", [TEXELS, 1], Format::Depth32Float);
     let target = kit.target("target", [PIXELS, 8 * BANDS], Format::Rgba8Unorm);

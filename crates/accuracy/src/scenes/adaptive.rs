@@ -3,7 +3,7 @@
 use anyhow::Result;
 
 use super::kit::Kit;
-use super::{Scene, Stage};
+use super::{Scene, SceneRun};
 use crate::Row;
 use gfx::format::Format;
 use trace::Trace;
@@ -84,7 +84,7 @@ fn recorded(most: bool, fault: bool) -> Trace {
     kit.finish()
 }
 
-fn play(stage: &mut Stage) -> Result<()> {
+fn play(stage: &mut SceneRun) -> Result<()> {
     let (own, all) = (recorded(false, stage.fault()), recorded(true, false));
     let frames = stage.show(&own)?;
     let other = stage.frames(&all)?;

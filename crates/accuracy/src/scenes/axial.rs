@@ -3,7 +3,7 @@
 use anyhow::Result;
 
 use super::kit::{Draw, Kit, Pass};
-use super::{Scene, Stage};
+use super::{Scene, SceneRun};
 use crate::Row;
 use gfx::format::Format;
 use gfx::state::Compare;
@@ -38,7 +38,7 @@ fn seen(p: DVec3) -> DVec3 {
     dvec3(p.x, p.y + 0.5 * p.z, p.z - 0.5 * p.y)
 }
 
-fn play(stage: &mut Stage) -> Result<()> {
+fn play(stage: &mut SceneRun) -> Result<()> {
     let toward = if stage.fault() { "vec2f(0.0, -1.0)" } else { "vec2f(0.5, -3.0) - foot.xy" };
     let source = format!(
         "struct Vertex {{ @builtin(position) at: vec4f, @location(0) @interpolate(flat) color: vec4f }}

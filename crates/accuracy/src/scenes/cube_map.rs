@@ -3,7 +3,7 @@
 use anyhow::Result;
 
 use super::kit::{Draw, Kit, Pass};
-use super::{Scene, Stage};
+use super::{Scene, SceneRun};
 use crate::Row;
 use gfx::format::Format;
 use gfx::state::ViewDimension;
@@ -63,7 +63,7 @@ pub(super) fn face([x, y, z]: [f64; 3]) -> (usize, [f64; 2]) {
     (face, [(s / m + 1.0) / 2.0, (t / m + 1.0) / 2.0])
 }
 
-fn cube_map(stage: &mut Stage) -> Result<()> {
+fn cube_map(stage: &mut SceneRun) -> Result<()> {
     let mut kit = Kit::new("cube-map");
     let target = kit.target("target", SIZE, Format::Rgba8Unorm);
     let desc = TextureDesc { size: [EDGE, EDGE, 6], ..record::texture_2d(EDGE, EDGE, Format::Rgba8Unorm) };
@@ -109,7 +109,7 @@ fn cube_map(stage: &mut Stage) -> Result<()> {
     Ok(())
 }
 
-fn sphere_map(stage: &mut Stage) -> Result<()> {
+fn sphere_map(stage: &mut SceneRun) -> Result<()> {
     let mut kit = Kit::new("sphere-map");
     let picture = kit.target("picture", [160, 64], Format::Rgba8Unorm);
     let target = kit.target("target", [160, 2], Format::Rg32Float);
@@ -169,7 +169,7 @@ fn meets_wall(a: f64, t: f64) -> [f64; 3] {
     [far * d[0], 0.0, a + far * d[1]]
 }
 
-fn near_map(stage: &mut Stage) -> Result<()> {
+fn near_map(stage: &mut SceneRun) -> Result<()> {
     const FINE: u32 = 128;
     let mut kit = Kit::new("near-map");
     let target = kit.target("target", SIZE, Format::Rgba8Unorm);

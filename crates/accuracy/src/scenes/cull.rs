@@ -3,7 +3,7 @@
 use anyhow::Result;
 
 use super::kit::{COLORED, Draw, Kit, Pass};
-use super::{Scene, Stage};
+use super::{Scene, SceneRun};
 use crate::Row;
 use gfx::format::Format;
 use gfx::state::Compare;
@@ -103,7 +103,7 @@ fn drawn(all: &[([Vec3; 3], Sphere)], which: &[usize]) -> Trace {
     kit.finish()
 }
 
-fn frustum(stage: &mut Stage) -> Result<()> {
+fn frustum(stage: &mut SceneRun) -> Result<()> {
     let all = triangles();
     let mut left = Vec::new();
     let shrink = if stage.fault() { 0.5 } else { 1.0 };
@@ -139,7 +139,7 @@ fn square([x, y]: [u32; 2], [width, height]: [u32; 2], z: f32, color: [f32; 4]) 
     [[0, 0], [1, 0], [0, 1], [0, 1], [1, 0], [1, 1]].iter().flat_map(|&[i, j]| corner(i, j)).collect()
 }
 
-fn occlusion(stage: &mut Stage) -> Result<()> {
+fn occlusion(stage: &mut SceneRun) -> Result<()> {
     // A wall over all columns but 40 to 70, in two rectangles.
     let wall =
         [square([0, 0], [40, 128], 0.3, [0.5, 0.5, 0.5, 1.0]), square([70, 0], [58, 128], 0.3, [0.5, 0.5, 0.5, 1.0])].concat();

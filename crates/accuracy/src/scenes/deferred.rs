@@ -3,7 +3,7 @@
 use anyhow::Result;
 
 use super::kit::{Draw, Kit, Pass};
-use super::{Scene, Stage};
+use super::{Scene, SceneRun};
 use crate::Row;
 use gfx::format::Format;
 use gfx::state::Compare;
@@ -110,7 +110,7 @@ fn deferred(order: &[u32], fault: bool) -> Trace {
     kit.finish()
 }
 
-fn play(stage: &mut Stage) -> Result<()> {
+fn play(stage: &mut SceneRun) -> Result<()> {
     let order = |layers: u32| (0..layers).collect::<Vec<u32>>();
     let stored = stage.show(&deferred(&order(8), stage.fault()))?;
     let drawn = stage.frames(&forward(&order(8)))?;

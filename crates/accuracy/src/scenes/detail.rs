@@ -3,7 +3,7 @@
 use anyhow::Result;
 
 use super::kit::{COLORED, Draw, Kit, Pass};
-use super::{Scene, Stage};
+use super::{Scene, SceneRun};
 use crate::Row;
 use gfx::format::Format;
 use gfx::state::Compare;
@@ -69,7 +69,7 @@ fn vertex(at: Vec3, color: [f32; 3]) -> [f32; 8] {
     [at.x, at.y, at.z - 0.1, at.z, color[0], color[1], color[2], 1.0]
 }
 
-fn detail(stage: &mut Stage) -> Result<()> {
+fn detail(stage: &mut SceneRun) -> Result<()> {
     let all = triangles();
     let shrink = if stage.fault() { 0.5 } else { 1.0 };
     let kept: Vec<bool> = all
@@ -176,7 +176,7 @@ fn balls() -> Vec<(Vec3, f32)> {
     (0..).zip(distances).map(|(k, z)| (place(k).extend(1.0) * z, 0.8)).collect()
 }
 
-fn lod(stage: &mut Stage) -> Result<()> {
+fn lod(stage: &mut SceneRun) -> Result<()> {
     let (meshes, balls) = (MESHES.map(mesh), balls());
     let off = meshes.each_ref().map(|mesh| 1.0 - contained(mesh));
     let allowed = if stage.fault() { 2.0_f32 } else { 0.5 };

@@ -5,7 +5,7 @@ use std::f64::consts::{FRAC_1_SQRT_2, TAU};
 use anyhow::Result;
 
 use super::kit::{ADD, Draw, Kit, Pass};
-use super::{Image, Scene, Stage};
+use super::{Image, Scene, SceneRun};
 use crate::Row;
 use gfx::format::Format;
 use trace::Trace;
@@ -142,7 +142,7 @@ fn value(image: &Image, column: u32, row: u32) -> f64 {
     }
 }
 
-fn play(stage: &mut Stage) -> Result<()> {
+fn play(stage: &mut SceneRun) -> Result<()> {
     let fault = stage.fault();
     let four = rotated(fault, false);
     let picture = stage.show(&four)?;

@@ -4,7 +4,7 @@ use anyhow::Result;
 
 use super::kit::{COLORED, Draw, Kit, Pass};
 use super::shapes::{Corner, center, clip, covers};
-use super::{Scene, Stage};
+use super::{Scene, SceneRun};
 use crate::Row;
 use gfx::format::Format;
 use gfx::state::Compare;
@@ -20,7 +20,7 @@ pub(super) const FIGHTING: Scene = Scene {
 const SIZE: [u32; 2] = [128, 128];
 const TRIANGLE: [Corner; 3] = [[1_001, 2_003], [31_007, 9_011], [8_013, 30_017]];
 
-fn play(stage: &mut Stage) -> Result<()> {
+fn play(stage: &mut SceneRun) -> Result<()> {
     let mut kit = Kit::new("fighting");
     let target = kit.target("target", SIZE, Format::Rgba8Unorm);
     let depth = kit.target("depth", SIZE, Format::Depth32Float);

@@ -3,7 +3,7 @@
 use anyhow::Result;
 
 use super::kit::{ADD, Draw, Kit, Pass};
-use super::{Scene, Stage};
+use super::{Scene, SceneRun};
 use crate::Row;
 use gfx::format::Format;
 use gfx::state::Topology;
@@ -96,7 +96,7 @@ fn recorded(moves: bool, draws: bool, rebound: f32) -> Trace {
     kit.finish()
 }
 
-fn play(stage: &mut Stage) -> Result<()> {
+fn play(stage: &mut SceneRun) -> Result<()> {
     let trace = recorded(true, true, if stage.fault() { 1.0 } else { 0.5 });
     let frames = stage.show(&trace)?;
     let mut particles: Vec<[f64; 4]> = begin().iter().map(|p| p.map(f64::from)).collect();

@@ -3,7 +3,7 @@
 use anyhow::Result;
 
 use super::kit::{Draw, Kit, Pass};
-use super::{Scene, Stage};
+use super::{Scene, SceneRun};
 use crate::Row;
 use gfx::format::Format;
 
@@ -23,7 +23,7 @@ fn encoded(light: f64) -> f64 {
     if light <= 0.003_130_8 { 12.92 * light } else { 1.055 * libm::pow(light, 1.0 / 2.4) - 0.055 }
 }
 
-fn play(stage: &mut Stage) -> Result<()> {
+fn play(stage: &mut SceneRun) -> Result<()> {
     let mut kit = Kit::new("gamma");
     let srgb = if stage.fault() { Format::Rgba8Unorm } else { Format::Rgba8UnormSrgb };
     // Column x of 400, row y of 40: 16,000 amounts of light, then half.

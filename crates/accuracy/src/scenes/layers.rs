@@ -3,7 +3,7 @@
 use anyhow::Result;
 
 use super::kit::{Draw, Kit, Pass};
-use super::{Scene, Stage};
+use super::{Scene, SceneRun};
 use crate::Row;
 use crate::harness::counts;
 use gfx::format::Format;
@@ -48,7 +48,7 @@ fn texture(kit: &mut Kit, seed: u64, edge: u32) -> (super::kit::Target, Vec<u8>)
     (texture, texels)
 }
 
-fn combine(stage: &mut Stage) -> Result<()> {
+fn combine(stage: &mut SceneRun) -> Result<()> {
     let mut kit = Kit::new("combine");
     let target = kit.target("target", [96, 96], Format::Rgba8Unorm);
     let (first, a) = texture(&mut kit, 1, 16);
@@ -99,7 +99,7 @@ fn combine(stage: &mut Stage) -> Result<()> {
     Ok(())
 }
 
-fn pyramid(stage: &mut Stage) -> Result<()> {
+fn pyramid(stage: &mut SceneRun) -> Result<()> {
     let edge = 256_u32;
     let mut kit = Kit::new("pyramid");
     // The finest level is drawn, so that the recording is small.
@@ -167,7 +167,7 @@ fn pyramid(stage: &mut Stage) -> Result<()> {
     Ok(())
 }
 
-fn wheel(stage: &mut Stage) -> Result<()> {
+fn wheel(stage: &mut SceneRun) -> Result<()> {
     let (frames_drawn, spokes) = (6, 12);
     let mut kit = Kit::new("wheel");
     let target = kit.target("target", [96, 96], Format::Rgba8Unorm);
@@ -205,11 +205,11 @@ fn wheel(stage: &mut Stage) -> Result<()> {
 }
 
 /// When a picture tears: with swaps at once and by the vertical blank, of a display that is slower and faster than what is drawn.
-fn tearing(stage: &mut Stage, trace: &Trace, frames: f64) -> Result<()> {
+fn tearing(stage: &mut SceneRun, trace: &Trace, frames: f64) -> Result<()> {
     let mut told = Vec::new();
     for line_cycles in [16, 40, 200] {
         let line = format!("scanout.line_cycles={line_cycles}");
-        let tears = |stage: &Stage, swap: &str| {
+        let tears = |stage: &SceneRun, swap: &str| {
             let swap = format!("scanout.swap={swap}");
             let free = ["scanout.mode=free-running", "scanout.show_last=true", "scanout.buffers=2"];
             let (_, total) = stage.time(trace, &[&free[..], &[&line, &swap]].concat())?;

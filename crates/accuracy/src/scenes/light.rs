@@ -3,7 +3,7 @@
 use anyhow::Result;
 
 use super::kit::{Draw, Kit, Pass};
-use super::{Scene, Stage};
+use super::{Scene, SceneRun};
 use crate::Row;
 use gfx::format::Format;
 use glam::{DVec3, dvec3};
@@ -60,7 +60,7 @@ fn parts(p: DVec3, to_light: DVec3, eye: DVec3) -> [f64; 2] {
     [l.z.max(0.0), libm::pow(h.z.max(0.0), 20.0)]
 }
 
-fn lights(stage: &mut Stage) -> Result<()> {
+fn lights(stage: &mut SceneRun) -> Result<()> {
     let falls = if stage.fault() { "1.0" } else { "1.0 / (0.5 + 0.3 * d + 0.4 * d * d)" };
     let source = format!(
         "fn parts(p: vec3f, to_light: vec3f) -> vec2f {{
@@ -111,7 +111,7 @@ fn lights(stage: &mut Stage) -> Result<()> {
     Ok(())
 }
 
-fn fog(stage: &mut Stage) -> Result<()> {
+fn fog(stage: &mut SceneRun) -> Result<()> {
     let square = if stage.fault() { "1.0" } else { "t" };
     let source = format!(
         "@fragment fn fs(@builtin(position) at: vec4f) -> @location(0) vec4f {{
@@ -141,7 +141,7 @@ fn fog(stage: &mut Stage) -> Result<()> {
 }
 
 /// Fog of depth that is found at vertices, and what that leaves out.
-fn by_vertex(stage: &mut Stage) -> Result<()> {
+fn by_vertex(stage: &mut SceneRun) -> Result<()> {
     let square = if stage.fault() { "1.0" } else { "t" };
     let source = format!(
         "struct Vertex {{ @builtin(position) at: vec4f, @location(0) f: f32 }}
@@ -198,7 +198,7 @@ fn by_vertex(stage: &mut Stage) -> Result<()> {
     Ok(())
 }
 
-fn lobes(stage: &mut Stage) -> Result<()> {
+fn lobes(stage: &mut SceneRun) -> Result<()> {
     let mut kit = Kit::new("lobes");
     let factor = if stage.fault() { "3.0" } else { "4.0" };
     let lobes = format!(
@@ -234,7 +234,7 @@ fn lobes(stage: &mut Stage) -> Result<()> {
     Ok(())
 }
 
-fn shading(stage: &mut Stage) -> Result<()> {
+fn shading(stage: &mut SceneRun) -> Result<()> {
     // Corners, and normals that lean outwards: in the middle they add up to z, which mirrors the light to the eye.
     let lean = if stage.fault() { 0.0 } else { 1.0 };
     let corners = [[-0.9_f32, -0.9], [0.9, -0.9], [0.0, 0.9]];

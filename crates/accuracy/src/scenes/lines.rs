@@ -4,7 +4,7 @@ use anyhow::Result;
 
 use super::kit::{COLORED, Draw, Kit, Pass};
 use super::shapes::{Corner, center, clip, covers};
-use super::{Scene, Stage};
+use super::{Scene, SceneRun};
 use crate::Row;
 use gfx::format::Format;
 use gfx::state::Topology;
@@ -68,7 +68,7 @@ fn ends() -> Vec<[i64; 2]> {
     .to_vec()
 }
 
-fn lines(stage: &mut Stage) -> Result<()> {
+fn lines(stage: &mut SceneRun) -> Result<()> {
     let mut kit = Kit::new("lines");
     let target = kit.target("target", SIZE, Format::Rgba8Unorm);
     let words = kit.target("midpoint", SIZE, Format::R32Uint);
@@ -195,7 +195,7 @@ fn others(kit: &mut Kit, ends: &[f32], fault: bool) {
     copied(kit, &pixels, shaded, SIZE);
 }
 
-fn other_rows(stage: &mut Stage, frames: &[super::Image]) {
+fn other_rows(stage: &mut SceneRun, frames: &[super::Image]) {
     let at = |x: u32, y: u32| [i64::from(x) - 64, i64::from(y) - 64];
     let last = |x: u32, y: u32| ends().contains(&at(x, y));
     let dda = |x, y| frames[3].word(x, y, 0) & 1 == 1;
@@ -258,7 +258,7 @@ fn fan() -> Vec<[Corner; 3]> {
     (0..16).map(|k| [middle, rim[k], rim[(k + 1) % 16]]).collect()
 }
 
-fn software(stage: &mut Stage) -> Result<()> {
+fn software(stage: &mut SceneRun) -> Result<()> {
     let mut kit = Kit::new("software");
     let target = kit.target("target", SIZE, Format::Rgba8Unorm);
     let words = kit.target("words", SIZE, Format::R32Uint);

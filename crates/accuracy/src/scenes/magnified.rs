@@ -4,7 +4,7 @@ use anyhow::Result;
 
 use super::kit::{Draw, Kit, Pass};
 use super::stage::Image;
-use super::{Scene, Stage};
+use super::{Scene, SceneRun};
 use crate::Row;
 use gfx::format::Format;
 use gfx::state::{FilterMode, SamplerDesc};
@@ -95,7 +95,7 @@ fn farthest(image: &Image) -> f64 {
     most
 }
 
-fn play(stage: &mut Stage) -> Result<()> {
+fn play(stage: &mut SceneRun) -> Result<()> {
     let mut kit = Kit::new("magnified");
     let target = kit.target("target", SIZE, Format::Rgba8Unorm);
     let alphas = [alphas(true), alphas(false)];

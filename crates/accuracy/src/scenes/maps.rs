@@ -3,7 +3,7 @@
 use anyhow::Result;
 
 use super::kit::{COLORED, Draw, Kit, Pass};
-use super::{Image, Scene, Stage};
+use super::{Image, Scene, SceneRun};
 use crate::Row;
 use gfx::format::Format;
 use gfx::state::{FilterMode, SamplerDesc, TextureDimension};
@@ -61,13 +61,13 @@ fn covered(kit: &mut Kit, source: &str, resources: Vec<BoundResource>) {
     kit.present(target);
 }
 
-fn compare(stage: &mut Stage, trace: &Trace, exact: impl FnMut(u32, u32) -> [f64; 3]) -> Result<Image> {
+fn compare(stage: &mut SceneRun, trace: &Trace, exact: impl FnMut(u32, u32) -> [f64; 3]) -> Result<Image> {
     let mut frames = stage.show(trace)?;
     stage.row(Row::at_most("largest difference from f64, in codes", frames[0].worst(exact), 1.0));
     Ok(frames.remove(0))
 }
 
-fn bump(stage: &mut Stage) -> Result<()> {
+fn bump(stage: &mut SceneRun) -> Result<()> {
     let mut kit = Kit::new("bump");
     let mut random = Random::new(9);
     let heights: Vec<u8> = (0..64 * 64).map(|_| (random.bits() >> 24) as u8).collect();
@@ -96,7 +96,7 @@ fn bump(stage: &mut Stage) -> Result<()> {
     Ok(())
 }
 
-fn quaternions(stage: &mut Stage) -> Result<()> {
+fn quaternions(stage: &mut SceneRun) -> Result<()> {
     let mut kit = Kit::new("quaternions");
     let mix = if stage.fault() { "a * (1.0 - t) + b * t" } else { "(a * sin((1.0 - t) * w) + b * sin(t * w)) / sin(w)" };
     // From no turn to 150 degrees about an axis.
@@ -123,7 +123,7 @@ fn quaternions(stage: &mut Stage) -> Result<()> {
     Ok(())
 }
 
-fn cylinder(stage: &mut Stage) -> Result<()> {
+fn cylinder(stage: &mut SceneRun) -> Result<()> {
     let mut kit = Kit::new("cylinder");
     let angle = if stage.fault() { "p.x" } else { "atan2(p.x, -p.z)" };
     // The eye at z = -3, a cylinder of radius 1 around y.
@@ -155,7 +155,7 @@ fn cylinder(stage: &mut Stage) -> Result<()> {
     Ok(())
 }
 
-fn room(stage: &mut Stage) -> Result<()> {
+fn room(stage: &mut SceneRun) -> Result<()> {
     let mut kit = Kit::new("room");
     let light = |x: u32, y: u32, z: u32| -> u8 {
         let [a, b, c] = [x, y, z].map(|c| f64::from(c) / 7.0);
@@ -194,7 +194,7 @@ fn room(stage: &mut Stage) -> Result<()> {
     Ok(())
 }
 
-fn stereo(stage: &mut Stage) -> Result<()> {
+fn stereo(stage: &mut SceneRun) -> Result<()> {
     let mut kit = Kit::new("stereo");
     let target = kit.target("target", SIZE, Format::Rgba8Unorm);
     // Focal length in pixels, distance of the eyes, and the depth of the screen.

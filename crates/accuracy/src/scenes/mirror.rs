@@ -3,7 +3,7 @@
 use anyhow::Result;
 
 use super::kit::{Draw, Kit, Pass};
-use super::{Scene, Stage};
+use super::{Scene, SceneRun};
 use crate::Row;
 use gfx::format::Format;
 use gfx::state::{Compare, CullMode};
@@ -19,7 +19,7 @@ pub(super) const MIRROR: Scene = Scene {
 
 const SIZE: [u32; 2] = [192, 128];
 
-fn play(stage: &mut Stage) -> Result<()> {
+fn play(stage: &mut SceneRun) -> Result<()> {
     let mut kit = Kit::new("mirror");
     let target = kit.target("target", SIZE, Format::Rgba8Unorm);
     let depth = kit.target("depth", SIZE, Format::Depth32Float);

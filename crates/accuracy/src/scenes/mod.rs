@@ -41,7 +41,7 @@ use super::harness::on_threads;
 use super::{Setting, hint};
 
 pub use page::{markdown, pictures, text};
-pub use stage::{Answer, Image, Played, Price, Stage};
+pub use stage::{Answer, Image, Played, Price, SceneRun};
 
 /// All scenes, in the order of the page.
 pub const SCENES: &[&Scene] = &[
@@ -103,19 +103,19 @@ pub struct Scene {
     /// What is spoiled to see the proof fail.
     pub fault: &'static str,
     /// Records, proves and asks.
-    pub play: fn(&mut Stage) -> Result<()>,
+    pub play: fn(&mut SceneRun) -> Result<()>,
 }
 
 /// A scene that was played.
 #[derive(Clone, Debug)]
-pub struct Outcome {
+pub struct SceneResult {
     /// Which one.
     pub scene: &'static Scene,
     /// What it left.
     pub played: Played,
 }
 
-impl Outcome {
+impl SceneResult {
     /// Whether everything is as it must be; nothing measured is nothing shown.
     pub fn holds(&self) -> bool {
         !self.played.rows.is_empty() && self.played.rows.iter().all(super::Row::holds)
@@ -127,10 +127,10 @@ impl Scene {
     ///
     /// # Errors
     /// If its recording does not render, or a machine stops.
-    pub fn run(&'static self, setting: &Setting) -> Result<Outcome> {
-        let mut stage = Stage::new(*setting);
+    pub fn run(&'static self, setting: &Setting) -> Result<SceneResult> {
+        let mut stage = SceneRun::new(*setting);
         (self.play)(&mut stage).with_context(|| format!("scene {}", self.name))?;
-        Ok(Outcome { scene: self, played: stage.played })
+        Ok(SceneResult { scene: self, played: stage.played })
     }
 }
 
@@ -138,7 +138,7 @@ impl Scene {
 ///
 /// # Errors
 /// The first scene's that does not run, or that a thread cannot be started.
-pub fn run(scenes: &[&'static Scene], setting: &Setting) -> Result<Vec<Outcome>> {
+pub fn run(scenes: &[&'static Scene], setting: &Setting) -> Result<Vec<SceneResult>> {
     on_threads(scenes.len(), "scene", &|at| scenes[at].run(setting))
 }
 

@@ -3,7 +3,7 @@
 use anyhow::Result;
 
 use super::kit::{Draw, Kit, Pass};
-use super::{Scene, Stage};
+use super::{Scene, SceneRun};
 use crate::Row;
 use gfx::format::Format;
 
@@ -18,7 +18,7 @@ pub(super) const NYQUIST: Scene = Scene {
 const PIXELS: u32 = 200;
 const WAVES: [f64; 5] = [0.1, 0.3, 0.45, 0.7, 0.9];
 
-fn play(stage: &mut Stage) -> Result<()> {
+fn play(stage: &mut SceneRun) -> Result<()> {
     let mut kit = Kit::new("nyquist");
     let target = kit.target("target", [PIXELS, 50], Format::Rgba8Unorm);
     let less = if stage.fault() { 0.02 } else { 0.0 };

@@ -4,7 +4,7 @@ use anyhow::Result;
 
 use super::cube_map::face;
 use super::kit::{Draw, Kit, Pass, Target};
-use super::{Scene, Stage};
+use super::{Scene, SceneRun};
 use crate::Row;
 use gfx::format::Format;
 use gfx::state::{Compare, ViewDimension};
@@ -123,7 +123,7 @@ fn recorded(swapped: bool, culled: bool) -> Trace {
     kit.finish()
 }
 
-fn play(stage: &mut Stage) -> Result<()> {
+fn play(stage: &mut SceneRun) -> Result<()> {
     let trace = recorded(stage.fault(), true);
     let frames = stage.show(&trace)?;
     let triangles = triangles();

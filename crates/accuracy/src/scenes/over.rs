@@ -3,7 +3,7 @@
 use anyhow::Result;
 
 use super::kit::{COLORED, Draw, Kit, OVER, Pass};
-use super::{Scene, Stage};
+use super::{Scene, SceneRun};
 use crate::Row;
 use gfx::format::Format;
 use machine::config::SortClass;
@@ -23,7 +23,7 @@ fn square(x: [f32; 2], y: [f32; 2], color: [f32; 4]) -> Vec<f32> {
     [[0, 0], [1, 0], [0, 1], [0, 1], [1, 0], [1, 1]].iter().flat_map(|&[i, j]| corner(i, j)).collect()
 }
 
-fn play(stage: &mut Stage) -> Result<()> {
+fn play(stage: &mut SceneRun) -> Result<()> {
     let mut kit = Kit::new("over");
     let target = kit.target("target", SIZE, Format::Rgba8Unorm);
     let (red, green) = ([1.0, 0.0, 0.0, 0.5], [0.0, 1.0, 0.0, if stage.fault() { 0.6 } else { 0.5 }]);

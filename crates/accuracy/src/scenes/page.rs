@@ -5,7 +5,7 @@ use std::path::Path;
 
 use anyhow::{Result, anyhow};
 
-use super::{Outcome, SCENES};
+use super::{SCENES, SceneResult};
 use crate::Row;
 use host;
 use picture;
@@ -25,7 +25,7 @@ fn verdict(row: &Row) -> &'static str {
 }
 
 /// The rows, prices and answers of a scene as lines.
-pub fn text(outcome: &Outcome) -> String {
+pub fn text(outcome: &SceneResult) -> String {
     let mut text = format!("{}\n", outcome.scene.name);
     for row in &outcome.played.rows {
         let (expected, [measured, allowed]) = (asked(row), [row.measured, row.allowed].map(number));
@@ -49,7 +49,7 @@ pub fn text(outcome: &Outcome) -> String {
 ///
 /// # Errors
 /// If a picture cannot be made or written.
-pub fn pictures(outcomes: &[Outcome], folder: &Path) -> Result<()> {
+pub fn pictures(outcomes: &[SceneResult], folder: &Path) -> Result<()> {
     std::fs::create_dir_all(folder)?;
     for outcome in outcomes {
         let Some(image) = &outcome.played.picture else { continue };
@@ -67,7 +67,7 @@ fn cell(text: &str) -> String {
 }
 
 /// The page of all scenes: pictures lie beside it in `folder`.
-pub fn markdown(outcomes: &[Outcome], folder: &str) -> String {
+pub fn markdown(outcomes: &[SceneResult], folder: &str) -> String {
     let failed = outcomes.iter().filter(|outcome| !outcome.holds()).count();
     let mut text = format!(
         "# Techniques\n\nScenes of a graphics course. The picture of each scene is proven with arithmetic that is not the renderer's. \

@@ -4,7 +4,7 @@ use anyhow::Result;
 
 use super::kit::{COLORED, Draw, Kit, Pass};
 use super::shapes::{Corner, area, center, clip, covers};
-use super::{Scene, Stage};
+use super::{Scene, SceneRun};
 use crate::Row;
 use crate::harness::funnel;
 use gfx::format::Format;
@@ -98,7 +98,7 @@ fn whole(order: &[usize]) -> Vec<([Point; 3], usize)> {
     order.iter().map(|&which| (BARS[which], which)).collect()
 }
 
-fn painter(stage: &mut Stage) -> Result<()> {
+fn painter(stage: &mut SceneRun) -> Result<()> {
     let orders: Vec<_> = ORDERS.iter().map(|order| whole(order)).collect();
     let frames = stage.show(&drawn(&orders, stage.fault().then_some(Compare::Less)))?;
     let (mut unlike, mut wrong, mut least) = (0, [0; 2], u64::MAX);
@@ -121,7 +121,7 @@ fn painter(stage: &mut Stage) -> Result<()> {
 }
 
 /// What the order of draws saves: eight full layers, front to back and back to front.
-fn question(stage: &mut Stage) -> Result<()> {
+fn question(stage: &mut SceneRun) -> Result<()> {
     let layer = |z: i64| [[0, 0, z], [65_536, 0, z], [0, 65_536, z]];
     let layers = |front: bool| -> Vec<([Point; 3], usize)> {
         (0..8).map(|k| (layer(4_096 * if front { 1 + k } else { 8 - k }), (k % 3) as usize)).collect()
@@ -183,7 +183,7 @@ fn walked(pieces: &[Piece], turned: bool) -> Vec<Piece> {
     [first, vec![node.clone()], last].concat()
 }
 
-fn bsp(stage: &mut Stage) -> Result<()> {
+fn bsp(stage: &mut SceneRun) -> Result<()> {
     let pieces: Vec<Piece> = (0..3).map(|which| (BARS[which].map(|p| [p[0] as f64, p[1] as f64]).to_vec(), which)).collect();
     let mut triangles = Vec::new();
     for (polygon, which) in walked(&pieces, stage.fault()) {

@@ -3,7 +3,7 @@
 use anyhow::Result;
 
 use super::kit::{Draw, Kit, Pass};
-use super::{Scene, Stage};
+use super::{Scene, SceneRun};
 use crate::Row;
 use gfx::format::Format;
 use gfx::state::{Compare, FilterMode, SamplerDesc, Topology};
@@ -19,7 +19,7 @@ pub(super) const PCF: Scene = Scene {
 const PIXELS: u32 = 256;
 const TEXELS: u32 = 16;
 
-fn play(stage: &mut Stage) -> Result<()> {
+fn play(stage: &mut SceneRun) -> Result<()> {
     let mut kit = Kit::new("pcf");
     let map = kit.target("map", [TEXELS; 2], Format::Depth32Float);
     let target = kit.target("target", [PIXELS, 32], Format::Rgba8Unorm);

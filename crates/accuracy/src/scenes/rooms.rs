@@ -3,7 +3,7 @@
 use anyhow::Result;
 
 use super::kit::{COLORED, Draw, Kit, Pass};
-use super::{Scene, Stage};
+use super::{Scene, SceneRun};
 use crate::Row;
 use gfx::format::Format;
 use gfx::state::Compare;
@@ -241,7 +241,7 @@ fn drawn(walls: &[Wall], met: &[bool]) -> Trace {
     kit.finish()
 }
 
-fn portal(stage: &mut Stage) -> Result<()> {
+fn portal(stage: &mut SceneRun) -> Result<()> {
     let walls = walls();
     let own = (EYE[2] / EDGE) as usize * ROOMS + (EYE[0] / EDGE) as usize;
     let (mut met, mut right) = ([false; ROOMS * ROOMS], [false; ROOMS * ROOMS]);

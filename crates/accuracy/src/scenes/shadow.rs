@@ -3,7 +3,7 @@
 use anyhow::Result;
 
 use super::kit::{COLORED, Draw, Kit, Pass};
-use super::{Scene, Stage};
+use super::{Scene, SceneRun};
 use crate::Row;
 use gfx::format::Format;
 use gfx::state::*;
@@ -112,7 +112,7 @@ fn wrong(frame: &super::Image, camera: Camera, solid: &[DVec3; 4]) -> u64 {
     frame.wrong(shade)
 }
 
-fn flat(stage: &mut Stage) -> Result<()> {
+fn flat(stage: &mut SceneRun) -> Result<()> {
     let camera = above(dvec3(0.1, 1.9, 0.05));
     let mut kit = Kit::new("flat-shadow");
     let target = kit.target("target", SIZE, Format::Rgba8Unorm);
@@ -242,7 +242,7 @@ fn volumes_of(camera: Camera, solids: &[[DVec3; 4]], how: Volume) -> Trace {
     kit.finish()
 }
 
-fn volumes(stage: &mut Stage) -> Result<()> {
+fn volumes(stage: &mut SceneRun) -> Result<()> {
     let caps = [!stage.fault(); 2];
     let fail = Volume { fail: true, caps, silhouette: false, wall: false };
     // Beside the shadow, and inside of it, below the solid.
@@ -322,7 +322,7 @@ fn volumes(stage: &mut Stage) -> Result<()> {
 /// What hierarchical Z saves of volumes that a wall hides: with z-pass they fail the test and change nothing, so that whole blocks of them are
 /// thrown away; with z-fail just those that fail are counted, and none may be. The floor behind the wall is thrown away in both, and is what
 /// is saved where there are no volumes.
-fn hidden(stage: &mut Stage, camera: Camera) -> Result<()> {
+fn hidden(stage: &mut SceneRun, camera: Camera) -> Result<()> {
     let mut told = Vec::new();
     let floor = volumes_of(camera, &[], Volume { fail: true, caps: [true; 2], silhouette: false, wall: true });
     let floor = stage.time(&floor, &["traverse.hierarchical_z=false"])?.0 - stage.time(&floor, &[])?.0;
@@ -379,7 +379,7 @@ fn mapped(camera: Camera, solids: &[[DVec3; 4]]) -> Trace {
 }
 
 /// Which are cheaper, maps or volumes, for solids whose shadows lie over each other.
-fn maps(stage: &mut Stage) -> Result<()> {
+fn maps(stage: &mut SceneRun) -> Result<()> {
     let camera = above(dvec3(-1.3, 1.7, 1.2));
     let picture = stage.frames(&mapped(camera, &crowd(1)))?;
     let share = wrong(&picture[0], camera, &SOLID) as f64 / 65_536.0;

@@ -138,22 +138,22 @@ pub struct Played {
 const WORKS: usize = 4;
 
 /// What decides a rendering: the hash of the trace's archive, and the render key.
-type Asked = (blake3::Hash, RenderKey);
+type RenderingKey = (blake3::Hash, RenderKey);
 
 /// Where a scene is played.
-pub struct Stage {
+pub struct SceneRun {
     /// With what.
     pub setting: Setting,
     /// What it has left so far.
     pub played: Played,
     /// Work of the traces that were asked for last.
-    known: RefCell<Vec<(Asked, Rc<StoredWork>)>>,
+    known: RefCell<Vec<(RenderingKey, Rc<StoredWork>)>>,
 }
 
-impl Stage {
+impl SceneRun {
     /// A stage on which nothing was played.
-    pub fn new(setting: Setting) -> Stage {
-        Stage { setting, played: Played::default(), known: RefCell::default() }
+    pub fn new(setting: Setting) -> SceneRun {
+        SceneRun { setting, played: Played::default(), known: RefCell::default() }
     }
 
     /// Whether the scene is spoiled.

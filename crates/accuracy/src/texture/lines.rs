@@ -40,7 +40,7 @@ pub(super) const ORIENTATION: Target = Target {
 
 /// Which way scan-lines walk the texture.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Way {
+enum ScanDirection {
     Along,
     Across,
 }
@@ -58,20 +58,20 @@ fn lines_of(width: u32, height: u32) -> String {
 }
 
 /// A texture of this format, walked from a texel on.
-fn of_texture([width, height]: [u32; 2], format: Format, [x, y]: [u32; 2], way: Way) -> Trace {
+fn of_texture([width, height]: [u32; 2], format: Format, [x, y]: [u32; 2], way: ScanDirection) -> Trace {
     let edge = width.max(height) + 64;
-    let place = if way == Way::Along { "p.xy" } else { "p.yx" };
+    let place = if way == ScanDirection::Along { "p.xy" } else { "p.yx" };
     let color = format!("textureSampleLevel(t, s, ({place} + vec2f({x}.5, {y}.5)) / {edge}.0, 0.0)");
     let texture = record::texture_2d(edge, edge, format);
     textured([width, height], texture, bilinear(), 3 * height, &lines_of(width, height), &color)
 }
 
 /// Rows of a buffer, of which each fragment reads four words as a bilinear filter would.
-fn of_buffer(edge: u32, way: Way) -> Trace {
+fn of_buffer(edge: u32, way: ScanDirection) -> Trace {
     let mut sheet = Sheet::new([edge, edge], 1);
     let pitch = edge + 16;
     let buffer = sheet.card.create_buffer("rows", 4 * u64::from(pitch) * u64::from(pitch));
-    let place = if way == Way::Along { "vec2u(p.xy)" } else { "vec2u(p.yx)" };
+    let place = if way == ScanDirection::Along { "vec2u(p.xy)" } else { "vec2u(p.yx)" };
     let source = format!(
         "@group(0) @binding(0) var<storage, read> rows: array<f32>;
         @fragment fn fs(@builtin(position) p: vec4f) -> @location(0) vec4f {{
@@ -117,7 +117,7 @@ fn lru(setting: &Setting) -> Result<Vec<Row>> {
             let bytes = LINE as u32 * a / b;
             // Wherever the walk begins, as long as it begins with a line.
             let first = [a * random.below(4), b * random.below(4)];
-            let events = rendered(&of_texture([w, h], format, first, Way::Along))?;
+            let events = rendered(&of_texture([w, h], format, first, ScanDirection::Along))?;
             let (across, down) = (w / a, h / b);
             let (lost, once) = ((across + 1) * (h + down), (across + 1) * (down + 1));
             for (lines, misses) in [
@@ -140,7 +140,7 @@ fn orientation(setting: &Setting) -> Result<Vec<Row>> {
     let mut rows = Vec::new();
     for &edge in edges {
         let inject_fault = u32::from(setting.inject_fault);
-        for way in [Way::Along, Way::Across] {
+        for way in [ScanDirection::Along, ScanDirection::Across] {
             let events = rendered(&of_texture([edge, edge], Format::Rgba8Unorm, [0, 0], way))?;
             let blocks = edge / 4;
             for (lines, misses) in [(blocks, (blocks + 1) * (edge + blocks)), (2 * blocks + 1, (blocks + 1) * (blocks + 1))] {
@@ -148,10 +148,10 @@ fn orientation(setting: &Setting) -> Result<Vec<Row>> {
                 rows.push(row(format!("{edge} x {edge}, {way:?}, {lines} lines of 4 x 4"), edge * edge, misses, measured));
             }
         }
-        for way in [Way::Along, Way::Across] {
+        for way in [ScanDirection::Along, ScanDirection::Across] {
             let events = rendered(&of_buffer(edge, way))?;
             let (runs, once) = (edge / 16, (edge / 16 + 1) * (edge + 1));
-            let narrow = if way == Way::Along { once } else { (edge + 1) * (edge + runs) };
+            let narrow = if way == ScanDirection::Along { once } else { (edge + 1) * (edge + runs) };
             for (lines, misses) in [(edge, narrow), (2 * edge + 1, once)] {
                 let measured = missed(&events, lines + inject_fault, LINE as u32)?;
                 rows.push(row(format!("{edge} x {edge}, {way:?}, {lines} lines of 16 x 1"), edge * edge, misses, measured));
