@@ -69,7 +69,7 @@ impl Corpus {
     }
 
     /// Writes each form in its sizes, each after a byte.
-    fn forms(&self, kinds: &[forms::Kind], tag: &str) -> io::Result<()> {
+    fn forms(&self, kinds: &[forms::TextForm], tag: &str) -> io::Result<()> {
         for (_, make) in kinds {
             for size in SIZES {
                 self.add(format!("{tag}{}", make(size)))?;

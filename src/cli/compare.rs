@@ -89,7 +89,7 @@ macro_rules! text {
 
 /// What can be compared.
 #[derive(Clone, Copy, PartialEq, Eq)]
-enum Kind {
+enum InputKind {
     Folder,
     /// A machine of a sweep.
     Machine,
@@ -101,50 +101,50 @@ enum Kind {
     Manifest,
 }
 
-impl Kind {
+impl InputKind {
     /// By what lies at a path and by its name; a built-in configuration has no file.
-    fn of(path: &Path) -> Kind {
+    fn of(path: &Path) -> InputKind {
         let is_built_in = || BUILT_IN.iter().any(|(name, _)| path.as_os_str() == *name);
         match path.extension().and_then(|extension| extension.to_str()) {
-            _ if path.is_dir() => Kind::Folder,
-            _ if of_sweep(path).is_some() => Kind::Machine,
-            Some("json") => Kind::Json,
-            Some("csv") => Kind::Csv,
-            Some("ron") => Kind::Configuration,
-            _ if !path.exists() && is_built_in() => Kind::Configuration,
-            _ => Kind::Image,
+            _ if path.is_dir() => InputKind::Folder,
+            _ if of_sweep(path).is_some() => InputKind::Machine,
+            Some("json") => InputKind::Json,
+            Some("csv") => InputKind::Csv,
+            Some("ron") => InputKind::Configuration,
+            _ if !path.exists() && is_built_in() => InputKind::Configuration,
+            _ => InputKind::Image,
         }
     }
 
     fn name(self) -> &'static str {
         match self {
-            Kind::Folder => "a folder",
-            Kind::Machine => "a machine of a sweep",
-            Kind::Json => "a JSON file of statistics",
-            Kind::Csv => "a CSV file of statistics",
-            Kind::Configuration => "a configuration",
-            Kind::Image => "an image",
-            Kind::Manifest => "a manifest of recordings",
+            InputKind::Folder => "a folder",
+            InputKind::Machine => "a machine of a sweep",
+            InputKind::Json => "a JSON file of statistics",
+            InputKind::Csv => "a CSV file of statistics",
+            InputKind::Configuration => "a configuration",
+            InputKind::Image => "an image",
+            InputKind::Manifest => "a manifest of recordings",
         }
     }
 }
 
 /// An option that is not about what is compared is an error: a user who gives it expects an effect.
-fn refuse_ignored(arguments: &Arguments, kind: Kind) -> Result<()> {
-    let (images, statistics) = (kind == Kind::Image, matches!(kind, Kind::Json | Kind::Csv | Kind::Machine));
+fn refuse_ignored(arguments: &Arguments, kind: InputKind) -> Result<()> {
+    let (images, statistics) = (kind == InputKind::Image, matches!(kind, InputKind::Json | InputKind::Csv | InputKind::Machine));
     let given = [
-        ("--report", arguments.report.is_some(), kind == Kind::Machine),
+        ("--report", arguments.report.is_some(), kind == InputKind::Machine),
         ("--force", arguments.force, arguments.difference.is_some() || arguments.report.is_some()),
         ("--difference", arguments.difference.is_some(), images),
         ("--allow", arguments.allow.is_some(), images),
-        ("--only", arguments.only.is_some(), statistics || kind == Kind::Configuration),
-        ("--each-bank", arguments.each_bank, statistics && kind != Kind::Machine),
+        ("--only", arguments.only.is_some(), statistics || kind == InputKind::Configuration),
+        ("--each-bank", arguments.each_bank, statistics && kind != InputKind::Machine),
         ("--by", arguments.by.is_some(), statistics),
         ("--most", arguments.most.is_some(), statistics),
     ];
     match given.into_iter().find(|&(_, given, used)| given && !used) {
         // A folder has files of all kinds.
-        Some((option, ..)) if kind != Kind::Folder => {
+        Some((option, ..)) if kind != InputKind::Folder => {
             bail!("{option} does not apply to {}, and would be ignored here", kind.name())
         }
         _ => Ok(()),
@@ -153,7 +153,7 @@ fn refuse_ignored(arguments: &Arguments, kind: Kind) -> Result<()> {
 
 /// What is not there is of no kind.
 fn exists(path: &Path) -> Result<()> {
-    if path.exists() || Kind::of(path) != Kind::Image || path.extension().is_some() {
+    if path.exists() || InputKind::of(path) != InputKind::Image || path.extension().is_some() {
         return Ok(());
     }
     let names = BUILT_IN.iter().map(|(name, _)| *name);
@@ -166,25 +166,25 @@ pub fn run(arguments: &Arguments) -> Result<Verdict> {
     for path in [a, b] {
         exists(path)?;
     }
-    if Kind::of(a) == Kind::of(b) {
-        refuse_ignored(arguments, Kind::of(a))?;
+    if InputKind::of(a) == InputKind::of(b) {
+        refuse_ignored(arguments, InputKind::of(a))?;
     }
     let mut document = Map::new();
-    let same = match (Kind::of(a), Kind::of(b)) {
-        (Kind::Folder, Kind::Folder) => folders(arguments, &mut document)?,
-        (Kind::Machine, Kind::Machine) => {
+    let same = match (InputKind::of(a), InputKind::of(b)) {
+        (InputKind::Folder, InputKind::Folder) => folders(arguments, &mut document)?,
+        (InputKind::Machine, InputKind::Machine) => {
             let of = |path| of_sweep(path).context("a machine of a sweep");
             machines(of(a)?, of(b)?, arguments, &mut document)?
         }
-        (Kind::Json, Kind::Json) => {
+        (InputKind::Json, InputKind::Json) => {
             let sides = [Replayed::read(a)?, Replayed::read(b)?];
             summarize(arguments, &sides, &mut document);
             let [a, b] = sides.map(|side| compare::leaves(&side.json));
             statistics(a, b, arguments, &mut document).is_empty()
         }
-        (Kind::Csv, Kind::Csv) => statistics(leaves(a)?, leaves(b)?, arguments, &mut document).is_empty(),
-        (Kind::Configuration, Kind::Configuration) => configurations(a, b, arguments, &mut document)?.is_empty(),
-        (Kind::Image, Kind::Image) => {
+        (InputKind::Csv, InputKind::Csv) => statistics(leaves(a)?, leaves(b)?, arguments, &mut document).is_empty(),
+        (InputKind::Configuration, InputKind::Configuration) => configurations(a, b, arguments, &mut document)?.is_empty(),
+        (InputKind::Image, InputKind::Image) => {
             if let Some(path) = &arguments.difference {
                 check_replaceable(path, picture::MARK, arguments.force)?;
             }
@@ -196,10 +196,10 @@ pub fn run(arguments: &Arguments) -> Result<Verdict> {
             }
             fits(&d, arguments)
         }
-        (Kind::Configuration, Kind::Folder) if a.extension().is_some() => {
-            refuse_ignored(arguments, Kind::Manifest)?;
+        (InputKind::Configuration, InputKind::Folder) if a.extension().is_some() => {
+            refuse_ignored(arguments, InputKind::Manifest)?;
             if arguments.json {
-                bail!("--json does not apply to {}", Kind::Manifest.name());
+                bail!("--json does not apply to {}", InputKind::Manifest.name());
             }
             recordings(a, b, &arguments.limiting.limits()?)?
         }

@@ -20,7 +20,7 @@ use crate::report::files::About;
 use crate::report::folder::{Folder, Images};
 use crate::report::order::{fault, wrong_pixels};
 use crate::report::owned::check_replaceable;
-use crate::report::terminal::{self, Seen};
+use crate::report::terminal::{self, ReportedFrames};
 use crate::report::{html, timeline};
 use crate::run::replay::{Fidelity, Frame, Options, frame_range, no_frames, replay_pictured, replay_to, replay_watched};
 use crate::run::sample::Sampling;
@@ -321,7 +321,7 @@ pub fn run(arguments: &Arguments) -> Result<Verdict> {
     let wanted = some && matches!(arguments.images, Some(ImagesName::All));
     let pictures = folder.as_ref().filter(|_| wanted).map(Folder::pictures);
     // What is said of all frames; no frame is kept.
-    let mut seen = Seen::default();
+    let mut seen = ReportedFrames::default();
     let mut timed = timeline::Frames::default();
     let mut recorder =
         arguments.timeline.is_some().then(|| Timeline::new(&options.config, arguments.timeline_interval)).transpose()?;

@@ -24,7 +24,7 @@ use crate::stats::{Tree, counter};
 use crate::sweep::folder::Results;
 use crate::sweep::html;
 use crate::sweep::inputs::begun;
-use crate::sweep::outcome::Outcome;
+use crate::sweep::outcome::SweepResult;
 use crate::trace::Trace;
 use crate::why::why;
 use crate::work::{FUNNEL, Funnel};
@@ -246,7 +246,7 @@ fn sweep(arguments: &Arguments, out: &Path) -> Result<Verdict> {
     let folder = &arguments.dir;
     let (inputs, plan) = begun(folder)?;
     let mut results = Results::open(std::slice::from_ref(folder), inputs.shards)?;
-    let sweep = Outcome::read(&inputs, &plan, &mut results)?;
+    let sweep = SweepResult::read(&inputs, &plan, &mut results)?;
     host::write_file(out, html::page(&sweep).as_bytes()).with_context(|| format!("cannot write {}", out.display()))?;
     if arguments.plots {
         write_plots(folder, &html::plots(&sweep))?;

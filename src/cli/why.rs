@@ -14,7 +14,7 @@ use crate::report::summary::grouped;
 use crate::run::replay::frame_range;
 use crate::run::stored_work::slowest;
 use crate::trace::{Trace, check};
-use crate::why::{Gain, Why, why};
+use crate::why::{Diagnosis, Gain, why};
 
 /// Find what holds a frame back: time it again with more of one resource at a time, and rank what that gains
 #[derive(clap::Args)]
@@ -113,7 +113,7 @@ pub fn run(arguments: &Arguments) -> Result<Verdict> {
 }
 
 /// The ranked changes.
-fn table(found: &Why, rows: usize) -> String {
+fn table(found: &Diagnosis, rows: usize) -> String {
     let mut out = format!("{}\n\n", found.verdict());
     out.push_str(&format!(
         "  {:<44}{:>14}{:>9}   {}\n",

@@ -1,6 +1,6 @@
 //! All that was counted in one phase or draw, as text: what `stats.json` has of it.
 
-use super::html::data::{Part, Statistics};
+use super::html::data::{CountedSpan, Statistics};
 use super::summary::{bytes, funnel, grouped};
 use crate::host::one_line;
 use crate::machine::{Moved, SHADING, Spent};
@@ -25,10 +25,10 @@ pub enum Chosen {
 pub fn counted(statistics: &Statistics, chosen: &Chosen) -> Result<String, String> {
     let frame = statistics.frame();
     let phases = &frame.parts;
-    let place = |phase: &Part| format!("{} of frame {}", one_line(&phase.name()), statistics.number());
-    let parts: Vec<(String, &Part)> = match chosen {
+    let place = |phase: &CountedSpan| format!("{} of frame {}", one_line(&phase.name()), statistics.number());
+    let parts: Vec<(String, &CountedSpan)> = match chosen {
         Chosen::Phase(wanted) => {
-            let same = |phase: &&Part| {
+            let same = |phase: &&CountedSpan| {
                 let rest = phase.name().strip_prefix(wanted.as_str()).map(|rest| rest.is_empty() || rest.starts_with(' '));
                 wanted == "all" || rest == Some(true)
             };
@@ -47,7 +47,7 @@ pub fn counted(statistics: &Statistics, chosen: &Chosen) -> Result<String, Strin
         let fidelity = statistics.text("fidelity");
         return Err(format!("nothing was counted in it by --fidelity {fidelity}: replay with --fidelity cycle"));
     }
-    let all: f64 = phases.iter().map(Part::cycles).sum();
+    let all: f64 = phases.iter().map(CountedSpan::cycles).sum();
     let mut text = parts.iter().map(|(title, part)| whole(title, part, frame, all)).collect::<Vec<_>>().join("\n");
     if let Chosen::Draw(_) = chosen {
         text.push_str("\nThe funnel is the draw's own. All else counts the cycles from the retirement before it to its own, with other draws in the machine.\n");
@@ -56,14 +56,14 @@ pub fn counted(statistics: &Statistics, chosen: &Chosen) -> Result<String, Strin
 }
 
 /// A draw with its names.
-fn title(draw: &Part, place: &str) -> String {
+fn title(draw: &CountedSpan, place: &str) -> String {
     let names = [&draw.group, &draw.label].into_iter().filter(|name| !name.is_empty());
     let names: String = names.map(|name| format!(" {name}")).collect();
     format!("draw {}{}, {place}", draw.number.unwrap_or(0), one_line(&names))
 }
 
 /// Why there is none.
-fn missing(phases: &[Part], chosen: &Chosen, frame: u32) -> String {
+fn missing(phases: &[CountedSpan], chosen: &Chosen, frame: u32) -> String {
     match chosen {
         Chosen::Phase(wanted) => {
             const MOST: usize = 12;
@@ -84,7 +84,7 @@ fn missing(phases: &[Part], chosen: &Chosen, frame: u32) -> String {
 }
 
 /// All of a part.
-fn whole(title: &str, part: &Part, frame: &Part, all: f64) -> String {
+fn whole(title: &str, part: &CountedSpan, frame: &CountedSpan, all: f64) -> String {
     let own = part.cycles();
     let mut out = format!("{title}: {} cycles, {:.1} % of the frame\n", grouped(own as u64), percent(own, all));
     let mut section = |title: &str, text: String| {
@@ -112,7 +112,7 @@ fn head<G: Group>(first: &str, width: usize) -> String {
     std::iter::once(format!("  {first:<18}")).chain(columns).collect()
 }
 
-fn units(part: &Part, frame: &Part) -> String {
+fn units(part: &CountedSpan, frame: &CountedSpan) -> String {
     let mut rows: Vec<(String, Spent)> = UNITS
         .banks(&part.counts)
         .map(|(unit, _)| {
@@ -136,7 +136,7 @@ fn units(part: &Part, frame: &Part) -> String {
     text
 }
 
-fn caches(part: &Part) -> String {
+fn caches(part: &CountedSpan) -> String {
     let mut text = String::new();
     for (cache, _) in CACHES.banks(&part.counts) {
         let counts: CacheCounts = CACHES.sum_of(&part.counts, cache);
@@ -151,7 +151,7 @@ fn caches(part: &Part) -> String {
     text
 }
 
-fn shading(part: &Part) -> String {
+fn shading(part: &CountedSpan) -> String {
     let count = |(name, node): (&str, &Node)| match node {
         Node::Leaf(Leaf::Count(count)) => Some(format!("{name} {}", grouped(*count))),
         _ => None,
@@ -162,7 +162,7 @@ fn shading(part: &Part) -> String {
         .collect()
 }
 
-fn memory(part: &Part) -> String {
+fn memory(part: &CountedSpan) -> String {
     let row = |name: &str, read_bytes: u64, write_bytes: u64, requests: String| {
         let [read, written] = [read_bytes, write_bytes].map(|n| bytes(n as f64));
         let row = format!("  {name:<18}{read:>14}{written:>14}{requests:>14}");

@@ -18,7 +18,7 @@ const DRAWS: usize = 10;
 
 /// What is kept of frames that have left.
 #[derive(Default)]
-pub struct Seen {
+pub struct ReportedFrames {
     /// How many there were.
     pub frames: usize,
     phases: Phases,
@@ -34,7 +34,7 @@ struct Slowest {
     json: Value,
 }
 
-impl Seen {
+impl ReportedFrames {
     /// A frame leaves.
     pub fn add(&mut self, frame: &Frame) {
         self.frames += 1;
@@ -81,7 +81,7 @@ impl Seen {
 
 /// What a replay came to: how many frames, the knobs that differ from the named configuration, where the work went and where the cycles,
 /// and the host's time.
-pub fn report(done: &ReplayOutcome, seen: &mut Seen, options: &Options, changed: &[KnobDifference]) -> String {
+pub fn report(done: &ReplayOutcome, seen: &mut ReportedFrames, options: &Options, changed: &[KnobDifference]) -> String {
     let mut out = format!("{} frame{}\n", seen.frames, if seen.frames == 1 { "" } else { "s" });
     if let Some(sampled) = &done.sampled {
         out = format!("{} frames, {} of them reported\n", sampled.frames, seen.frames);
@@ -126,7 +126,7 @@ pub fn report(done: &ReplayOutcome, seen: &mut Seen, options: &Options, changed:
 }
 
 /// What [`report`] says, as one JSON document: all statistics, phases and draws.
-pub fn json(done: &ReplayOutcome, seen: &mut Seen, options: &Options, about: &About) -> Value {
+pub fn json(done: &ReplayOutcome, seen: &mut ReportedFrames, options: &Options, about: &About) -> Value {
     seen.limit(done);
     let mut document = head(about, &done.total);
     let Some(fields) = document.as_object_mut() else { return document };
@@ -166,7 +166,7 @@ fn knobs(changed: &[KnobDifference], config: &str) -> String {
 }
 
 /// Cycles, frames per second, and the host's time.
-fn times(done: &ReplayOutcome, cycles: f64, seen: &Seen, options: &Options) -> String {
+fn times(done: &ReplayOutcome, cycles: f64, seen: &ReportedFrames, options: &Options) -> String {
     let mhz = options.config.card.clock_mhz;
     let time = options.config.seconds(cycles);
     let frames = done.sampled.as_ref().map_or(seen.frames as f64, |sampled| sampled.frames as f64);

@@ -4,7 +4,7 @@
 //! says so. The same holds for some values of another axis: of such axes, the answer names the one on which the effect depends most. Traces
 //! that are one scene in several variants are an axis themselves.
 
-use super::outcome::{Effect, Outcome, Response, Within, plain, ratio};
+use super::outcome::{Effect, Response, SweepResult, Within, plain, ratio};
 use crate::knob::Setting;
 use crate::report::summary::grouped;
 
@@ -97,7 +97,7 @@ fn long(path: &str, responses: &[Response]) -> Option<String> {
 }
 
 /// An axis at one value of another axis, or on one trace.
-struct Part {
+struct AxisEffect {
     value: Setting,
     text: String,
     ratio: f64,
@@ -108,13 +108,13 @@ struct Part {
 
 /// What an axis does in each of some parts, where it does most first; and how unlike that is: the largest ratio by the smallest, by a tenth more
 /// where the best value, or what is enough, is another.
-fn split(parts: impl Iterator<Item = (Setting, Vec<Response>)>) -> Option<(f64, Vec<Part>)> {
+fn split(parts: impl Iterator<Item = (Setting, Vec<Response>)>) -> Option<(f64, Vec<AxisEffect>)> {
     let told = |(value, own): (Setting, Vec<Response>)| {
         (own.len() > 1).then_some(())?;
         let (ratio, gain, enough) = (ratio(&own), gain(&own), enough(&own));
-        Some(Part { value, text: short(&own)?, ratio, gain, best: least(&own).map(|best| best.value.clone()), enough })
+        Some(AxisEffect { value, text: short(&own)?, ratio, gain, best: least(&own).map(|best| best.value.clone()), enough })
     };
-    let mut own: Vec<Part> = parts.filter_map(told).collect();
+    let mut own: Vec<AxisEffect> = parts.filter_map(told).collect();
     if own.len() < 2 {
         return None;
     }
@@ -126,7 +126,7 @@ fn split(parts: impl Iterator<Item = (Setting, Vec<Response>)>) -> Option<(f64, 
 }
 
 /// The sentences of the parts in which the axis does most.
-fn listed(name: &str, mut parts: Vec<Part>) -> By {
+fn listed(name: &str, mut parts: Vec<AxisEffect>) -> By {
     parts.truncate(LISTED);
     // Numbers stand in their order; names stay where they are.
     parts.sort_by_key(|part| if let Setting::Number(number) = part.value { number } else { 0 });
@@ -140,17 +140,17 @@ pub fn measured(value: f64) -> String {
 }
 
 /// A value of an axis, and a measure there.
-type Place = (Setting, f64);
+type AxisPoint = (Setting, f64);
 
 /// The smallest and the largest value of a measure; none where the values of the axis do nothing to it.
-fn ends(values: &[Place]) -> Option<[&Place; 2]> {
+fn ends(values: &[AxisPoint]) -> Option<[&AxisPoint; 2]> {
     let low = values.iter().min_by(|a, b| a.1.total_cmp(&b.1))?;
     let high = values.iter().rev().max_by(|a, b| a.1.total_cmp(&b.1))?;
     (high.1 - low.1 > (NOTHING - 1.0) * high.1.abs()).then_some([low, high])
 }
 
 /// From which number on a measure is much as at the largest, so that more of it changes nothing.
-fn settled(values: &[Place]) -> String {
+fn settled(values: &[AxisPoint]) -> String {
     let mut numbers: Vec<(u64, f64)> = Vec::new();
     for (setting, value) in values {
         if let Setting::Number(number) = setting {
@@ -166,18 +166,18 @@ fn settled(values: &[Place]) -> String {
 }
 
 /// What the values of an axis do to a measure, in a sentence; none where that is nothing.
-fn moved(name: &str, values: &[Place]) -> Option<String> {
+fn moved(name: &str, values: &[AxisPoint]) -> Option<String> {
     let [low, high] = ends(values)?.map(|(setting, value)| format!("{} at {}", measured(*value), plain(setting)));
     let from = settled(values).replacen(',', ";", 1);
     Some(format!("`{name}` is least, {low}, and most, {high}{from}."))
 }
 
 /// The same in short: from the smallest number to the largest, from off to on, of names from the most to the least.
-fn moved_short(values: &[Place]) -> String {
+fn moved_short(values: &[AxisPoint]) -> String {
     let Some([low, high]) = ends(values) else {
         return values.first().map_or(String::new(), |(_, value)| format!("{} at all values", measured(*value)));
     };
-    let mut along: Vec<&Place> = values.iter().collect();
+    let mut along: Vec<&AxisPoint> = values.iter().collect();
     along.sort_by_key(|(setting, _)| match setting {
         Setting::Number(number) => *number,
         Setting::Switch(on) => u64::from(*on),
@@ -196,18 +196,18 @@ fn moved_short(values: &[Place]) -> String {
 }
 
 /// A measure at the values of an axis, on all traces together or on one.
-fn places(sweep: &Outcome<'_>, effect: &Effect, at: usize, trace: Option<usize>) -> Vec<Place> {
+fn places(sweep: &SweepResult<'_>, effect: &Effect, at: usize, trace: Option<usize>) -> Vec<AxisPoint> {
     let place = |own: &Response| Some((own.value.clone(), sweep.axis_measure(effect.axis, &own.value, at, trace)?));
     effect.responses.iter().filter_map(place).collect()
 }
 
 /// Whether an axis does something to a measure on a trace.
-pub fn moves(sweep: &Outcome<'_>, effect: &Effect, at: usize) -> bool {
+pub fn moves(sweep: &SweepResult<'_>, effect: &Effect, at: usize) -> bool {
     (0..sweep.inputs.experiment.traces.len()).any(|trace| ends(&places(sweep, effect, at, Some(trace))).is_some())
 }
 
 /// What the values of an axis do to a measure: in a sentence, and in another by trace.
-fn measure(sweep: &Outcome<'_>, effect: &Effect, at: usize) -> Option<String> {
+fn measure(sweep: &SweepResult<'_>, effect: &Effect, at: usize) -> Option<String> {
     let name = &sweep.measures[at];
     let whole = moved(name, &places(sweep, effect, at, None));
     let traces = sweep.trace_names();
@@ -222,7 +222,7 @@ fn measure(sweep: &Outcome<'_>, effect: &Effect, at: usize) -> Option<String> {
 }
 
 /// What each axis does, the one that does most first.
-pub fn findings(sweep: &Outcome<'_>) -> Vec<Finding> {
+pub fn findings(sweep: &SweepResult<'_>) -> Vec<Finding> {
     let mut findings: Vec<(f64, Finding)> = Vec::new();
     let named = !sweep.inputs.experiment.trace_axis.is_empty();
     for effect in sweep.effects() {
@@ -251,8 +251,8 @@ pub fn findings(sweep: &Outcome<'_>) -> Vec<Finding> {
 }
 
 /// The axis on whose values it depends most what an axis, or the traces, do; none where they do much the same everywhere.
-fn most_by_axis(sweep: &Outcome<'_>, own: Option<usize>, responses: &dyn Fn(Within<'_>) -> Vec<Response>) -> Option<By> {
-    let mut best: Option<(f64, &str, Vec<Part>)> = None;
+fn most_by_axis(sweep: &SweepResult<'_>, own: Option<usize>, responses: &dyn Fn(Within<'_>) -> Vec<Response>) -> Option<By> {
+    let mut best: Option<(f64, &str, Vec<AxisEffect>)> = None;
     for (at, axis) in sweep.axes.iter().enumerate().filter(|(at, _)| Some(*at) != own) {
         let parts = axis.values.iter().map(|value| (value.clone(), responses(Within::Axis(at, value))));
         if let Some((weight, parts)) = split(parts)
@@ -266,7 +266,7 @@ fn most_by_axis(sweep: &Outcome<'_>, own: Option<usize>, responses: &dyn Fn(With
 }
 
 /// Which machine is fastest, in a sentence.
-pub fn fastest(sweep: &Outcome<'_>) -> String {
+pub fn fastest(sweep: &SweepResult<'_>) -> String {
     let (Some((best, cycles)), Some((_, most))) = (sweep.timed().next(), sweep.timed().last()) else {
         return "No machine has a result.".into();
     };
@@ -285,7 +285,7 @@ pub fn fastest(sweep: &Outcome<'_>) -> String {
 }
 
 /// Which machines have no result, and which values of axes none has; empty if all have one.
-fn missing(sweep: &Outcome<'_>) -> String {
+fn missing(sweep: &SweepResult<'_>) -> String {
     let count = sweep.failed().count();
     let Some((_, error)) = sweep.failed().next() else { return String::new() };
     let mut text = format!(
@@ -294,7 +294,7 @@ fn missing(sweep: &Outcome<'_>) -> String {
     );
     for (at, axis) in sweep.axes.iter().enumerate() {
         let lacks = |value: &&Setting| {
-            let has = |machine: &super::outcome::Machine| machine.settings[at] == **value;
+            let has = |machine: &super::outcome::MachineResult| machine.settings[at] == **value;
             sweep.failed().any(|(machine, _)| has(machine)) && !sweep.timed().any(|(machine, _)| has(machine))
         };
         let values: Vec<String> = axis.values.iter().filter(lacks).map(plain).collect();
@@ -306,7 +306,7 @@ fn missing(sweep: &Outcome<'_>) -> String {
 }
 
 /// The machines from which the findings are derived, in words. Empty if all machines of the plan were simulated.
-pub fn scope(sweep: &Outcome<'_>) -> String {
+pub fn scope(sweep: &SweepResult<'_>) -> String {
     if !sweep.estimated.is_empty() {
         return format!("By the estimates of {} machines, most of which were not simulated:", sweep.estimated.len());
     }

@@ -20,7 +20,7 @@ const DRAM: [&str; 2] = ["memory.dram.read_bytes", "memory.dram.write_bytes"];
 
 /// A machine with its result.
 #[derive(Clone, Debug)]
-pub struct Machine {
+pub struct MachineResult {
     /// Its number in the plan.
     pub number: u32,
     /// Values of the parameters.
@@ -79,14 +79,14 @@ pub struct Effect {
 }
 
 /// Everything that the page shows.
-pub struct Outcome<'s> {
+pub struct SweepResult<'s> {
     /// What it was made from.
     pub inputs: &'s Inputs,
     /// The machines of the plan that were run, those that take fewest cycles first, those without a result last.
-    pub machines: Vec<Machine>,
+    pub machines: Vec<MachineResult>,
     /// All machines of the plan that have an estimate, if a screen has chosen the machines that were run. The effects of axes are derived from
     /// these machines, since only the fastest were run. Their cycles are the estimates.
-    pub estimated: Vec<Machine>,
+    pub estimated: Vec<MachineResult>,
     /// Knobs in which they differ.
     pub parameters: Vec<String>,
     /// What is measured of each beside its cycles: names.
@@ -121,7 +121,7 @@ pub fn ratio(responses: &[Response]) -> f64 {
 }
 
 /// What is read of a machine's run on a trace: cycles, and what somebody asks for, by its place among that; none: it was not counted.
-struct Part {
+struct TraceRun {
     cycles: u64,
     statistics: Vec<Option<f64>>,
 }
@@ -129,7 +129,7 @@ struct Part {
 /// What is read of a machine's results.
 #[derive(Default)]
 struct Sum {
-    traces: BTreeMap<u32, Part>,
+    traces: BTreeMap<u32, TraceRun>,
     error: Option<String>,
     wrong_pixels: u64,
 }
@@ -141,12 +141,12 @@ impl Sum {
     }
 }
 
-impl<'s> Outcome<'s> {
+impl<'s> SweepResult<'s> {
     /// Reads the results of a plan.
     ///
     /// # Errors
     /// If a result cannot be read.
-    pub fn read(inputs: &'s Inputs, plan: &Plan, results: &mut Results) -> Result<Outcome<'s>> {
+    pub fn read(inputs: &'s Inputs, plan: &Plan, results: &mut Results) -> Result<SweepResult<'s>> {
         let measures: Vec<&Formula> = plan.measures().iter().map(|(_, formula)| formula).collect();
         let asked: Vec<&str> = DRAM.into_iter().chain(measures.iter().flat_map(|formula| formula.reads())).collect();
         let place = |path: &str| asked.iter().position(|known| *known == path);
@@ -164,7 +164,7 @@ impl<'s> Outcome<'s> {
                 "seconds" => Some(entry.frames.iter().map(|row| row.seconds).sum()),
                 path => entry.paths.iter().position(|own| own == path).map(frames),
             };
-            sum.traces.insert(entry.trace, Part { cycles, statistics: asked.iter().map(statistic).collect() });
+            sum.traces.insert(entry.trace, TraceRun { cycles, statistics: asked.iter().map(statistic).collect() });
             Ok(())
         })?;
         let traces = inputs.traces.len();
@@ -172,7 +172,7 @@ impl<'s> Outcome<'s> {
         for (number, mut sum) in sums {
             let planned = plan.machine(number)?;
             let cost = planned.config.as_ref().ok().map(|config| plan.cost(config)).transpose()?.flatten();
-            let mut machine = Machine {
+            let mut machine = MachineResult {
                 number,
                 settings: planned.settings,
                 cycles: None,
@@ -201,18 +201,18 @@ impl<'s> Outcome<'s> {
         let measures = plan.measures().iter().map(|(text, _)| text.clone()).collect();
         let base = plan.axes().iter().map(|axis| Ok(plan.base().knob("the base", &axis.path)?.1)).collect::<Result<_>>()?;
         let axes = plan.axes().to_vec();
-        Ok(Outcome { inputs, machines, estimated: Vec::new(), parameters, measures, axes, base, planned: plan.len() })
+        Ok(SweepResult { inputs, machines, estimated: Vec::new(), parameters, measures, axes, base, planned: plan.len() })
     }
 
     /// Tells what axes do by the estimates of a screen.
     ///
     /// # Errors
     /// If a machine is not in the plan.
-    pub fn screened(mut self, plan: &Plan, screened: &[Screened]) -> Result<Outcome<'s>> {
+    pub fn screened(mut self, plan: &Plan, screened: &[Screened]) -> Result<SweepResult<'s>> {
         for Screened { machine, estimate, .. } in screened {
             let Ok(traces) = estimate else { continue };
             let traces: Vec<u64> = traces.iter().map(|cycles| cycles.round() as u64).collect();
-            self.estimated.push(Machine {
+            self.estimated.push(MachineResult {
                 number: *machine,
                 settings: plan.machine(*machine)?.settings,
                 cycles: Some(traces.iter().sum()),
@@ -229,30 +229,30 @@ impl<'s> Outcome<'s> {
     }
 
     /// Machines with a result, those that take fewest cycles first.
-    pub fn timed(&self) -> impl Iterator<Item = (&Machine, u64)> {
+    pub fn timed(&self) -> impl Iterator<Item = (&MachineResult, u64)> {
         self.machines.iter().filter_map(|machine| Some((machine, machine.cycles?)))
     }
 
     /// The machines from which the effects of axes are derived, each with its cycles: after a screen the machines with an estimate, else those
     /// with a result.
-    pub fn telling(&self) -> impl Iterator<Item = (&Machine, u64)> {
+    pub fn telling(&self) -> impl Iterator<Item = (&MachineResult, u64)> {
         let of = if self.estimated.is_empty() { &self.machines } else { &self.estimated };
         of.iter().filter_map(|machine| Some((machine, machine.cycles?)))
     }
 
     /// Machines that were to be run and have no result.
-    pub fn failed(&self) -> impl Iterator<Item = (&Machine, &str)> {
+    pub fn failed(&self) -> impl Iterator<Item = (&MachineResult, &str)> {
         self.machines.iter().filter_map(|machine| Some((machine, machine.error.as_deref()?)))
     }
 
     /// The geometric mean of the cycles of those of the [machines from which effects are derived](Outcome::telling) that `of` accepts.
-    pub fn mean(&self, of: impl Fn(&Machine) -> bool) -> Option<(f64, usize)> {
+    pub fn mean(&self, of: impl Fn(&MachineResult) -> bool) -> Option<(f64, usize)> {
         mean(self.telling().filter(|(machine, _)| of(machine)).map(|(_, cycles)| cycles))
     }
 
     /// The mean of a measure over some machines, on all traces together or on one; none where none of them has it.
-    pub fn mean_measure(&self, measure: usize, trace: Option<usize>, of: impl Fn(&Machine) -> bool) -> Option<f64> {
-        let value = |machine: &Machine| match trace {
+    pub fn mean_measure(&self, measure: usize, trace: Option<usize>, of: impl Fn(&MachineResult) -> bool) -> Option<f64> {
+        let value = |machine: &MachineResult| match trace {
             None => machine.measures[measure],
             Some(trace) => machine.trace_measures.get(trace)?[measure],
         };
@@ -261,7 +261,7 @@ impl<'s> Outcome<'s> {
     }
 
     /// Whether a machine says what a value of an axis does: where the design changes one knob at a time, only if its other knobs are the base's.
-    pub fn tells(&self, axis: usize, machine: &Machine) -> bool {
+    pub fn tells(&self, axis: usize, machine: &MachineResult) -> bool {
         let base = &self.base;
         self.inputs.experiment.design != Design::OneAtATime
             || (0..self.axes.len()).all(|other| other == axis || machine.settings[other] == base[other])
@@ -329,11 +329,11 @@ impl<'s> Outcome<'s> {
         effects
     }
 
-    /// What machines cost beside cycles: the name of the measure, and each machine's, in the order of [`Outcome::timed`]. None where there is no
+    /// What machines cost beside cycles: the name of the measure, and each machine's, in the order of [`SweepResult::timed`]. None where there is no
     /// measure that all have.
     pub fn costs(&self) -> Option<(String, Vec<f64>)> {
         let named = &self.inputs.experiment.cost;
-        let cost = |machine: &Machine| if named.is_empty() { machine.dram } else { machine.cost.map(|cost| cost as f64) };
+        let cost = |machine: &MachineResult| if named.is_empty() { machine.dram } else { machine.cost.map(|cost| cost as f64) };
         let costs: Option<Vec<f64>> = self.timed().map(|(machine, _)| cost(machine)).collect();
         let name = if named.is_empty() { "bytes of DRAM traffic".to_owned() } else { named.clone() };
         costs.filter(|costs| !costs.is_empty()).map(|costs| (name, costs))
@@ -341,7 +341,7 @@ impl<'s> Outcome<'s> {
 
     /// As JSON.
     pub fn json(&self) -> Value {
-        let machine = |machine: &Machine| {
+        let machine = |machine: &MachineResult| {
             let settings: serde_json::Map<String, Value> = self
                 .parameters
                 .iter()
@@ -375,7 +375,7 @@ impl<'s> Outcome<'s> {
     }
 
     /// A machine's settings as the command line takes them.
-    pub fn described(&self, machine: &Machine) -> String {
+    pub fn described(&self, machine: &MachineResult) -> String {
         let paths: Vec<&str> = self.parameters.iter().map(String::as_str).collect();
         described(&paths, &machine.settings)
     }

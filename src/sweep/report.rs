@@ -3,7 +3,7 @@
 use std::fmt::Write;
 
 use super::answer;
-use super::outcome::{Outcome, Within, plain, ratio};
+use super::outcome::{SweepResult, Within, plain, ratio};
 use super::plan::Plan;
 use super::timing::Screened;
 use crate::knob::Setting;
@@ -17,7 +17,7 @@ pub const LISTED: usize = 32;
 const SIDE: usize = 16;
 
 /// The page, in Markdown.
-pub fn page(sweep: &Outcome<'_>, plan: &Plan, screened: Option<&[Screened]>) -> String {
+pub fn page(sweep: &SweepResult<'_>, plan: &Plan, screened: Option<&[Screened]>) -> String {
     let experiment = &sweep.inputs.experiment;
     let mut out = format!("# {}\n\n", if experiment.question.is_empty() { "A sweep" } else { &experiment.question });
     answered(&mut out, sweep);
@@ -56,7 +56,7 @@ pub fn page(sweep: &Outcome<'_>, plan: &Plan, screened: Option<&[Screened]>) -> 
 }
 
 /// The answer in sentences.
-fn answered(out: &mut String, sweep: &Outcome<'_>) {
+fn answered(out: &mut String, sweep: &SweepResult<'_>) {
     let _ = writeln!(out, "{}\n", answer::fastest(sweep));
     let scope = answer::scope(sweep);
     if !scope.is_empty() {
@@ -75,11 +75,11 @@ fn answered(out: &mut String, sweep: &Outcome<'_>) {
 }
 
 /// What the cycles of axes are.
-fn cycles(sweep: &Outcome<'_>) -> &'static str {
+fn cycles(sweep: &SweepResult<'_>) -> &'static str {
     if sweep.estimated.is_empty() { "cycles" } else { "estimated cycles" }
 }
 
-fn errors(out: &mut String, sweep: &Outcome<'_>) {
+fn errors(out: &mut String, sweep: &SweepResult<'_>) {
     let failed: Vec<_> = sweep.failed().collect();
     if failed.is_empty() {
         return;
@@ -99,7 +99,7 @@ fn more(out: &mut String, rows: usize) {
 }
 
 /// Two axes alone as a table.
-fn two(out: &mut String, sweep: &Outcome<'_>) {
+fn two(out: &mut String, sweep: &SweepResult<'_>) {
     let [rows, columns] = &sweep.axes[..] else { return };
     if rows.values.len() > SIDE || columns.values.len() > SIDE {
         return;
@@ -119,7 +119,7 @@ fn two(out: &mut String, sweep: &Outcome<'_>) {
 }
 
 /// What each axis does, those that do most first.
-fn axes(out: &mut String, sweep: &Outcome<'_>, best: f64) {
+fn axes(out: &mut String, sweep: &SweepResult<'_>, best: f64) {
     for effect in sweep.effects() {
         let _ = writeln!(
             out,
@@ -151,7 +151,7 @@ fn axes(out: &mut String, sweep: &Outcome<'_>, best: f64) {
 }
 
 /// What each axis does on each trace: how much, and then the cycles and measures of each value.
-fn by_trace(out: &mut String, sweep: &Outcome<'_>) {
+fn by_trace(out: &mut String, sweep: &SweepResult<'_>) {
     let traces = sweep.trace_names();
     if traces.len() < 2 {
         return;
@@ -188,7 +188,7 @@ fn by_trace(out: &mut String, sweep: &Outcome<'_>) {
     }
 }
 
-fn listed(out: &mut String, sweep: &Outcome<'_>, best: f64) {
+fn listed(out: &mut String, sweep: &SweepResult<'_>, best: f64) {
     let heads: Vec<&str> = sweep.parameters.iter().chain(&sweep.measures).map(String::as_str).collect();
     let _ = writeln!(
         out,
@@ -210,7 +210,7 @@ fn listed(out: &mut String, sweep: &Outcome<'_>, best: f64) {
 }
 
 /// How far the estimates of the machines that were simulated are off.
-fn screen(out: &mut String, sweep: &Outcome<'_>, plan: &Plan, screened: &[Screened]) {
+fn screen(out: &mut String, sweep: &SweepResult<'_>, plan: &Plan, screened: &[Screened]) {
     let mut errors: Vec<f64> = Vec::new();
     // By sort class, in the order of the list of these.
     let mut classes: Vec<Vec<f64>> = vec![Vec::new(); SortClass::NAMES.len()];

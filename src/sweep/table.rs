@@ -11,7 +11,7 @@ use crate::stats::csv_field;
 
 /// What a column holds.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Kind {
+pub enum ColumnKind {
     /// Whole numbers.
     Whole,
     /// Numbers. Those that are whole are written without a point.
@@ -51,7 +51,7 @@ pub fn number(value: f64) -> String {
 }
 
 /// The columns of a table, by name.
-pub type Columns = [(String, Kind)];
+pub type Columns = [(String, ColumnKind)];
 
 /// Takes rows.
 pub struct Table<'t> {
@@ -112,7 +112,7 @@ mod parquet_file {
     use parquet::file::writer::SerializedFileWriter;
     use parquet::schema::types::Type;
 
-    use super::{Cell, Columns, Kind};
+    use super::{Cell, ColumnKind, Columns};
 
     /// Rows of a group: what is held before it is written.
     const GROUP: usize = 1 << 16;
@@ -139,9 +139,9 @@ mod parquet_file {
             let mut fields = Vec::new();
             for (name, kind) in columns {
                 let (physical, logical) = match kind {
-                    Kind::Whole => (Physical::INT64, None),
-                    Kind::Number => (Physical::DOUBLE, None),
-                    Kind::Text => (Physical::BYTE_ARRAY, Some(LogicalType::String)),
+                    ColumnKind::Whole => (Physical::INT64, None),
+                    ColumnKind::Number => (Physical::DOUBLE, None),
+                    ColumnKind::Text => (Physical::BYTE_ARRAY, Some(LogicalType::String)),
                 };
                 let field = Type::primitive_type_builder(name, physical).with_repetition(Repetition::OPTIONAL);
                 fields.push(Arc::new(field.with_logical_type(logical).build()?));
@@ -150,11 +150,11 @@ mod parquet_file {
             // Neither host nor library is in the file: the same rows are the same bytes.
             let properties = WriterProperties::builder().set_compression(Compression::SNAPPY).set_created_by("fillrate".into());
             let writer = SerializedFileWriter::new(file, schema, Arc::new(properties.build()))?;
-            let column = |(_, kind): &(String, Kind)| {
+            let column = |(_, kind): &(String, ColumnKind)| {
                 let values = match kind {
-                    Kind::Whole => Values::Whole(Vec::new()),
-                    Kind::Number => Values::Number(Vec::new()),
-                    Kind::Text => Values::Text(Vec::new()),
+                    ColumnKind::Whole => Values::Whole(Vec::new()),
+                    ColumnKind::Number => Values::Number(Vec::new()),
+                    ColumnKind::Text => Values::Text(Vec::new()),
                 };
                 Column { defined: Vec::new(), values }
             };
@@ -215,7 +215,8 @@ mod tests {
     use super::*;
 
     fn table(folder: &Path, rows: usize) {
-        let columns = [("n".to_owned(), Kind::Whole), ("x,y".to_owned(), Kind::Number), ("t".to_owned(), Kind::Text)];
+        let columns =
+            [("n".to_owned(), ColumnKind::Whole), ("x,y".to_owned(), ColumnKind::Number), ("t".to_owned(), ColumnKind::Text)];
         let fill = |table: &mut Table<'_>| {
             for at in 0..rows {
                 let text = if at % 3 == 0 { Cell::Empty } else { Cell::Text(format!("\"{at}\",")) };

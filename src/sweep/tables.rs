@@ -9,7 +9,7 @@ use super::entry::Entry;
 use super::folder::Results;
 use super::inputs::Inputs;
 use super::plan::Plan;
-use super::table::{Cell, Kind, Table, write};
+use super::table::{Cell, ColumnKind, Table, write};
 use crate::knob::Setting;
 use crate::report::pages::Glossary;
 
@@ -23,10 +23,10 @@ fn cell(setting: &Setting) -> Cell {
 }
 
 /// Columns of the knobs in which machines differ.
-pub fn parameters(plan: &Plan) -> Result<Vec<(String, Kind)>> {
-    let kind = |path: &str| -> Result<(String, Kind)> {
+pub fn parameters(plan: &Plan) -> Result<Vec<(String, ColumnKind)>> {
+    let kind = |path: &str| -> Result<(String, ColumnKind)> {
         let (_, setting) = plan.base().knob("the base", path)?;
-        let kind = if matches!(setting, Setting::Number(_)) { Kind::Whole } else { Kind::Text };
+        let kind = if matches!(setting, Setting::Number(_)) { ColumnKind::Whole } else { ColumnKind::Text };
         Ok((path.to_owned(), kind))
     };
     plan.parameters().into_iter().map(kind).collect()
@@ -53,9 +53,9 @@ pub fn all(folder: &Path, inputs: &Inputs, plan: &Plan, results: &mut Results) -
         }
         Ok(())
     })?;
-    let whole = |name: &str| (name.to_owned(), Kind::Whole);
-    let text = |name: &str| (name.to_owned(), Kind::Text);
-    let numbers = |name: &str| (name.to_owned(), Kind::Number);
+    let whole = |name: &str| (name.to_owned(), ColumnKind::Whole);
+    let text = |name: &str| (name.to_owned(), ColumnKind::Text);
+    let numbers = |name: &str| (name.to_owned(), ColumnKind::Number);
 
     let mut columns = vec![whole("machine"), text("trace"), whole("frame"), text("error"), text("config_hash")];
     columns.extend(parameters(plan)?);

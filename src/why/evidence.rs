@@ -17,7 +17,7 @@ use crate::work::{FUNNEL, Funnel};
 
 /// What evidence must know of a machine.
 #[derive(Clone, Debug, Default)]
-pub struct Machine {
+pub struct MachineShape {
     /// Bytes per cycle of a port to memory.
     port_width: u32,
     /// Banks of units, and how many each has.
@@ -44,38 +44,38 @@ fn balance(tree: &Tree) -> String {
     })
 }
 
-impl Machine {
+impl MachineShape {
     /// The machine that has drawn a frame.
-    pub fn of(config: &Config, frame: &FrameReport) -> Machine {
+    pub fn of(config: &Config, frame: &FrameReport) -> MachineShape {
         let banks = UNITS.banks(&frame.tree).map(|(name, units)| (name.to_owned(), units.len()));
-        Machine { port_width: config.memory.port_width, banks: banks.collect(), balance: balance(&frame.tree) }
+        MachineShape { port_width: config.memory.port_width, banks: banks.collect(), balance: balance(&frame.tree) }
     }
 }
 
 /// What was counted in a phase, or in whole frames; banks are summed.
 #[derive(Clone, Debug, Default)]
-pub struct Seen {
+pub struct PhaseCounts {
     tree: Tree,
     cycles: Cycle,
     /// Draws that retired.
     draws: usize,
 }
 
-impl Seen {
+impl PhaseCounts {
     /// What was counted in each phase of a frame.
-    pub fn phases(frame: &FrameReport) -> Vec<Seen> {
-        frame.phases.iter().map(Seen::phase).collect()
+    pub fn phases(frame: &FrameReport) -> Vec<PhaseCounts> {
+        frame.phases.iter().map(PhaseCounts::phase).collect()
     }
 
-    fn phase(report: &PhaseReport) -> Seen {
+    fn phase(report: &PhaseReport) -> PhaseCounts {
         let tree = report.counts.as_ref().map_or(Tree::new(), |counts| counts.tree());
-        Seen { tree, cycles: report.cycles, draws: draws(report) }
+        PhaseCounts { tree, cycles: report.cycles, draws: draws(report) }
     }
 
     /// What was counted in whole frames.
-    pub fn frames(frames: &[FrameReport]) -> Seen {
+    pub fn frames(frames: &[FrameReport]) -> PhaseCounts {
         let trees: Vec<(f64, &Tree)> = frames.iter().map(|frame| (1.0, &frame.tree)).collect();
-        Seen {
+        PhaseCounts {
             tree: Tree::weighted(&trees).banks_summed(),
             cycles: frames.iter().map(|frame| frame.cycles).sum(),
             draws: frames.iter().flat_map(|frame| &frame.phases).map(draws).sum(),
@@ -223,7 +223,7 @@ impl Seen {
     }
 
     /// The client that moves most through each of its ports, and how fast.
-    fn ports(&self, machine: &Machine) -> String {
+    fn ports(&self, machine: &MachineShape) -> String {
         let rate = |client| {
             let ClientCounts { read_bytes, write_bytes, .. } = CLIENTS.sum_of(&self.tree, client);
             let ports = machine.banks.iter().find(|(name, _)| name == self.owner(client)).map_or(1, |(_, units)| *units);
@@ -283,7 +283,7 @@ fn with(text: String, more: &str) -> String {
 }
 
 /// What was seen of a resource on the machine as it is. Empty where nothing counted tells of it.
-pub fn evidence(relaxation: &Relaxation, seen: &Seen, machine: &Machine) -> String {
+pub fn evidence(relaxation: &Relaxation, seen: &PhaseCounts, machine: &MachineShape) -> String {
     let knob = |name: &str| relaxation.changes.iter().any(|(path, _)| path == name);
     let unit = bank(relaxation.section);
     match relaxation.resource {
@@ -321,7 +321,7 @@ pub fn evidence(relaxation: &Relaxation, seen: &Seen, machine: &Machine) -> Stri
 mod tests {
     use super::*;
 
-    fn seen() -> Seen {
+    fn seen() -> PhaseCounts {
         let mut tree = Tree::new();
         for (unit, [busy, memory, starved]) in [("fetch", [20, 70, 10]), ("core", [94, 0, 6]), ("setup", [0, 0, 100])] {
             let own = tree.child("units").child(unit);
@@ -331,7 +331,7 @@ mod tests {
             tree.child("memory").child("clients").child(client).count("requests", requests);
         }
         tree.child("funnel").count("vertices_in", 1000);
-        Seen { tree, cycles: 100, draws: 5 }
+        PhaseCounts { tree, cycles: 100, draws: 5 }
     }
 
     #[test]
@@ -341,7 +341,7 @@ mod tests {
             "fetch waits for memory in 70 % of its cycles (2,309 requests for indices and 651 for attributes, by 5 draws of 200 vertices on \
              average)"
         );
-        assert_eq!(Seen::default().waits(), "");
+        assert_eq!(PhaseCounts::default().waits(), "");
     }
 
     #[test]

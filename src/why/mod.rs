@@ -22,7 +22,7 @@ use crate::run::stored_work::{Timing, time_each};
 use crate::trace::Trace;
 use crate::unit::phase::PhaseKind;
 use crate::work::RenderKey;
-use evidence::{Seen, evidence};
+use evidence::{PhaseCounts, evidence};
 use relax::{Relaxation, relaxations};
 
 /// Cycles of a frame, and of what was done in it one after another.
@@ -49,7 +49,7 @@ pub struct Gain {
 
 /// What holds frames of a trace back.
 #[derive(Clone, Debug)]
-pub struct Why {
+pub struct Diagnosis {
     /// The frames as the machine is.
     pub base: Timed,
     /// Relaxations, those that gain most first; one that gives more of several resources comes behind one of a single resource that gains
@@ -157,7 +157,7 @@ pub fn why(
     frames: Range<u32>,
     scan_out: bool,
     progress: &(dyn Fn(usize) + Sync),
-) -> Result<Why> {
+) -> Result<Diagnosis> {
     let has = |bank: &str| Machine::new(config).is_ok_and(|machine| machine.units().any(|(name, _)| name == bank));
     let relaxed: Vec<(Relaxation, Config)> = relaxations(config, &has)
         .into_iter()
@@ -173,8 +173,9 @@ pub fn why(
     let first = results.next().unwrap_or_else(|| Ok(Default::default()));
     let (base, reports) = first.map_err(|error| anyhow!("{error}"))?;
     let Some(report) = reports.first() else { bail!("the trace has {}", no_frames(trace, &frames)?) };
-    let machine = evidence::Machine::of(config, report);
-    let (phases, all): (Vec<Seen>, Seen) = (reports.iter().flat_map(Seen::phases).collect(), Seen::frames(&reports));
+    let machine = evidence::MachineShape::of(config, report);
+    let (phases, all): (Vec<PhaseCounts>, PhaseCounts) =
+        (reports.iter().flat_map(PhaseCounts::phases).collect(), PhaseCounts::frames(&reports));
     let told = |(relaxation, timed): (Relaxation, Result<Timed, String>)| {
         let place = timed.as_ref().ok().and_then(|timed| most(&base, timed)).map(|(at, ..)| at);
         let seen = place.and_then(|at| phases.get(at)).unwrap_or(&all);
@@ -184,7 +185,7 @@ pub fn why(
     let timed = results.map(|ran| ran.map(|(timed, _)| timed));
     let mut gains: Vec<Gain> = relaxed.into_iter().map(|(relaxation, _)| relaxation).zip(timed).map(told).collect();
     gains.sort_by_key(|gain| rank(base.cycles, gain));
-    Ok(Why { base, gains, renderings })
+    Ok(Diagnosis { base, gains, renderings })
 }
 
 /// The place of a change among all: by its cycles, with half of what it saves taken off where it is [broad](Relaxation::is_broad).
@@ -210,7 +211,7 @@ fn once(evidence: &str, told: &[String]) -> String {
     }
 }
 
-impl Why {
+impl Diagnosis {
     /// What is wrong with the pictures of machines that keep the order of the trace: the change of each machine, and the message.
     pub fn faults(&self) -> impl Iterator<Item = (&str, &str)> {
         let changed = self.gains.iter().filter_map(|gain| Some((gain.relaxation.title.as_str(), gain.timed.as_ref().ok()?)));
@@ -282,7 +283,7 @@ mod tests {
         let relaxation = relaxations(&config, &|_| true).into_iter().next().expect("a change");
         let timed = |fault: Option<&str>| Timed { fault: fault.map(str::to_owned), ..Timed::default() };
         let gain = |timed| Gain { relaxation: relaxation.clone(), timed, evidence: String::new() };
-        let why = |base, gains| Why { base, gains, renderings: 1 };
+        let why = |base, gains| Diagnosis { base, gains, renderings: 1 };
         let sound = why(timed(None), vec![gain(Ok(timed(None))), gain(Err("it stopped".into()))]);
         assert_eq!(sound.faults().count(), 0);
         let faulty = why(timed(Some("here")), vec![gain(Ok(timed(None))), gain(Ok(timed(Some("there"))))]);

@@ -199,16 +199,16 @@ fn buffer_objects_that_change_in_each_frame_do_not_pile_up() {
 }
 
 /// A type of numbers, and the bytes of one.
-type Kind<T> = (&'static str, fn(T) -> Vec<u8>);
+type NumberType<T> = (&'static str, fn(T) -> Vec<u8>);
 
 /// The calls that give an array: from a buffer object of its own, or from memory.
-struct Source {
+struct ArraySource {
     buffers: Vec<Vec<u8>>,
     calls: String,
     resident: bool,
 }
 
-impl Source {
+impl ArraySource {
     /// Gives the bytes from `offset` on to a function of arrays.
     fn array(&mut self, call: &str, bytes: &[u8], offset: usize) {
         let name = self.buffers.len() + 1;
@@ -242,13 +242,13 @@ fn arrays_of_all_types_show_what_they_show_from_memory() {
     let places = [&around[..], &[[9, 2], [3, 1], [3, 15], [8, 13]], &[[0, 0], [15, 0], [15, 7], [0, 7]]].concat();
     let colors =
         [[255, 0, 0], [0, 255, 0], [0, 0, 255], [255, 255, 0], [0, 255, 255], [255, 0, 255], [255, 255, 255], [128, 64, 32]];
-    let positions: [Kind<i32>; 4] = [
+    let positions: [NumberType<i32>; 4] = [
         ("GL_FLOAT", |v| (v as f32).to_le_bytes().to_vec()),
         ("GL_DOUBLE", |v| f64::from(v).to_le_bytes().to_vec()),
         ("GL_SHORT", |v| (v as i16).to_le_bytes().to_vec()),
         ("GL_INT", |v| v.to_le_bytes().to_vec()),
     ];
-    let shades: [Kind<u8>; 5] = [
+    let shades: [NumberType<u8>; 5] = [
         ("GL_FLOAT", |v| (f32::from(v) / 255.0).to_le_bytes().to_vec()),
         ("GL_UNSIGNED_BYTE", |v| vec![v]),
         ("GL_UNSIGNED_SHORT", |v| (257 * u16::from(v)).to_le_bytes().to_vec()),
@@ -296,8 +296,11 @@ fn arrays_of_all_types_show_what_they_show_from_memory() {
                     let images: Vec<_> = [true, false]
                         .into_iter()
                         .map(|resident| {
-                            let mut source =
-                                Source { buffers: Vec::new(), calls: "glEnableClientState(GL_COLOR_ARRAY)\n".into(), resident };
+                            let mut source = ArraySource {
+                                buffers: Vec::new(),
+                                calls: "glEnableClientState(GL_COLOR_ARRAY)\n".into(),
+                                resident,
+                            };
                             source.array(&format!("glColorPointer({size},{shade_kind},{stride},@"), &vertices, 5);
                             source.array(&format!("glVertexPointer(2,{kind},{stride},@"), &vertices, 5 + shade_bytes);
                             // What the card does not read in its own format is kept when it is drawn again.
@@ -347,14 +350,14 @@ fn interleaved_arrays_share_a_vertex_buffer_and_others_have_their_own() {
 fn indices_of_all_types_select_the_vertices_that_they_select_from_memory() {
     let corners = floats(&[0.0, 0.0, 9.0, 9.0, 1.0, 1.0, 7.0, 2.0, 2.0, 8.0, 9.0, 9.0, 15.0, 3.0, 14.0, 14.0]);
     let indices = [2_u32, 3, 4, 5, 6, 7];
-    let kinds: [Kind<u32>; 3] = [
+    let kinds: [NumberType<u32>; 3] = [
         ("GL_UNSIGNED_BYTE", |v| vec![v as u8]),
         ("GL_UNSIGNED_SHORT", |v| (v as u16).to_le_bytes().to_vec()),
         ("GL_UNSIGNED_INT", |v| v.to_le_bytes().to_vec()),
     ];
     for mode in ["GL_TRIANGLES", "GL_TRIANGLE_STRIP", "GL_TRIANGLE_FAN", "GL_QUAD_STRIP", "GL_LINES", "GL_POINTS"] {
         let plain = {
-            let mut source = Source { buffers: Vec::new(), calls: String::new(), resident: false };
+            let mut source = ArraySource { buffers: Vec::new(), calls: String::new(), resident: false };
             source.array("glVertexPointer(2,GL_FLOAT,0,@", &corners, 0);
             source.shown(&format!("glDrawArrays({mode},2,6)")).0
         };
@@ -364,7 +367,7 @@ fn indices_of_all_types_select_the_vertices_that_they_select_from_memory() {
             for (elements, added) in [(true, 0), (true, 2), (false, 0)] {
                 let mut given = vec![0; 4 * size];
                 given.extend(indices.into_iter().flat_map(|index| bytes(index - added)));
-                let mut source = Source { buffers: Vec::new(), calls: String::new(), resident: true };
+                let mut source = ArraySource { buffers: Vec::new(), calls: String::new(), resident: true };
                 source.array("glVertexPointer(2,GL_FLOAT,0,@", &corners, 0);
                 let calls = if elements {
                     source.buffers.push(given.clone());
@@ -424,7 +427,7 @@ fn a_conversion_is_made_once_and_freed_when_its_buffer_object_changes() {
 
 #[test]
 fn elements_behind_the_end_of_a_buffer_object_are_zeros() {
-    let mut source = Source { buffers: Vec::new(), calls: String::new(), resident: true };
+    let mut source = ArraySource { buffers: Vec::new(), calls: String::new(), resident: true };
     source.array("glVertexPointer(2,GL_FLOAT,0,@", &floats(&[8.0, 0.0, 0.0, 8.0]), 0);
     source.buffers.push(vec![0, 0, 1, 0, 200, 0]);
     let ([image, _], copies) = source.shown(

@@ -4,7 +4,7 @@
 use fillrate::trace::record::{self, Recorder};
 use tempfile::TempDir;
 
-use super::forms::Kind;
+use super::forms::TextForm;
 use super::forms::wgsl::DEEP;
 use super::process::{Output, Run, done, fillrate, refused};
 
@@ -59,7 +59,7 @@ const DECLARED: &[&str] = &[
 ];
 
 /// For each kind of nesting, what holds of it: processes of their own, two at a time.
-fn each(check: impl Fn(&Kind) + Sync) {
+fn each(check: impl Fn(&TextForm) + Sync) {
     std::thread::scope(|scope| {
         for part in 0..2 {
             let check = &check;

@@ -20,8 +20,8 @@ use fillrate::trace::record::{self, Recorder};
 use fillrate::trace::{Packing, Reading, Trace, check};
 use tempfile::TempDir;
 
-use super::forms::ron::{CONFIGURATION, EXPERIMENT, NATIVE, Place, VALUES, WGPU};
-use super::forms::{Kind, binary, calls, grammar, work};
+use super::forms::ron::{CONFIGURATION, EXPERIMENT, FileTemplate, NATIVE, VALUES, WGPU};
+use super::forms::{TextForm, binary, calls, grammar, work};
 use super::pictures;
 use super::process::{Run, fillrate, printable};
 use super::shaders::run_everything;
@@ -140,7 +140,7 @@ fn each<T: Sync>(all: &[T], check: impl Fn(&T) + Sync) {
 
 #[test]
 fn shaders_of_every_form_are_compiled_or_refused() {
-    let all: Vec<Kind> = grammar::ALL.concat();
+    let all: Vec<TextForm> = grammar::ALL.concat();
     each(&all, |(name, make)| {
         for size in [2, 25] {
             println!("{name} {size}");
@@ -154,7 +154,7 @@ type Read = fn(&str);
 
 #[test]
 fn texts_of_every_form_are_read_or_refused() {
-    let readers: [(&[Place], Read); 4] = [
+    let readers: [(&[FileTemplate], Read); 4] = [
         (NATIVE, |text| {
             let trace = Trace::open_files(Path::new("t.ron"), text.as_bytes().to_vec(), std::iter::empty());
             drop(trace.map(|trace| check(&trace)));

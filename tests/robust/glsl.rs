@@ -5,7 +5,7 @@ use std::fmt::Write;
 
 use tempfile::TempDir;
 
-use super::forms::Kind;
+use super::forms::TextForm;
 use super::forms::glsl::{DEEP, LARGE, LONG};
 use super::process::{Output, below_mib, fillrate, printable};
 
@@ -52,7 +52,7 @@ fn limited(name: &str, output: &Output, limits: &[&str]) {
 }
 
 /// Each kind of a list, two processes at a time.
-fn each(kinds: &[Kind], check: impl Fn(&str, fn(usize) -> String) + Sync) {
+fn each(kinds: &[TextForm], check: impl Fn(&str, fn(usize) -> String) + Sync) {
     std::thread::scope(|scope| {
         for part in 0..2 {
             let check = &check;

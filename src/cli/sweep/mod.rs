@@ -22,10 +22,10 @@ use crate::sweep::experiment::{Design, Experiment, Screen, Screener};
 use crate::sweep::folder::{Results, Shard};
 use crate::sweep::html;
 use crate::sweep::inputs::{Begun, Inputs, begin, begun, differences, hash, hash_path, read_base, read_inputs};
-use crate::sweep::outcome::Outcome;
+use crate::sweep::outcome::SweepResult;
 use crate::sweep::plan::{MOST_MACHINES, Plan};
 use crate::sweep::report;
-use crate::sweep::table::{Cell, Kind, write};
+use crate::sweep::table::{Cell, ColumnKind, write};
 use crate::sweep::tables;
 use crate::sweep::timing::{Screened, Step, Sweep, run as run_shard};
 use crate::trace::Trace;
@@ -398,7 +398,7 @@ fn config(folder: &Path, machine: u32) -> Result<Verdict> {
 }
 
 /// Writes the configurations of the machines that the page lists.
-fn configurations(folder: &Path, plan: &Plan, sweep: &Outcome<'_>) -> Result<()> {
+fn configurations(folder: &Path, plan: &Plan, sweep: &SweepResult<'_>) -> Result<()> {
     let place = folder.join("configs");
     std::fs::create_dir_all(&place).with_context(|| format!("cannot create {}", place.display()))?;
     for (machine, _) in sweep.timed().take(report::LISTED) {
@@ -439,7 +439,7 @@ fn finish(folder: &Path, mut results: Results, inputs: &Inputs, plan: &Plan, scr
     if let Some(screened) = screened {
         screen_table(folder, plan, screened)?;
     }
-    let mut sweep = Outcome::read(inputs, plan, &mut results)?;
+    let mut sweep = SweepResult::read(inputs, plan, &mut results)?;
     if let Some(screened) = screened {
         sweep = sweep.screened(plan, screened)?;
     }
@@ -471,9 +471,13 @@ fn finish(folder: &Path, mut results: Results, inputs: &Inputs, plan: &Plan, scr
 
 /// Writes what the screen found.
 fn screen_table(folder: &Path, plan: &Plan, screened: &[Screened]) -> Result<()> {
-    let mut columns = vec![("machine".to_owned(), Kind::Whole)];
+    let mut columns = vec![("machine".to_owned(), ColumnKind::Whole)];
     columns.extend(tables::parameters(plan)?);
-    columns.extend([("cycles".into(), Kind::Number), ("simulated".into(), Kind::Text), ("error".into(), Kind::Text)]);
+    columns.extend([
+        ("cycles".into(), ColumnKind::Number),
+        ("simulated".into(), ColumnKind::Text),
+        ("error".into(), ColumnKind::Text),
+    ]);
     write(folder, "screen", &columns, |table| {
         for Screened { machine, estimate, kept } in screened {
             let mut cells = vec![Cell::Whole((*machine).into())];

@@ -4,7 +4,7 @@ use super::Diagram;
 
 /// A bank's place.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) struct Place {
+pub(super) struct BoxPosition {
     pub bank: usize,
     pub row: usize,
     pub column: usize,
@@ -37,7 +37,7 @@ fn ordered(diagram: &Diagram, banks: &[usize]) -> Vec<usize> {
 }
 
 /// Places for some banks, in rows and columns that begin at 0. The way to the bank called `end`, if there is one, is the first column.
-pub(super) fn place(diagram: &Diagram, banks: &[usize], end: &str) -> Vec<Place> {
+pub(super) fn place(diagram: &Diagram, banks: &[usize], end: &str) -> Vec<BoxPosition> {
     let order = ordered(diagram, banks);
     let position = |bank: usize| order.iter().position(|&b| b == bank);
     // 1. A row below all that feed it.
@@ -68,7 +68,7 @@ pub(super) fn place(diagram: &Diagram, banks: &[usize], end: &str) -> Vec<Place>
                 taken[row] += 1;
                 taken[row]
             };
-            Place { bank: order[n], row, column }
+            BoxPosition { bank: order[n], row, column }
         })
         .collect()
 }

@@ -1,6 +1,6 @@
 //! A diagram as a picture: the data flow downwards, memory in a frame of its own.
 
-use super::layout::{Place, place};
+use super::layout::{BoxPosition, place};
 use super::{Bank, Cable, Diagram, shape, times};
 
 const BOX_WIDTH: f64 = 128.0;
@@ -103,10 +103,10 @@ fn notes(diagram: &Diagram, bank: usize) -> Vec<String> {
 
 /// Lays a group of banks out.
 fn group<'a>(diagram: &'a Diagram, banks: &[usize], end: &str) -> Group<'a> {
-    let places: Vec<Place> = place(diagram, banks, end);
+    let places: Vec<BoxPosition> = place(diagram, banks, end);
     let mut boxes: Vec<Box> = places
         .iter()
-        .map(|&Place { bank, row, column }| {
+        .map(|&BoxPosition { bank, row, column }| {
             let notes = notes(diagram, bank);
             let height = 24.0 + LINE * notes.len() as f64;
             Box { bank, row, column, x: 0.0, y: 0.0, height, notes }

@@ -3,7 +3,7 @@
 use maud::{Markup, html};
 use serde_json::Value;
 
-use super::data::Part;
+use super::data::CountedSpan;
 use super::replay::{Input, command};
 use super::{percent, readable, share};
 use crate::knob::Setting;
@@ -70,7 +70,7 @@ fn timed(why: &Value) -> Vec<String> {
 }
 
 /// Rules over the counters of a frame.
-fn counted(frame: &Part, config: Option<&Config>) -> Vec<Advice> {
+fn counted(frame: &CountedSpan, config: Option<&Config>) -> Vec<Advice> {
     let funnel: Funnel = FUNNEL.sum(&frame.counts);
     let sort = SortOutcome::read(&frame.counts);
     let mut all = Vec::new();
@@ -153,7 +153,7 @@ fn counted(frame: &Part, config: Option<&Config>) -> Vec<Advice> {
             "Uploads and copies precede drawing and nothing overlaps them: upload once, not in each frame.",
         ),
     ] {
-        let own: f64 = frame.parts.iter().filter(|phase| phase.is(kind)).map(Part::cycles).sum();
+        let own: f64 = frame.parts.iter().filter(|phase| phase.is(kind)).map(CountedSpan::cycles).sum();
         if own > 0.1 * cycles && cycles > 0.0 {
             let evidence = format!("{} takes {} of the cycles.", kind.name(), percent(share(own, cycles)));
             add(what, evidence, vec![set], share(own, cycles));
@@ -214,7 +214,7 @@ mod tests {
         for change in ["depth.early=false", "traverse.hierarchical_z=false"] {
             config.set(change).expect("a knob");
         }
-        let advice = counted(&Part::frame(&frame), Some(&config));
+        let advice = counted(&CountedSpan::frame(&frame), Some(&config));
         assert_eq!(advice.len(), 11);
         let mut paths: Vec<&str> =
             advice.iter().flat_map(|own| &own.set).map(|set| set.split('=').next().unwrap_or(set)).collect();

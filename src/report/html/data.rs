@@ -14,7 +14,7 @@ pub const CYCLES: Key = FRAME.counter(counter!(FrameCounts, cycles));
 
 /// A frame, a phase of a frame or a draw of a pass, as `stats.json` has it.
 #[derive(Clone, Debug, Default)]
-pub struct Part {
+pub struct CountedSpan {
     /// Its number in the trace. None at the end of a pass, behind its last draw.
     pub number: Option<u64>,
     /// The kind of a phase.
@@ -28,19 +28,19 @@ pub struct Part {
     /// What was counted in it. Below a frame, banks are summed.
     pub counts: Tree,
     /// The phases of a frame, or the draws of a phase.
-    pub parts: Vec<Part>,
+    pub parts: Vec<CountedSpan>,
     /// The text in place of unit numbers in paths of the file: `[*]`, or nothing where banks are summed.
     pub units: &'static str,
 }
 
-impl Part {
+impl CountedSpan {
     /// Reads a frame. What the file does not have is empty.
-    pub fn frame(json: &Value) -> Part {
-        Part { units: "[*]", ..Part::read(json) }
+    pub fn frame(json: &Value) -> CountedSpan {
+        CountedSpan { units: "[*]", ..CountedSpan::read(json) }
     }
 
-    fn read(json: &Value) -> Part {
-        let mut part = Part::default();
+    fn read(json: &Value) -> CountedSpan {
+        let mut part = CountedSpan::default();
         let text = |value: &Value| value.as_str().unwrap_or("").to_owned();
         for (name, value) in json.as_object().into_iter().flatten() {
             match name.as_str() {
@@ -49,7 +49,7 @@ impl Part {
                 "label" => part.label = text(value),
                 "group" => part.group = text(value),
                 "limit" => part.limit = text(value),
-                "phases" | "draws" => part.parts = value.as_array().into_iter().flatten().map(Part::read).collect(),
+                "phases" | "draws" => part.parts = value.as_array().into_iter().flatten().map(CountedSpan::read).collect(),
                 _ => {
                     if let Some(node) = Node::from_json(value) {
                         part.counts.set(name.clone(), node);
@@ -104,7 +104,7 @@ const PHASE: [&str; 5] = ["kind", "number", "label", FEW[1], "limit"];
 #[derive(Clone, Debug)]
 pub struct Statistics {
     json: Value,
-    frames: Vec<Part>,
+    frames: Vec<CountedSpan>,
     shown: usize,
 }
 
@@ -116,7 +116,7 @@ pub struct Gather {
 }
 
 /// What a frame costs: its cycles, or where none are known what it shades.
-fn cost(frame: &Part) -> f64 {
+fn cost(frame: &CountedSpan) -> f64 {
     let shaded = || FUNNEL.sum::<Funnel>(&frame.counts).fragments_shaded as f64;
     CYCLES.sum(&frame.counts).unwrap_or_else(shaded)
 }
@@ -133,7 +133,7 @@ impl Gather {
         for phase in kept.get_mut("phases").and_then(Value::as_array_mut).into_iter().flatten() {
             *phase = part(phase, &PHASE);
         }
-        let own = cost(&Part::frame(&kept));
+        let own = cost(&CountedSpan::frame(&kept));
         self.frames.push(kept);
         let most = self.most.as_ref().is_none_or(|(_, cost, _)| own > *cost);
         if most {
@@ -152,7 +152,7 @@ impl Gather {
             shown = at;
             self.frames[at] = whole;
         }
-        let frames = self.frames.iter().map(Part::frame).collect();
+        let frames = self.frames.iter().map(CountedSpan::frame).collect();
         head.insert("frames".into(), Value::Array(self.frames));
         Statistics { json: Value::Object(head), frames, shown }
     }
@@ -203,12 +203,12 @@ impl Statistics {
     }
 
     /// The frames, in order. All but the one that is shown have lost most of what was counted.
-    pub fn frames(&self) -> &[Part] {
+    pub fn frames(&self) -> &[CountedSpan] {
         &self.frames
     }
 
     /// The frame that the page shows: the one that costs most.
-    pub fn frame(&self) -> &Part {
+    pub fn frame(&self) -> &CountedSpan {
         &self.frames[self.shown]
     }
 

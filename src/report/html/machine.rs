@@ -2,7 +2,7 @@
 
 use maud::{Markup, PreEscaped, html};
 
-use super::data::Part;
+use super::data::CountedSpan;
 use super::replay::Input;
 use super::{Column, bar, cell, cell_share, heads, key, percent, readable, share};
 use crate::machine::config::MemoryKind;
@@ -38,7 +38,7 @@ pub struct Bank<'v> {
 }
 
 /// The banks of a frame, in data-flow order.
-pub fn banks(frame: &Part) -> Vec<Bank<'_>> {
+pub fn banks(frame: &CountedSpan) -> Vec<Bank<'_>> {
     let mut banks = Vec::new();
     for (name, list) in UNITS.banks(&frame.counts) {
         let (mut sums, mut range) = ([0.0; 5], [1.0_f64, 0.0_f64]);
@@ -99,7 +99,7 @@ pub fn units(input: &Input<'_>) -> Option<Markup> {
     })
 }
 
-fn channels(frame: &Part, place: &str) -> Markup {
+fn channels(frame: &CountedSpan, place: &str) -> Markup {
     let list: Vec<_> = CHANNELS.banks(&frame.counts).collect();
     let [items, bytes, full] =
         [counter!(ChannelCounts, items), counter!(ChannelCounts, bytes), counter!(ChannelCounts, full_cycles)]
@@ -152,9 +152,9 @@ pub fn bandwidth(config: &Config) -> f64 {
 const POINTS: usize = 7;
 
 /// What the cores did by what memory moved, under the roofs of the machine: the frame, and the passes and dispatches that take most of it.
-pub fn roofs(frame: &Part, config: &Config) -> Option<Roofline> {
+pub fn roofs(frame: &CountedSpan, config: &Config) -> Option<Roofline> {
     let width = f64::from(config.core.warp_width);
-    let point = |name: String, of: &Part| {
+    let point = |name: String, of: &CountedSpan| {
         let CoreCounts { float, integer, special, control, multiply, .. } = CORES.sum(&of.counts);
         let instructions = (float + integer + special + control + multiply) as f64 * width;
         let Moved { read_bytes, write_bytes } = DRAM.sum(&of.counts);
@@ -163,7 +163,7 @@ pub fn roofs(frame: &Part, config: &Config) -> Option<Roofline> {
     };
     let cores = UNITS.named("core").find(&frame.counts).len() as f64;
     let whole = point("frame".into(), frame).filter(|_| cores > 0.0)?;
-    let mut phases: Vec<&Part> = frame.parts.iter().filter(|phase| phase.draws()).collect();
+    let mut phases: Vec<&CountedSpan> = frame.parts.iter().filter(|phase| phase.draws()).collect();
     phases.sort_by(|a, b| b.cycles().total_cmp(&a.cycles()));
     let own = phases.into_iter().filter_map(|phase| point(phase.name(), phase)).take(POINTS);
     let peak = f64::from(config.core.issue) * width * cores;

@@ -24,7 +24,7 @@ use serde_json::Value;
 use super::summary::{bytes, grouped};
 use crate::host::printable;
 use crate::stats::Key;
-use data::Part as Counted;
+use data::CountedSpan;
 
 const STYLE: &str = include_str!("page.css");
 const SCRIPT: &str = include_str!("page.js");
@@ -33,7 +33,7 @@ const SCRIPT: &str = include_str!("page.js");
 pub const MARK: &[u8] = br#"<meta name="generator" content="fillrate">"#;
 
 /// A section of a page.
-pub struct Part {
+pub struct PageSection {
     /// Its name in links.
     pub id: &'static str,
     /// Its heading.
@@ -48,12 +48,12 @@ pub fn sentence(text: &str) -> Markup {
 }
 
 /// A part; none where there is nothing to show.
-pub fn part(id: &'static str, title: impl Into<String>, body: Option<Markup>) -> Option<Part> {
-    body.map(|body| Part { id, title: title.into(), body })
+pub fn part(id: &'static str, title: impl Into<String>, body: Option<Markup>) -> Option<PageSection> {
+    body.map(|body| PageSection { id, title: title.into(), body })
 }
 
 /// A whole page. `values` are embedded by their ids.
-pub fn page(title: &str, head: &Markup, parts: &[Part], values: &[(&str, &Value)]) -> String {
+pub fn page(title: &str, head: &Markup, parts: &[PageSection], values: &[(&str, &Value)]) -> String {
     let markup = html! {
         (DOCTYPE)
         html lang="en" {
@@ -116,16 +116,16 @@ pub fn share(part: f64, whole: f64) -> f64 {
 }
 
 /// The cell of a table that holds a statistic of a frame, a phase or a draw; empty where it has none. `base` is its path.
-pub fn cell(from: &Counted, base: &str, key: &Key) -> Markup {
+pub fn cell(from: &CountedSpan, base: &str, key: &Key) -> Markup {
     cell_as(from, base, key, readable)
 }
 
 /// As [`cell`], with bytes in a readable unit.
-pub fn cell_bytes(from: &Counted, base: &str, key: &Key) -> Markup {
+pub fn cell_bytes(from: &CountedSpan, base: &str, key: &Key) -> Markup {
     cell_as(from, base, key, bytes)
 }
 
-fn cell_as(from: &Counted, base: &str, key: &Key, text: impl Fn(f64) -> String) -> Markup {
+fn cell_as(from: &CountedSpan, base: &str, key: &Key, text: impl Fn(f64) -> String) -> Markup {
     cell_of(key.sum(&from.counts), &format!("{base}.{}", key.path(from.units)), text)
 }
 
@@ -193,8 +193,12 @@ mod tests {
     #[test]
     fn a_page_is_whole_and_asks_for_nothing() {
         let body = html! { p { "<b> & \"" } };
-        let text =
-            page("a </title><script>", &html! { h1 { "x\u{202e}y" } }, &[Part { id: "one", title: "One".into(), body }], &[]);
+        let text = page(
+            "a </title><script>",
+            &html! { h1 { "x\u{202e}y" } },
+            &[PageSection { id: "one", title: "One".into(), body }],
+            &[],
+        );
         assert!(text.starts_with("<!DOCTYPE html>") && text.ends_with("</html>"));
         assert!(text.as_bytes().windows(MARK.len()).take(1024).any(|bytes| bytes == MARK), "{text}");
         assert!(text.contains("a &lt;/title&gt;&lt;script&gt;") && text.contains("&lt;b&gt; &amp; &quot;"), "{text}");

@@ -2,7 +2,7 @@
 
 use maud::{Markup, html};
 
-use super::data::{CYCLES, Part};
+use super::data::{CYCLES, CountedSpan};
 use super::replay::{Input, Limit};
 use super::{Column, bar, cell, cell_of, cell_share, heads, key, percent, readable, share};
 use crate::machine::{Moved, Spent};
@@ -20,9 +20,9 @@ pub fn time(input: &Input<'_>) -> Option<Markup> {
     if phases.is_empty() {
         return None;
     }
-    let all: f64 = phases.iter().map(Part::cycles).sum();
-    let drawn: f64 = phases.iter().filter(|phase| phase.draws()).map(Part::cycles).sum();
-    let class = |phase: &Part| if phase.draws() { "k-draw" } else { "k-other" };
+    let all: f64 = phases.iter().map(CountedSpan::cycles).sum();
+    let drawn: f64 = phases.iter().filter(|phase| phase.draws()).map(CountedSpan::cycles).sum();
+    let class = |phase: &CountedSpan| if phase.draws() { "k-draw" } else { "k-other" };
     let strip: Vec<(&str, f64, String)> = phases
         .iter()
         .map(|phase| {
@@ -34,7 +34,7 @@ pub fn time(input: &Input<'_>) -> Option<Markup> {
         .into_iter()
         .map(|kind| {
             let own = phases.iter().filter(|phase| phase.is(kind));
-            (kind, own.clone().map(Part::cycles).sum(), own.count())
+            (kind, own.clone().map(CountedSpan::cycles).sum(), own.count())
         })
         .filter(|(_, _, count)| *count > 0)
         .collect();
@@ -82,7 +82,7 @@ const COLUMNS: [(Key, &str); 13] = [
 ];
 
 /// The columns that some of these entries have.
-fn columns(entries: &[&Part]) -> Vec<(Key, &'static str)> {
+fn columns(entries: &[&CountedSpan]) -> Vec<(Key, &'static str)> {
     let has = |key: &Key| entries.iter().any(|entry| key.sum(&entry.counts).is_some_and(|value| value != 0.0));
     COLUMNS.into_iter().filter(|(key, _)| has(key)).collect()
 }
@@ -94,7 +94,7 @@ fn heads_of(columns: &[(Key, &'static str)]) -> Vec<(&'static str, String)> {
 
 /// The unit of a span that was busy in the largest share of its cycles, and that share: how far it is used, not what limits. `frame` tells how
 /// many there are of each.
-pub fn most_used<'v>(entry: &'v Part, frame: &Part) -> Option<(&'v str, f64)> {
+pub fn most_used<'v>(entry: &'v CountedSpan, frame: &CountedSpan) -> Option<(&'v str, f64)> {
     let busy = UNITS.counter(counter!(Spent, busy));
     let units = UNITS.banks(&entry.counts).filter_map(|(name, _)| {
         let count = UNITS.find_of(&frame.counts, name).len().max(1);
@@ -111,23 +111,23 @@ const USED: Column<'static> = Column(
 );
 
 /// The cell of the unit that is used most.
-fn used_cell(entry: &Part, frame: &Part) -> Markup {
+fn used_cell(entry: &CountedSpan, frame: &CountedSpan) -> Markup {
     html! { td.unit { @match most_used(entry, frame) { Some((unit, share)) => { (unit) " " span.note { (percent(share)) } }, None => "\u{2013}" } } }
 }
 
 /// The estimate of what limits a phase.
-fn estimated<'i>(input: &'i Input<'_>, at: usize, phase: &Part) -> Option<&'i Limit> {
+fn estimated<'i>(input: &'i Input<'_>, at: usize, phase: &CountedSpan) -> Option<&'i Limit> {
     input.limits.get(at).filter(|own| own.name == phase.name())
 }
 
 /// The unit that limits a phase, by estimate.
-fn unit_limit<'i>(input: &'i Input<'_>, at: usize, phase: &'i Part) -> Option<&'i str> {
+fn unit_limit<'i>(input: &'i Input<'_>, at: usize, phase: &'i CountedSpan) -> Option<&'i str> {
     let told = || Some(phase.limit.as_str()).filter(|told| !told.is_empty());
     estimated(input, at, phase).map(|own| own.unit.as_str()).or_else(told)
 }
 
 /// What limits a phase, and the evidence.
-fn limit(input: &Input<'_>, at: usize, phase: &Part) -> Markup {
+fn limit(input: &Input<'_>, at: usize, phase: &CountedSpan) -> Markup {
     html! {
         td.reason {
             @match estimated(input, at, phase) {
@@ -143,7 +143,7 @@ fn limit(input: &Input<'_>, at: usize, phase: &Part) -> Markup {
 }
 
 /// The cell of a counter of a phase or a draw. Where these have counters, those that are 0 are left out of the file.
-fn counted_cell(entry: &Part, base: &str, key: &Key) -> Markup {
+fn counted_cell(entry: &CountedSpan, base: &str, key: &Key) -> Markup {
     if key.sum(&entry.counts).is_none() && entry.is_counted() {
         return html! { td.n data-value="0" { "0" } };
     }
@@ -155,11 +155,11 @@ fn phases(input: &Input<'_>) -> Option<Markup> {
     let statistics = input.statistics;
     let frame = statistics.frame();
     let phases = &frame.parts;
-    let all: f64 = phases.iter().map(Part::cycles).sum();
+    let all: f64 = phases.iter().map(CountedSpan::cycles).sum();
     let mut order: Vec<usize> = (0..phases.len()).collect();
     order.sort_by(|&a, &b| phases[b].cycles().total_cmp(&phases[a].cycles()).then(a.cmp(&b)));
     let more = columns(&phases.iter().collect::<Vec<_>>());
-    let counted = phases.iter().any(Part::is_counted);
+    let counted = phases.iter().any(CountedSpan::is_counted);
     let mut titles = vec![
         Column("phase", false, "Passes and dispatches have their numbers in the trace."),
         Column("order", true, "Its place in the frame."),
@@ -205,7 +205,7 @@ fn draw_table(input: &Input<'_>) -> Option<Markup> {
     let statistics = input.statistics;
     let frame = statistics.frame();
     let phases = frame.parts.iter().enumerate();
-    let mut draws: Vec<(usize, usize, &Part, &Part)> =
+    let mut draws: Vec<(usize, usize, &CountedSpan, &CountedSpan)> =
         phases.flat_map(|(at, phase)| phase.parts.iter().enumerate().map(move |(own, draw)| (at, own, phase, draw))).collect();
     if draws.is_empty() {
         return None;
@@ -231,11 +231,12 @@ fn draw_table(input: &Input<'_>) -> Option<Markup> {
     ];
     let named = heads_of(&more);
     titles.extend(named.iter().map(|(name, path)| Column(name, true, path)));
-    let label = |draw: &Part| {
+    let label = |draw: &CountedSpan| {
         let end = if draw.number.is_none() { "end of the pass" } else { "" };
         [draw.group.as_str(), &draw.label, end].into_iter().filter(|text| !text.is_empty()).collect::<Vec<_>>().join(" / ")
     };
-    let number = |of: &Part, base: &str| cell_of(of.number.map(|number| number as f64), &format!("{base}.number"), readable);
+    let number =
+        |of: &CountedSpan, base: &str| cell_of(of.number.map(|number| number as f64), &format!("{base}.number"), readable);
     Some(html! {
         h3 { "Draws" }
         @if left > 0 { p.note { "The " (readable(MOST as f64)) " draws with most cycles; " (readable(left as f64)) " more are in draws.csv." } }

@@ -4,7 +4,7 @@ use crate::machine::{Config, Machine};
 use crate::report::diagram::Diagram;
 use crate::report::plots::{Scale, Series, Stack, alone, bars, chart, roofline};
 
-use super::data::{CYCLES, Part, Statistics};
+use super::data::{CYCLES, CountedSpan, Statistics};
 use super::machine::{STATES, banks, roofs};
 use super::{percent, readable, share};
 
@@ -12,7 +12,7 @@ use super::{percent, readable, share};
 pub fn replay(statistics: &Statistics, config: Option<&Config>) -> Vec<(String, String)> {
     let frame = statistics.frame();
     let mut plots = Vec::new();
-    let all: f64 = frame.parts.iter().map(Part::cycles).sum();
+    let all: f64 = frame.parts.iter().map(CountedSpan::cycles).sum();
     let rows: Vec<Stack> = frame
         .parts
         .iter()
@@ -38,7 +38,7 @@ pub fn replay(statistics: &Statistics, config: Option<&Config>) -> Vec<(String, 
         let rows: Vec<Stack> = banks.iter().map(row).collect();
         plots.push(("units".to_owned(), alone(&bars("What units did", &STATES, &rows))));
     }
-    let point = |frame: &Part| Some((frame.number? as f64, CYCLES.sum(&frame.counts)?));
+    let point = |frame: &CountedSpan| Some((frame.number? as f64, CYCLES.sum(&frame.counts)?));
     let points: Vec<(f64, f64)> = statistics.frames().iter().filter_map(point).collect();
     if points.len() > 1 {
         let series = [Series { name: "cycles", points, line: true }];

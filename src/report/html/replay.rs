@@ -3,8 +3,8 @@
 use maud::{Markup, html};
 use serde_json::{Value, json};
 
-use super::data::{CYCLES, Part as Counted, Statistics};
-use super::{Part, advice, inline, machine, maps, page, part, passes, percent, readable, series, share, tables, word};
+use super::data::{CYCLES, CountedSpan, Statistics};
+use super::{PageSection, advice, inline, machine, maps, page, part, passes, percent, readable, series, share, tables, word};
 use crate::machine::{Config, PhaseReport, SORTING, WRONG_PIXELS};
 use crate::mem::{DRAM, DramCounts};
 use crate::report::summary::bytes;
@@ -191,7 +191,7 @@ fn verdict(input: &Input<'_>) -> Markup {
     let prove = command(input.statistics, "why", &[]);
     let frame = input.statistics.frame();
     let all = frame.cycles();
-    let cycles = |at: usize| frame.parts.get(at).map_or(0.0, Counted::cycles);
+    let cycles = |at: usize| frame.parts.get(at).map_or(0.0, CountedSpan::cycles);
     let most = (0..input.limits.len()).max_by(|&a, &b| cycles(a).total_cmp(&cycles(b)));
     html! {
         @match (input.why, most) {
@@ -226,7 +226,7 @@ pub fn replay(input: &Input<'_>) -> String {
     let missing =
         "The trace is not at hand. This command adds maps and what units did over time: fillrate report DIR --trace TRACE.";
     let heat = input.maps.map_or_else(|| html! { p.note { (missing) } }, |maps| maps::section(maps, picture.as_deref()));
-    let parts: Vec<Part> = [
+    let parts: Vec<PageSection> = [
         part("run", "What was run", Some(run(input, picture.as_deref()))),
         part("why", "What holds it back", Some(verdict(input))),
         part("time", "Where the time goes", passes::time(input)),

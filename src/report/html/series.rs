@@ -3,7 +3,7 @@
 use maud::{Markup, html};
 use serde_json::{Value, json};
 
-use super::data::Part;
+use super::data::CountedSpan;
 use super::replay::Input;
 use super::{key, percent, readable};
 use crate::run::timeline::{Sample, Timeline};
@@ -62,7 +62,7 @@ pub fn section(input: &Input<'_>) -> Option<Markup> {
     let samples = &timeline.samples;
     let end = samples.last()?.end as f64;
     let phases = &input.statistics.frame().parts;
-    let total: f64 = phases.iter().map(Part::cycles).sum();
+    let total: f64 = phases.iter().map(CountedSpan::cycles).sum();
     let units = timeline.units.iter().enumerate().filter_map(|(at, bank)| {
         let sum = samples.iter().fold(Cycles::default(), |mut sum, sample| {
             sum += sample.units[at];
@@ -91,7 +91,7 @@ pub fn section(input: &Input<'_>) -> Option<Markup> {
         let last = format!("{most:.1}");
         (most > 0.0).then(|| row(&name, &format!("items in {name} over time, at most {last}"), &[("draw", steps)], &last))
     });
-    let at = |n: usize| phases[..n].iter().map(Part::cycles).sum::<f64>() / total.max(1.0);
+    let at = |n: usize| phases[..n].iter().map(CountedSpan::cycles).sum::<f64>() / total.max(1.0);
     Some(html! {
         p { "From left to right " (readable(end)) " cycles, read " (samples.len()) " times. This machine draws frame " (input.statistics.number()) " alone, with empty caches." }
         (key(&[("s-busy", "busy"), ("s-blocked", "no room behind it"), ("s-memory", "waits for memory")]))

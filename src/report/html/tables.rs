@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 
 use maud::{Markup, html};
 
-use super::data::{CYCLES, Part};
+use super::data::{CYCLES, CountedSpan};
 use super::replay::Input;
 use super::{Column, bar, cell, cell_bytes, cell_of, cell_share, heads, key, percent, readable, share};
 use crate::mem::{CACHES, CLIENTS, CacheCounts, ClientCounts, DRAM, DramCounts};
@@ -166,7 +166,7 @@ pub fn frames(input: &Input<'_>) -> Option<Markup> {
     if frames.len() < 2 {
         return None;
     }
-    let cycles = |frame: &Part| CYCLES.sum(&frame.counts);
+    let cycles = |frame: &CountedSpan| CYCLES.sum(&frame.counts);
     let points: Vec<(f64, f64)> = frames.iter().filter_map(|frame| Some((frame.number? as f64, cycles(frame)?))).collect();
     let mut order: Vec<usize> = (0..frames.len()).collect();
     order.sort_by(|&a, &b| cycles(&frames[b]).unwrap_or(0.0).total_cmp(&cycles(&frames[a]).unwrap_or(0.0)).then(a.cmp(&b)));

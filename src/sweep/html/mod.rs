@@ -3,9 +3,9 @@
 use maud::{Markup, PreEscaped, html};
 
 use super::answer;
-use super::outcome::{Effect, Machine, Outcome, Response, Within, front, plain, ratio};
+use super::outcome::{Effect, MachineResult, Response, SweepResult, Within, front, plain, ratio};
 use crate::knob::Setting;
-use crate::report::html::{Column, Part, bar, heads, page as whole, part, readable, sentence, share};
+use crate::report::html::{Column, PageSection, bar, heads, page as whole, part, readable, sentence, share};
 use crate::report::plots::{Heat, Scale, Series, alone, chart, heat};
 
 /// Machines that the table lists.
@@ -36,7 +36,7 @@ enum Drawn {
 }
 
 impl Drawn {
-    fn mean(self, sweep: &Outcome<'_>, of: impl Fn(&Machine) -> bool) -> Option<f64> {
+    fn mean(self, sweep: &SweepResult<'_>, of: impl Fn(&MachineResult) -> bool) -> Option<f64> {
         match self {
             Drawn::Cycles => sweep.mean(of).map(|mean| mean.0),
             Drawn::Measure(at) => sweep.mean_measure(at, None, of),
@@ -44,8 +44,8 @@ impl Drawn {
     }
 
     /// How far apart the values of an axis are in it, by the largest.
-    fn spread(self, sweep: &Outcome<'_>, effect: &Effect) -> f64 {
-        let told = |machine: &Machine| sweep.tells(effect.axis, machine);
+    fn spread(self, sweep: &SweepResult<'_>, effect: &Effect) -> f64 {
+        let told = |machine: &MachineResult| sweep.tells(effect.axis, machine);
         let own = |own: &Response| self.mean(sweep, |machine| machine.settings[effect.axis] == own.value && told(machine));
         let values: Vec<f64> = effect.responses.iter().filter_map(own).collect();
         let most = values.iter().copied().fold(0.0, f64::max);
@@ -54,7 +54,7 @@ impl Drawn {
 }
 
 /// Cycles or a measure by the values of an axis of numbers, with a curve for each value of the other axis that does most.
-fn curve(sweep: &Outcome<'_>, effects: &[Effect], effect: &Effect, drawn: Drawn) -> Option<Markup> {
+fn curve(sweep: &SweepResult<'_>, effects: &[Effect], effect: &Effect, drawn: Drawn) -> Option<Markup> {
     let places: Option<Vec<f64>> = effect.responses.iter().map(|own| place(&own.value)).collect();
     let places = places.filter(|places| places.len() > 1)?;
     let few = |other: &&Effect| other.axis != effect.axis && (2..=CURVES).contains(&other.responses.len());
@@ -62,7 +62,7 @@ fn curve(sweep: &Outcome<'_>, effects: &[Effect], effect: &Effect, drawn: Drawn)
     let other = effects.iter().filter(few).max_by(|a, b| spread(a).total_cmp(&spread(b))).filter(|other| spread(other) > 0.001);
     let points = |second: Option<(usize, &Setting)>| -> Vec<(f64, f64)> {
         let point = |response: &Response| {
-            let own = |machine: &Machine| {
+            let own = |machine: &MachineResult| {
                 machine.settings[effect.axis] == response.value
                     && sweep.tells(effect.axis, machine)
                     && second.is_none_or(|(axis, value)| machine.settings[axis] == *value)
@@ -96,7 +96,7 @@ fn curve(sweep: &Outcome<'_>, effects: &[Effect], effect: &Effect, drawn: Drawn)
 }
 
 /// The table of an axis: every value.
-fn table(sweep: &Outcome<'_>, effect: &Effect, best: f64) -> Markup {
+fn table(sweep: &SweepResult<'_>, effect: &Effect, best: f64) -> Markup {
     let most = effect.responses.iter().map(|own| own.cycles).fold(0.0, f64::max);
     let mut columns = vec![
         Column("value", place(&effect.responses[0].value).is_some(), ""),
@@ -127,7 +127,7 @@ fn measured(value: Option<f64>) -> Markup {
     } }
 }
 
-fn run(sweep: &Outcome<'_>) -> Markup {
+fn run(sweep: &SweepResult<'_>) -> Markup {
     let experiment = &sweep.inputs.experiment;
     let mut base = experiment.base.clone();
     experiment.set.iter().for_each(|set| base.push_str(&format!(" --set {set}")));
@@ -149,7 +149,7 @@ fn run(sweep: &Outcome<'_>) -> Markup {
     }
 }
 
-fn answer(sweep: &Outcome<'_>) -> Markup {
+fn answer(sweep: &SweepResult<'_>) -> Markup {
     html! {
         p.verdict { (sentence(&answer::fastest(sweep))) }
         @let scope = answer::scope(sweep);
@@ -169,7 +169,7 @@ fn answer(sweep: &Outcome<'_>) -> Markup {
 }
 
 /// What each axis does on each trace: how much, and then the cycles and measures of each value.
-fn by_trace(sweep: &Outcome<'_>, effects: &[Effect]) -> Option<Markup> {
+fn by_trace(sweep: &SweepResult<'_>, effects: &[Effect]) -> Option<Markup> {
     let traces = sweep.trace_names();
     (traces.len() > 1 && !effects.is_empty()).then(|| {
         let mut columns = vec![Column("axis", false, "")];
@@ -196,7 +196,7 @@ fn by_trace(sweep: &Outcome<'_>, effects: &[Effect]) -> Option<Markup> {
 }
 
 /// A measure at each value of an axis, on each trace.
-fn measure_by_trace(sweep: &Outcome<'_>, effect: &Effect, at: usize, traces: &[String]) -> Markup {
+fn measure_by_trace(sweep: &SweepResult<'_>, effect: &Effect, at: usize, traces: &[String]) -> Markup {
     let numbers = place(&effect.responses[0].value).is_some();
     let mut columns = vec![Column(&sweep.measures[at], numbers, "")];
     columns.extend(traces.iter().map(|name| Column(name, true, "Mean of the machines.")));
@@ -211,7 +211,7 @@ fn measure_by_trace(sweep: &Outcome<'_>, effect: &Effect, at: usize, traces: &[S
 
 /// What an axis does on each trace: of numbers a curve for each trace, of cycles and of each measure; of others a map of cycles. Each with the
 /// end of its file's name.
-fn trace_plots(sweep: &Outcome<'_>, effect: &Effect) -> Vec<(String, Markup)> {
+fn trace_plots(sweep: &SweepResult<'_>, effect: &Effect) -> Vec<(String, Markup)> {
     let traces = sweep.trace_names();
     let cycles: Vec<Vec<Response>> =
         (0..traces.len()).map(|trace| sweep.responses(effect.axis, Within::Trace(trace))).collect();
@@ -286,7 +286,7 @@ fn sensitivities(effects: &[Effect]) -> Option<Markup> {
     })
 }
 
-fn responses(sweep: &Outcome<'_>, effects: &[Effect]) -> Option<Markup> {
+fn responses(sweep: &SweepResult<'_>, effects: &[Effect]) -> Option<Markup> {
     let (_, best) = sweep.timed().next()?;
     Some(html! { @for effect in effects {
         h3 { code { (effect.path) } }
@@ -301,15 +301,16 @@ fn responses(sweep: &Outcome<'_>, effects: &[Effect]) -> Option<Markup> {
 }
 
 /// The two axes that do most as a table of cycles in colours.
-fn map(sweep: &Outcome<'_>, effects: &[Effect]) -> Option<String> {
+fn map(sweep: &SweepResult<'_>, effects: &[Effect]) -> Option<String> {
     let mut sides: Vec<&Effect> =
         effects.iter().filter(|effect| (2..=SIDE).contains(&effect.responses.len())).take(2).collect();
     sides.sort_by_key(|effect| effect.axis);
     let [rows, columns] = sides[..] else { return None };
     let names = |effect: &Effect| effect.responses.iter().map(|own| plain(&own.value)).collect::<Vec<_>>();
     let cell = |row: &Response, column: &Response| {
-        let both =
-            |machine: &Machine| machine.settings[rows.axis] == row.value && machine.settings[columns.axis] == column.value;
+        let both = |machine: &MachineResult| {
+            machine.settings[rows.axis] == row.value && machine.settings[columns.axis] == column.value
+        };
         sweep.mean(both).map(|(cycles, _)| cycles)
     };
     let values = rows.responses.iter().map(|row| columns.responses.iter().map(|column| cell(row, column)).collect()).collect();
@@ -318,7 +319,7 @@ fn map(sweep: &Outcome<'_>, effects: &[Effect]) -> Option<String> {
 }
 
 /// Cycles against cost, with the machines that no other is better than.
-fn pareto(sweep: &Outcome<'_>) -> Option<(Markup, Markup)> {
+fn pareto(sweep: &SweepResult<'_>) -> Option<(Markup, Markup)> {
     let (name, costs) = sweep.costs()?;
     let points: Vec<(u64, f64)> = sweep.timed().map(|(_, cycles)| cycles).zip(costs).collect();
     if points.len() < 2 {
@@ -352,7 +353,7 @@ fn pareto(sweep: &Outcome<'_>) -> Option<(Markup, Markup)> {
     Some((plot, table))
 }
 
-fn machines(sweep: &Outcome<'_>) -> Option<Markup> {
+fn machines(sweep: &SweepResult<'_>) -> Option<Markup> {
     let (_, best) = sweep.timed().next()?;
     let (dram, cost) = (sweep.machines.iter().any(|machine| machine.dram.is_some()), !sweep.inputs.experiment.cost.is_empty());
     let numeric: Vec<bool> = (0..sweep.parameters.len())
@@ -406,8 +407,8 @@ fn shown(setting: &Setting) -> String {
     place(setting).map_or_else(|| plain(setting), readable)
 }
 
-fn errors(sweep: &Outcome<'_>) -> Option<Markup> {
-    let failed: Vec<(&Machine, &str)> = sweep.failed().collect();
+fn errors(sweep: &SweepResult<'_>) -> Option<Markup> {
+    let failed: Vec<(&MachineResult, &str)> = sweep.failed().collect();
     (!failed.is_empty()).then(|| {
         html! { div.scroll.tall { table {
             thead { tr { th.n scope="col" { "machine" } th scope="col" { "settings" } th scope="col" { "error" } } }
@@ -417,7 +418,7 @@ fn errors(sweep: &Outcome<'_>) -> Option<Markup> {
 }
 
 /// The page, as one file.
-pub fn page(sweep: &Outcome<'_>) -> String {
+pub fn page(sweep: &SweepResult<'_>) -> String {
     let question = &sweep.inputs.experiment.question;
     let title = if question.is_empty() { "A sweep" } else { question.as_str() };
     let effects = sweep.effects();
@@ -431,7 +432,7 @@ pub fn page(sweep: &Outcome<'_>) -> String {
             html! { p.note { "There is no cost that all machines have: the experiment names none, and does not keep memory.dram." } }
         }
     };
-    let parts: Vec<Part> = [
+    let parts: Vec<PageSection> = [
         part("answer", "Answer", Some(answer(sweep))),
         part("run", "What was run", Some(run(sweep))),
         part("sensitivities", "Sensitivities", sensitivities(&effects)),
@@ -449,7 +450,7 @@ pub fn page(sweep: &Outcome<'_>) -> String {
 }
 
 /// The plots as files of their own, each with its name.
-pub fn plots(sweep: &Outcome<'_>) -> Vec<(String, String)> {
+pub fn plots(sweep: &SweepResult<'_>) -> Vec<(String, String)> {
     let effects = sweep.effects();
     let mut plots: Vec<(String, String)> = Vec::new();
     for effect in &effects {

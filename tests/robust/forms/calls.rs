@@ -1,6 +1,6 @@
 //! Hostile recordings of OpenGL as GLInterceptor's text: calls that are repeated, nested, or that stand for more than they say.
 
-use super::{Kind, lines, nested};
+use super::{TextForm, lines, nested};
 
 /// A recording of these calls and a swap.
 pub fn recording(calls: &str) -> String {
@@ -8,7 +8,7 @@ pub fn recording(calls: &str) -> String {
 }
 
 /// Calls and what their arguments can be, `n` times.
-pub const CALLS: &[Kind] = &[
+pub const CALLS: &[TextForm] = &[
     ("rectangles", |n| recording(&"glRectf(-1,-1,1,1)\n".repeat(n))),
     ("swaps", |n| recording(&"wglSwapBuffers(1)\n".repeat(n))),
     ("clears", |n| recording(&"glClear(GL_COLOR_BUFFER_BIT)\n".repeat(n))),
@@ -205,7 +205,7 @@ pub const CALLS: &[Kind] = &[
 ];
 
 /// A few calls that stand for 2 to the power of this number, or for more.
-pub const LARGE: &[Kind] = &[
+pub const LARGE: &[TextForm] = &[
     ("lists of lists", |n| {
         let all = lines(n, |k| format!("glNewList({},GL_COMPILE)\nglCallList({k})\nglCallList({k})\nglEndList()", k + 1));
         recording(&format!(

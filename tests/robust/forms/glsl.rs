@@ -1,6 +1,6 @@
 //! Hostile GLSL: shaders that are nested, that repeat one construct, or that stand for more than they say.
 
-use super::{Kind, lines, nested};
+use super::{TextForm, lines, nested};
 
 /// A fragment shader with these declarations and this body, which may use the variables `x`, `t`, `i`, `v` and `a`.
 pub fn shader(declarations: &str, body: &str) -> String {
@@ -11,7 +11,7 @@ pub fn shader(declarations: &str, body: &str) -> String {
 }
 
 /// Shaders that are nested to this depth, each by another production of the grammar.
-pub const DEEP: &[Kind] = &[
+pub const DEEP: &[TextForm] = &[
     ("round brackets", |n| shader("", &format!("x = {};", nested("(", "x", ")", n)))),
     ("not", |n| shader("", &format!("t = {}t;", "!".repeat(n)))),
     ("minus", |n| shader("", &format!("x = {}x;", "- ".repeat(n)))),
@@ -72,7 +72,7 @@ pub const DEEP: &[Kind] = &[
 ];
 
 /// Shaders that repeat one production of the grammar so often.
-pub const LONG: &[Kind] = &[
+pub const LONG: &[TextForm] = &[
     ("variables", |n| shader("", &lines(n, |k| format!("float x{k} = x;")))),
     ("variables of one declaration", |n| shader("", &format!("float y{};", lines(n, |k| format!(", x{k}"))))),
     ("variables outside", |n| shader(&lines(n, |k| format!("float x{k};")), &lines(n, |k| format!("x{k} = x;")))),
@@ -116,7 +116,7 @@ pub const LONG: &[Kind] = &[
 ];
 
 /// Shaders that stand for 2 to the power of this number of tokens, members or steps, or for more.
-pub const LARGE: &[Kind] = &[
+pub const LARGE: &[TextForm] = &[
     ("macros", |n| {
         format!(
             "#define A0 x+x\n{}\n{}",

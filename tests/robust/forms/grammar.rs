@@ -1,10 +1,10 @@
 //! Hostile WGSL: one form for each production of its grammar that can be nested or repeated, and forms that stand for more than they say.
 //! Expressions that [`super::wgsl::DEEP`] nests are not written again.
 
-use super::{Kind, lines, nested};
+use super::{TextForm, lines, nested};
 
 /// All forms of WGSL.
-pub const ALL: &[&[Kind]] = &[super::wgsl::DEEP, EXPRESSIONS, STATEMENTS, DECLARATIONS, TOKENS, CONSTANTS, LARGE];
+pub const ALL: &[&[TextForm]] = &[super::wgsl::DEEP, EXPRESSIONS, STATEMENTS, DECLARATIONS, TOKENS, CONSTANTS, LARGE];
 
 /// A module whose compute entry point has this body. The body may use `x`, `i`, `f`, `t`, `v`, `m`, `a` and `b`; other bindings of a
 /// form are in group 1.
@@ -26,7 +26,7 @@ fn fragment(declarations: &str, body: &str) -> String {
 }
 
 /// Operators and calls, `n` of them in one expression.
-const EXPRESSIONS: &[Kind] = &[
+const EXPRESSIONS: &[TextForm] = &[
     ("product", |n| shader("", &format!("x = x{};", " * x".repeat(n)))),
     ("quotient", |n| shader("", &format!("f = f{};", " / 3.0".repeat(n)))),
     ("remainder", |n| shader("", &format!("i = i{};", " % 7".repeat(n)))),
@@ -88,7 +88,7 @@ const EXPRESSIONS: &[Kind] = &[
 ];
 
 /// Statements, `n` of them one after the other or inside each other.
-const STATEMENTS: &[Kind] = &[
+const STATEMENTS: &[TextForm] = &[
     ("assignments", |n| shader("", &lines(n, |k| format!("x = x * {k}u + a[1];")))),
     ("compound assignments", |n| shader("", &lines(n, |_| "x += x; i -= 1; v *= f; x <<= 1u; x ^= 3u;".to_owned()))),
     ("increments", |n| shader("", &"x++; i--; ".repeat(n))),
@@ -182,7 +182,7 @@ const STATEMENTS: &[Kind] = &[
 ];
 
 /// Declarations, types, templates and attributes.
-const DECLARATIONS: &[Kind] = &[
+const DECLARATIONS: &[TextForm] = &[
     ("private variables", |n| {
         shader(&lines(n, |k| format!("var<private> y{k}: u32 = {k}u;")), &lines(n, |k| format!("x += y{k};")))
     }),
@@ -292,7 +292,7 @@ const DECLARATIONS: &[Kind] = &[
 ];
 
 /// Literals, names, comments and blanks.
-const TOKENS: &[Kind] = &[
+const TOKENS: &[TextForm] = &[
     ("digits", |n| shader("", &format!("x = {}u;", "1".repeat(n)))),
     ("zeros", |n| shader("", &format!("f = 0.{}1;", "0".repeat(n)))),
     ("hexadecimal digits", |n| shader("", &format!("x = 0x{}u;", "f".repeat(n)))),
@@ -316,7 +316,7 @@ const TOKENS: &[Kind] = &[
 ];
 
 /// Constants and expressions that the front end computes.
-const CONSTANTS: &[Kind] = &[
+const CONSTANTS: &[TextForm] = &[
     ("constants", |n| shader(&lines(n, |k| format!("const c{k} = {k};")), &lines(n, |k| format!("x += u32(c{k});")))),
     ("local constants", |n| shader("", &lines(n, |k| format!("const c{k} = {k};")))),
     ("local constants in a chain", |n| {
@@ -391,7 +391,7 @@ const CONSTANTS: &[Kind] = &[
 ];
 
 /// Forms that stand for 2 to the power of `n`, or for more.
-pub const LARGE: &[Kind] = &[
+pub const LARGE: &[TextForm] = &[
     ("aliases of arrays", |n| {
         shader(
             &format!("alias A0 = u32;\n{}", lines(n, |k| format!("alias A{} = array<A{k}, 2>;", k + 1))),

@@ -10,7 +10,7 @@ pub mod wgsl;
 pub mod work;
 
 /// The name of a form, and a function that writes a text of it of a given size.
-pub type Kind = (&'static str, fn(usize) -> String);
+pub type TextForm = (&'static str, fn(usize) -> String);
 
 /// Joins `n` lines.
 fn lines(n: usize, line: impl Fn(usize) -> String) -> String {

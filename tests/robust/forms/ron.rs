@@ -1,9 +1,9 @@
 //! Hostile RON: values that are nested, long or repeated, in each place where a trace, a recording of wgpu or a configuration has one.
 
-use super::{Kind, lines, nested};
+use super::{TextForm, lines, nested};
 
 /// Values, and what only looks like one.
-pub const VALUES: &[Kind] = &[
+pub const VALUES: &[TextForm] = &[
     ("round brackets", |n| nested("(", "1", ")", n)),
     ("round brackets not closed", |n| "(".repeat(n)),
     ("lists", |n| nested("[", "1", "]", n)),
@@ -59,10 +59,10 @@ pub const VALUES: &[Kind] = &[
 ];
 
 /// A kind of file: its name, what stands before the value and what behind it.
-pub type Place = (&'static str, &'static str, &'static str);
+pub type FileTemplate = (&'static str, &'static str, &'static str);
 
 /// Where a native trace has values.
-pub const NATIVE: &[Place] = &[
+pub const NATIVE: &[FileTemplate] = &[
     ("whole", "", ""),
     ("key", "Trace(version: 1, unknown: ", ")"),
     ("version", "Trace(version: ", ", files: {}, commands: [])"),
@@ -76,7 +76,7 @@ pub const NATIVE: &[Place] = &[
 ];
 
 /// Where a recording of wgpu has values.
-pub const WGPU: &[Place] = &[
+pub const WGPU: &[FileTemplate] = &[
     ("actions", "", ""),
     ("action", "[", "]"),
     ("start", "[Init(desc: ", ", backend: \"vulkan\")]"),
@@ -92,7 +92,7 @@ pub const WGPU: &[Place] = &[
 ];
 
 /// Where a configuration has values.
-pub const CONFIGURATION: &[Place] = &[
+pub const CONFIGURATION: &[FileTemplate] = &[
     ("whole", "", ""),
     ("section", "(core: ", ")"),
     ("unknown section", "(no_such: ", ")"),
@@ -101,7 +101,7 @@ pub const CONFIGURATION: &[Place] = &[
 ];
 
 /// Where an experiment has values.
-pub const EXPERIMENT: &[Place] = &[
+pub const EXPERIMENT: &[FileTemplate] = &[
     ("whole", "", ""),
     ("traces", "(question: \"q\", traces: ", ", vary: [\"core.warps=1..4\"])"),
     ("question", "(question: ", ", traces: [\"traces/cube\"], vary: [\"core.warps=1..4\"])"),

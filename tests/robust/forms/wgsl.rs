@@ -2,7 +2,7 @@
 
 use std::fmt::Write;
 
-use super::{Kind, lines};
+use super::{TextForm, lines};
 
 /// A compute shader with these declarations and this body, which may use `b`, a buffer, and `x`, a number of it.
 pub fn shader(declarations: &str, body: &str) -> String {
@@ -13,7 +13,7 @@ pub fn shader(declarations: &str, body: &str) -> String {
 }
 
 /// Texts that are nested to this depth, each by another construct.
-pub const DEEP: &[Kind] = &[
+pub const DEEP: &[TextForm] = &[
     ("not", |n| shader("", &format!("t = {}t;", "!".repeat(n)))),
     ("complement", |n| shader("", &format!("x = {}x;", "~".repeat(n)))),
     ("minus", |n| shader("", &format!("x = u32({}i32(x));", "- ".repeat(n)))),
