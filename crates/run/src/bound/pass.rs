@@ -102,13 +102,14 @@ impl Bound<'_> {
         }
         let (pins, left) = self.attachments(&mut roofs, color, depth.as_ref(), blocks, block_misses, cells, &traffic);
         rates.iter_mut().for_each(|rates| (rates.color_block, rates.depth_block) = (pins[0], pins[1]));
-        let quads: f64 = draws.iter().map(|draw| draw.fragment.requests() as f64).sum();
-        let units = rates.iter().zip(draws).map(|(r, d)| r.texture * d.fragment.runs as f64).sum::<f64>() / self.pipelines;
+        let quads: f64 = draws.iter().map(|draw| draw.costs[Stage::Fragment].requests() as f64).sum();
+        let units = rates.iter().zip(draws).map(|(r, d)| r.texture * d.costs[Stage::Fragment].runs as f64).sum::<f64>()
+            / self.pipelines;
         let cycles = self.dram(&traffic.all).max(units);
         let each = units * self.pipelines * f64::from(config.core.per_pipeline) / quads.max(1.0);
         let stalled = self.stalled(&traffic, quads, [cycles, each]);
-        rates.iter_mut().zip(draws).filter(|(_, draw)| draw.fragment.runs > 0).for_each(|(rates, draw)| {
-            rates.texture += stalled * draw.fragment.requests() as f64 / draw.fragment.runs as f64;
+        rates.iter_mut().zip(draws).filter(|(_, draw)| draw.costs[Stage::Fragment].runs > 0).for_each(|(rates, draw)| {
+            rates.texture += stalled * draw.costs[Stage::Fragment].requests() as f64 / draw.costs[Stage::Fragment].runs as f64;
         });
         let (mut geometry, mut roofs) = if lists.is_some() { (roofs, Roofs::default()) } else { (Roofs::default(), roofs) };
         let mut binning = 0.0;
@@ -271,10 +272,12 @@ impl Bound<'_> {
     fn textures(&self, draws: &[DrawProfile], lines: &LineProfile) -> ([f64; 2], Missed) {
         let config = self.config;
         let sum = |of: fn(&DrawProfile) -> u64| draws.iter().map(of).sum::<u64>() as f64;
-        let quads = sum(|draw| draw.fragment.runs);
-        let lookups = sum(|draw| draw.fragment.texture_lines + draw.fragment.access_lines);
+        let quads = sum(|draw| draw.costs[Stage::Fragment].runs);
+        let lookups = sum(|draw| draw.costs[Stage::Fragment].texture_lines + draw.costs[Stage::Fragment].access_lines);
         // The draw with most lookups decides how many warps are under way.
-        let most = draws.iter().max_by_key(|draw| draw.fragment.texture_lines + draw.fragment.access_lines);
+        let most = draws
+            .iter()
+            .max_by_key(|draw| draw.costs[Stage::Fragment].texture_lines + draw.costs[Stage::Fragment].access_lines);
         let warps = most.map_or(1.0, |draw| self.resident(draw.registers[Stage::Fragment]));
         let cores = f64::from(config.core.per_pipeline);
         let warps = warps.min(f64::from(config.dispatch.reorder) / cores).max(1.0);
@@ -282,7 +285,7 @@ impl Bound<'_> {
         let pieces = config.texture.cache_lines * config.texture.line_bytes / LINE as u32;
         let ways = config.texture.cache_ways.min(pieces);
         let sharing = Sharing {
-            requests: sum(|draw| draw.fragment.requests()) / quads.max(1.0),
+            requests: sum(|draw| draw.costs[Stage::Fragment].requests()) / quads.max(1.0),
             resident: (warps * f64::from(config.core.warp_width) / f64::from(4 * BUNDLE)).max(1.0),
             pipelines: self.pipelines,
             sets: f64::from(pieces / ways),
@@ -361,7 +364,7 @@ impl Bound<'_> {
         let attribute_lines = (bytes as f64 / LINE as f64).max(draw.attributes.min(1) as f64);
         let lookups = vertices * attribute_lines / f64::from(c.fetch.lookups_per_cycle);
         let shading = self.shading(
-            &draw.vertex,
+            &draw.costs[Stage::Vertex],
             1.0,
             draw.registers[Stage::Vertex],
             &Requests { missed: 1.0, slow: 1.0, latency: self.memory_latency, ..Requests::default() },
@@ -382,7 +385,7 @@ impl Bound<'_> {
         let stream = all * trip / lines;
         let clipping = per(draw.primitives, c.clip.primitives_per_cycle) * f64::from(c.clip.interval)
             + (draw.clipped * u64::from(c.clip.clip_cycles)) as f64;
-        let fragment = self.shading(&draw.fragment, 4.0, draw.registers[Stage::Fragment], requests);
+        let fragment = self.shading(&draw.costs[Stage::Fragment], 4.0, draw.registers[Stage::Fragment], requests);
         // A segment has its place until the last of it is written.
         let held = draw.segments as f64 * (shading.latency + fragment.latency + fill);
         let held = held / f64::from(c.command.segments);

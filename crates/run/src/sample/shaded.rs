@@ -8,7 +8,7 @@ use std::io;
 
 use super::table::Table;
 use crate::bound::Bound;
-use gfx::stage::Stage;
+use gfx::stage::{Stage, StageMap};
 use machine::Config;
 use work::profile::{FrameProfile, PhaseProfile, ShaderProfile};
 use work::{Areas, Event, Programs};
@@ -78,13 +78,8 @@ pub(super) type Shaded = [f64; SHADED];
 /// How many numbers that are.
 pub(super) const SHADED: usize = 7;
 
-/// The time that a run of each of a pipeline's programs takes in a core and in its texture unit.
-#[derive(Clone, Copy, Default)]
-struct ProgramTimes {
-    vertex: [f64; 2],
-    quad: [f64; 2],
-    packet: [f64; 2],
-}
+/// The time that a run of each of a pipeline's programs takes in a core and in its texture unit: of a vertex, a quad, a packet.
+type ProgramTimes = StageMap<[f64; 2]>;
 
 /// The costs of the runs of all pipelines.
 pub(super) struct Costs {
@@ -94,13 +89,11 @@ pub(super) struct Costs {
     quads: f64,
 }
 
-/// The measurements of a pipeline: its shaders' costs, and their registers.
-#[derive(Default)]
-struct Measured {
-    vertex: (ShaderProfile, u32),
-    quad: (ShaderProfile, u32),
-    packet: (ShaderProfile, u32),
-}
+/// The measurements of a pipeline: the cost of the runs of each stage, and the registers of an invocation.
+type Measured = StageMap<(ShaderProfile, u32)>;
+
+/// The invocations of a run of each stage: a vertex, a quad, a packet.
+const INVOCATIONS: StageMap<f64> = StageMap::new([1.0, 4.0, 4.0]);
 
 impl Costs {
     /// The costs of the pipelines of some frames, by the profiles of those that are recorded.
@@ -116,15 +109,16 @@ impl Costs {
                 PhaseProfile::Pass { draws, .. } => {
                     for draw in draws {
                         let own = measured.entry(draw.pipeline).or_default();
-                        own.vertex.0 += draw.vertex;
-                        own.quad.0 += draw.fragment;
-                        (own.vertex.1, own.quad.1) = (draw.registers[Stage::Vertex], draw.registers[Stage::Fragment]);
+                        for stage in Stage::ALL.into_iter().filter(|&stage| draw.costs[stage].runs > 0) {
+                            own[stage].0 += draw.costs[stage];
+                            own[stage].1 = draw.registers[stage];
+                        }
                     }
                 }
                 PhaseProfile::Dispatch { pipeline, cost, registers, .. } => {
-                    let own = measured.entry(*pipeline).or_default();
-                    own.packet.0 += *cost;
-                    own.packet.1 = *registers;
+                    let own = &mut measured.entry(*pipeline).or_default()[Stage::Compute];
+                    own.0 += *cost;
+                    own.1 = *registers;
                 }
                 PhaseProfile::Transfers { .. } | PhaseProfile::ScanOut { .. } => {}
             }
@@ -133,20 +127,16 @@ impl Costs {
         for programs in all.flat_map(|runs| runs.programs.values()) {
             let none = Measured::default();
             let own = measured.get(&programs.pipeline).unwrap_or(&none);
-            let taken = |(cost, registers): &(ShaderProfile, u32), stage: Stage, invocations: f64| {
+            let times = ProgramTimes::from_fn(|stage| {
+                let (cost, registers) = &own[stage];
                 if cost.runs > 0 {
-                    return bound.of_run(cost, invocations, *registers);
+                    return bound.of_run(cost, INVOCATIONS[stage], *registers);
                 }
                 let instructions = programs.instructions[stage].map(u64::from);
                 let cost = ShaderProfile { runs: 1, instructions, chain: instructions, ..ShaderProfile::default() };
-                bound.of_run(&cost, invocations, 1)
-            };
-            let taken = ProgramTimes {
-                vertex: taken(&own.vertex, Stage::Vertex, 1.0),
-                quad: taken(&own.quad, Stage::Fragment, 4.0),
-                packet: taken(&own.packet, Stage::Compute, 4.0),
-            };
-            of.insert(programs.pipeline, taken);
+                bound.of_run(&cost, INVOCATIONS[stage], 1)
+            });
+            of.insert(programs.pipeline, times);
         }
         let pipelines = f64::from(config.card.pipelines);
         Costs {
@@ -158,7 +148,8 @@ impl Costs {
 
     /// Adds what some runs of a pipeline's programs take to what the shaders of a frame take.
     fn add(&self, sum: &mut Shaded, pipeline: u64, [vertices, quads, visible, packets]: [f64; RUNS]) {
-        let ProgramTimes { vertex, quad, packet } = self.of.get(&pipeline).copied().unwrap_or_default();
+        let times = self.of.get(&pipeline).copied().unwrap_or_default();
+        let [vertex, quad, packet] = Stage::ALL.map(|stage| times[stage]);
         let texture = |quads: f64| vertices * vertex[1] + quads * quad[1];
         let slowest = quad[0].max(quad[1]) / self.cores;
         let own = [

@@ -59,8 +59,8 @@ pub struct DrawProfile {
     pub shaded_vertices: [u64; REUSE.len()],
     /// Vertices shaded in batches of at most [`BATCH`] vertices and indices.
     pub batched_vertices: u64,
-    /// Cost of the distinct vertices.
-    pub vertex: ShaderProfile,
+    /// Cost of the runs of each stage: those of the distinct vertices, and of the quads that are shaded.
+    pub costs: StageMap<ShaderProfile>,
     /// Registers of an invocation of each stage.
     pub registers: StageMap<u32>,
     /// Words that a fragment's varyings have.
@@ -83,8 +83,6 @@ pub struct DrawProfile {
     pub apart: ApartProfile,
     /// Quads covered.
     pub quads: u64,
-    /// Cost of the quads shaded.
-    pub fragment: ShaderProfile,
     /// Whether depth or stencil is in use.
     pub depth: bool,
     /// Whether depth or stencil can be written.

@@ -188,9 +188,10 @@ impl OpenPass {
         }
         let invocations = &segment.invocations[Stage::Vertex];
         for vertex in &segment.vertices {
-            draw.vertex.add(&invocations.costs[vertex.cost], &invocations.requests[vertex.first_request as usize..]);
+            draw.costs[Stage::Vertex]
+                .add(&invocations.costs[vertex.cost], &invocations.requests[vertex.first_request as usize..]);
         }
-        segment.tiles.iter().for_each(|tile| draw.fragment.add_tile(tile));
+        segment.tiles.iter().for_each(|tile| draw.costs[Stage::Fragment].add_tile(tile));
         self.memory.vertices(segment, touches);
         self.memory.learn(segment);
         draw.primitives += segment.primitives.len() as u64;
