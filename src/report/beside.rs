@@ -2,7 +2,7 @@
 
 use serde_json::{Value, json};
 
-use super::html::data::{CYCLES, Part};
+use super::html::data::{CYCLES, CountedSpan};
 use super::summary::{bytes, grouped};
 use crate::host::one_line;
 use crate::machine::{LOAD_IMBALANCE, LossCounts, SORTING, SORTING_LOSS};
@@ -29,7 +29,7 @@ impl Side {
         let (total, frames) = (json.get("total").filter(|total| total.is_object())?, json["frames"].as_array()?);
         let mut side = Side { total: Tree::from_json(total), phases: Vec::new() };
         for frame in frames {
-            let phases = Part::frame(frame).parts;
+            let phases = CountedSpan::frame(frame).parts;
             side.add_phases("", phases.iter().map(|phase| (format!("{} {}", phase.kind, phase.label), phase.cycles())));
         }
         Some(side)
