@@ -193,8 +193,9 @@ fn undefined_function(words: &[u32]) -> Option<(u32, u32)> {
 /// Reads a SPIR-V module. naga's errors have no place, but naga reads one word after the other, so that the last one read is known.
 fn read_spirv(words: &[u32], options: &naga::front::spv::Options) -> Result<naga::Module, (Option<u32>, String)> {
     let taken = std::cell::Cell::new(0);
+    let counted = words.iter().copied().inspect(|_| taken.set(taken.get() + 1));
     let parsed = guarded(|| {
-        let parsed = ir_text::read_spirv(words, options, &taken);
+        let parsed = naga::front::spv::Frontend::new(counted, options).parse();
         parsed.map_err(|error| (matches!(error, naga::front::spv::Error::IncompleteData), chain(&error)))
     });
     parsed.unwrap_or_else(|message| Err((false, message))).map_err(|(is_cut, message)| {
@@ -258,7 +259,7 @@ impl Module {
                 (ir, Places::Binary(origins.into()), (bytes.len() as u64, pairs))
             }
             ModuleSource::NagaIr(ron) => {
-                let ir = ir_text::read(ron).map_err(|e| {
+                let ir = ron::from_str(ron).map_err(|e: ron::error::SpannedError| {
                     let at = e.span.start;
                     fail(
                         Some(ShaderLocation::Text { line: at.line as u32, column: at.col as u32 }),

@@ -1,6 +1,6 @@
 //! Floor 1: a serde schema, of our own, of the traces that wgpu 30 writes: one RON list of [`Action`]s.
 //!
-//! A package of its own, as `ir_text` is: code that reads text need not be optimised, what translates the actions is.
+//! A package of its own: code that reads text need not be optimised, what translates the actions is.
 //!
 //! Names and shapes follow what `wgpu-core` and `wgpu-types` 30.0.1 serialise. Structs refuse unknown fields: a field that
 //! this schema does not know could change the picture, so it must not be skipped in silence. What has no meaning for
