@@ -184,7 +184,7 @@ fn sum_on_demand(terms: usize) -> String {
     for (statement, span) in body {
         function.body.push(statement, span);
     }
-    ir_print::ron(&module)
+    ron::to_string(&module).expect("a module is text")
 }
 
 #[test]

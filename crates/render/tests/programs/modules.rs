@@ -142,7 +142,7 @@ fn spirv_stages_draw_what_wgsl_does() {
 /// naga's own form, as wgpu records it for modules that were built by the program.
 fn ir(wgsl: &str) -> String {
     let module = naga::front::wgsl::parse_str(wgsl).unwrap_or_else(|error| panic!("{}", error.emit_to_string(wgsl)));
-    ir_print::ron(&module)
+    ron::to_string(&module).expect("a module is text")
 }
 
 #[test]

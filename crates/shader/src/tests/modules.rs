@@ -83,7 +83,7 @@ fn all_sources_agree() {
         .expect("valid");
     let words = naga::back::spv::write_vec(&module, &info, &naga::back::spv::Options::default(), None).expect("written");
     let spirv: Vec<u8> = words.iter().flat_map(|w| w.to_le_bytes()).collect();
-    let ron = ir_print::ron(&module);
+    let ron = ron::to_string(&module).expect("a module is text");
     // A call (of code 57 and, with one argument, five words) of a function that is not there is refused by its number.
     let mut broken = words.clone();
     let call = broken.iter().position(|&word| word == 5 << 16 | 57).expect("a call with one argument");
@@ -158,7 +158,7 @@ fn errors_of_naga_ir_name_the_place_or_the_handle() {
     assert!(error.to_string().starts_with("shader `bad.ron`, 2:"), "{error}");
     let limits = Limits { shader_nesting: Limits::default().shader_nesting.with(3), ..Limits::default() };
     let refused = |source: &str| {
-        let ron = ir_print::ron(&forms(source).0);
+        let ron = ron::to_string(&forms(source).0).expect("a module is text");
         Module::with_limits("deep.ron", ModuleSource::NagaIr(&ron), &limits).expect_err("too deep").to_string()
     };
     let text = refused("@compute @workgroup_size(1) fn main() { if true { if true { if true { return; } } } }");
@@ -185,7 +185,7 @@ fn operators_on_long_zero_values_are_refused_in_nagas_form() {
             .find(|(_, e)| matches!(e, naga::Expression::Literal(naga::Literal::U32(2))))
             .expect("2");
         module.global_expressions[two] = naga::Expression::ZeroValue(array);
-        let ron = ir_print::ron(&module);
+        let ron = ron::to_string(&module).expect("a module is text");
         let module = Module::new("zero.ron", ModuleSource::NagaIr(&ron))?;
         compile(&module, Stage::Compute, None, &Options::default())
     };
