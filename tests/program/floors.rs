@@ -76,7 +76,7 @@ fn part(name: &str) -> Vec<PathBuf> {
 
 #[test]
 fn what_and_when_stay_apart() {
-    for name in ["gfx", "shader", "render", "trace", "wgpu_text", "gl_shader", "import"] {
+    for name in ["gfx", "shader", "render", "trace", "gl_shader", "import"] {
         for file in part(name) {
             let text = fs::read_to_string(&file).expect("source text");
             assert!(!text.contains("Cycle"), "{} knows a cycle", file.display());

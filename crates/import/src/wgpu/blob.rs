@@ -6,7 +6,7 @@ use trace::command::Data;
 use trace::{Builder, Reading, check_name};
 
 use super::objects::Reason;
-use wgpu_text as schema;
+use super::schema;
 
 /// Turns the payload of actions into blobs of a trace.
 pub struct Blobs {

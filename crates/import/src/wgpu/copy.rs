@@ -4,8 +4,8 @@ use gfx::state::Aspect;
 use trace::command::*;
 
 use super::objects::Reason;
+use super::schema;
 use super::translate::Translator;
-use wgpu_text as schema;
 
 impl Translator {
     /// Translates a command of a command buffer.

@@ -1,6 +1,6 @@
 //! Import of wgpu 30 API traces: a folder with `trace.ron`, one list of actions, and the files that it names.
 //!
-//! The text is mapped and read action by action ([`reader`]), each action translated at once ([`translate`]); files of the trace
+//! The text is mapped and read action by action ([`reader`], [`schema`]), each action translated at once ([`translate`]); files of the trace
 //! become blobs in place. What an importer of this format must know:
 //!
 //! * Objects are named by address, and addresses are used again. An address names the object that was created last at it.
@@ -23,6 +23,7 @@ mod pipeline;
 mod reader;
 mod refuse;
 mod resource;
+pub mod schema;
 mod translate;
 
 use std::path::Path;

@@ -12,7 +12,7 @@ use num::*;
 use trace::TextLocation;
 use trace::command::*;
 
-use wgpu_text::Id;
+use super::schema::Id;
 
 /// Why an action is not translated.
 #[derive(Debug)]

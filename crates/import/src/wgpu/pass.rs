@@ -7,8 +7,8 @@ use trace::record;
 
 use super::objects::Reason;
 use super::pipeline::check_multiview;
+use super::schema::{self, DrawCommandFamily, Id, LoadOp, Pass, PassChannel, StoreOp};
 use super::translate::Translator;
-use wgpu_text::{self as schema, DrawCommandFamily, Id, LoadOp, Pass, PassChannel, StoreOp};
 
 /// The data that a trace stores beside the commands of a pass.
 struct Streams {

@@ -7,8 +7,8 @@ use trace::command::*;
 
 use super::objects::*;
 use super::resource::check_samples;
+use super::schema::{self, DataKind, Id};
 use super::translate::Translator;
-use wgpu_text::{self as schema, DataKind, Id};
 
 impl Translator {
     pub(super) fn create_shader(&mut self, label: Option<String>, data: schema::Data) -> Result<ShaderId, Reason> {

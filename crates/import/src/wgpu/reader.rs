@@ -8,7 +8,7 @@ use host::ron_reason;
 use num::nearest;
 use trace::{TextLocation, TraceError};
 
-use wgpu_text::{Action, Wrong};
+use super::schema::{self, Action, Wrong};
 
 /// Reads actions.
 pub struct Reader<'a> {
@@ -88,7 +88,7 @@ impl<'a> Reader<'a> {
         }
         let (number, place) = (self.count, self.place);
         let name = &rest[..rest.find(|c: char| !c.is_ascii_alphanumeric()).unwrap_or(rest.len())];
-        let (action, read) = match wgpu_text::action(rest) {
+        let (action, read) = match schema::action(rest) {
             Ok(read) => read,
             Err(Wrong { read, .. }) if is_last(rest) && last_token(rest).is_some_and(|token| read >= token) => {
                 let half = (!name.is_empty()).then(|| name.to_owned());

@@ -8,7 +8,7 @@ use gfx::state::{Aspect, TextureDimension};
 use trace::command::*;
 
 use super::objects::{Buffer, Texture};
-use wgpu_text::Limits;
+use super::schema::Limits;
 
 /// What offsets and sizes of a buffer's writes are multiples of.
 const ALIGNMENT: u64 = 4;

@@ -6,9 +6,9 @@ use trace::check::{OBJECT_MAX, rules};
 use trace::command::*;
 
 use super::objects::*;
+use super::schema::{self, Id};
 use super::translate::Translator;
 use super::{copy, refuse};
-use wgpu_text::{self as schema, Id};
 
 /// The largest anisotropy: wgpu clamps greater values.
 const ANISOTROPY_MAX: u16 = 16;

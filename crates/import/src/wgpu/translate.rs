@@ -11,7 +11,7 @@ use trace::{Builder, Origin, Reading, TextLocation, Trace, TraceError};
 use super::blob::Blobs;
 use super::lifetime;
 use super::objects::*;
-use wgpu_text::{self as schema, Action, Id};
+use super::schema::{self, Action, Id};
 
 /// Translates the actions of one trace, in order.
 pub struct Translator {

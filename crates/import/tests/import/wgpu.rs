@@ -7,10 +7,10 @@ use std::path::{Path, PathBuf};
 
 use gfx::format::Format;
 use gfx::state;
+use import::wgpu::schema;
 use import::{self, FoundTrace, TraceKind};
 use serde::Deserialize;
 use trace::{self, Trace, TraceError};
-use wgpu_text as schema;
 
 fn folder(name: &str) -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/import").join(name)

@@ -1,6 +1,4 @@
-//! Floor 1: a serde schema, of our own, of the traces that wgpu 30 writes: one RON list of [`Action`]s.
-//!
-//! A package of its own: code that reads text need not be optimised, what translates the actions is.
+//! A serde schema, of our own, of the traces that wgpu 30 writes: one RON list of [`Action`]s.
 //!
 //! Names and shapes follow what `wgpu-core` and `wgpu-types` 30.0.1 serialise. Structs refuse unknown fields: a field that
 //! this schema does not know could change the picture, so it must not be skipped in silence. What has no meaning for
@@ -8,7 +6,7 @@
 //! (ray tracing, external textures, mesh pipelines) carry no contents.
 //!
 //! ```
-//! use wgpu_text::{Action, action};
+//! use import::wgpu::schema::{Action, action};
 //!
 //! let text = "Present(PointerId(16)), DropBuffer(PointerId(32))";
 //! let (first, read) = action(text).expect("an action");
