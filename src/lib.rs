@@ -50,7 +50,7 @@
 //! | 3 | [`render`], [`mod@unit`], [`synthetic`], [`picture`] |
 //! | 4 | [`machine`] |
 //! | 5 | [`run`] |
-//! | 6 | [`accuracy`], [`rows`] |
+//! | 6 | [`accuracy`] |
 //! | 7 | [`report`] |
 //! | 8 | [`sweep`], [`why`](mod@why) |
 //! | 9 | [`cli`] |
@@ -65,9 +65,6 @@ pub use {gfx, host, import, knob, machine, mem, num, picture, render, run, shade
 pub use machine::Config;
 pub use run::replay::{Fidelity, Options, Replay, replay};
 pub use trace::{Trace, record};
-
-#[cfg(feature = "cli")]
-pub use rows;
 
 #[cfg(feature = "cli")]
 pub mod report;

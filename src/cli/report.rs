@@ -17,7 +17,7 @@ use crate::report::html::replay::{Input, limits, replay};
 use crate::report::html::series::COLUMNS;
 use crate::report::html::{self as pages, plots, word};
 use crate::report::owned::check_replaceable;
-use crate::rows::json_frame;
+use crate::report::rows::json_frame;
 use crate::run::maps::{FrameDetails, details};
 use crate::run::replay::Frame;
 use crate::stats::{Tree, counter};

@@ -58,7 +58,7 @@ pub fn json_head(about: &About, total: &Tree) -> serde_json::Result<String> {
 mod tests {
     use super::*;
     use crate::machine::PhaseReport;
-    use crate::rows::{csv_rows, json_end, json_frame};
+    use crate::report::rows::{csv_rows, json_end, json_frame};
     use crate::run::replay::Frame;
     use crate::unit::phase::{Phase, PhaseKind};
 

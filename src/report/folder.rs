@@ -9,11 +9,11 @@ use crossbeam::channel::{self, Receiver, Sender};
 
 use super::files::{About, json_head};
 use super::owned::Owned;
+use super::rows::{self, csv_rows, draw_rows, json_end, json_frame, pass_rows};
 use crate::host::{self, PartialFile};
 use crate::machine::Shown;
 use crate::num::OUR_FAULT;
 use crate::picture;
-use crate::rows::{self, csv_rows, draw_rows, json_end, json_frame, pass_rows};
 use crate::run::replay::Frame;
 use crate::stats::Tree;
 use crate::unit::scanout::Collision;

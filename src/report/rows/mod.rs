@@ -1,22 +1,10 @@
 //! The frames of a replay as text: in `stats.json`, and as rows of `stats.csv`, `passes.csv` and `draws.csv`.
-//!
-//! A replay waits for these texts, and with `--per-draw` they are long: this package is optimised, the program is not.
-//!
-//! ```
-//! use run::replay::Frame;
-//! use stats::Tree;
-//!
-//! let mut tree = Tree::new();
-//! tree.count("cycles", 12);
-//! let frame = Frame { number: 0, shown: None, tree, phases: Vec::new(), display: Default::default() };
-//! assert_eq!(rows::csv_rows(&frame, true), "frame,cycles\n0,12\n");
-//! ```
 
 mod phases;
 
 use serde::ser::{Serialize, SerializeMap, Serializer};
 
-use run::replay::Frame;
+use crate::run::replay::Frame;
 
 pub use phases::{DRAWS, PASSES, draw_rows, pass_rows};
 

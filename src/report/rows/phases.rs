@@ -4,12 +4,12 @@ use std::ops::Range;
 
 use serde::ser::{Serialize, SerializeMap, Serializer};
 
-use machine::{CounterGroup, DrawReport, PhaseReport, Tally};
-use num::Cycle;
-use run::replay::Frame;
-use stats::{Declaration, Group as _, csv_field};
-use unit::phase::PhaseKind;
-use work::Funnel;
+use crate::machine::{DrawReport, PhaseReport, CounterGroup, Tally};
+use crate::num::Cycle;
+use crate::run::replay::Frame;
+use crate::stats::{Declaration, Group as _, csv_field};
+use crate::unit::phase::PhaseKind;
+use crate::work::Funnel;
 
 /// The table of phases: a row a phase of a frame.
 pub const PASSES: &str = "passes.csv";
@@ -208,9 +208,9 @@ fn digits(text: &mut String, mut value: u64) {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use machine::{Moved, Spent};
+    use crate::machine::{Moved, Spent};
+    use crate::unit::phase::Phase;
     use serde_json::Value;
-    use unit::phase::Phase;
 
     fn json(report: &PhaseReport) -> Value {
         serde_json::to_value(Json(report)).expect("JSON")
