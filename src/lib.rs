@@ -47,7 +47,7 @@
 //! | 0 | [`num`], [`host`] |
 //! | 1 | [`gfx`], [`trace`], [`knob`], [`stats`], [`sim`] |
 //! | 2 | [`work`], [`shader`], [`mem`], [`import`] |
-//! | 3 | [`render`], [`mod@unit`], [`synthetic`], [`picture`] |
+//! | 3 | [`render`], [`mod@unit`], [`synthetic`] |
 //! | 4 | [`machine`] |
 //! | 5 | [`run`] |
 //! | 6 | [`accuracy`] |
@@ -60,9 +60,10 @@
 
 #[cfg(feature = "accuracy")]
 pub use accuracy;
-pub use {gfx, host, import, knob, machine, mem, num, picture, render, run, shader, sim, stats, synthetic, trace, unit, work};
+pub use {gfx, host, import, knob, machine, mem, num, render, run, shader, sim, stats, synthetic, trace, unit, work};
 
 pub use machine::Config;
+pub use run::picture;
 pub use run::replay::{Fidelity, Options, Replay, replay};
 pub use trace::{Trace, record};
 

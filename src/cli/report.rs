@@ -10,6 +10,7 @@ use super::threads::MOST;
 use crate::host;
 use crate::machine::Config;
 use crate::num::Limits;
+use crate::picture;
 use crate::report::counted::{Chosen, counted};
 use crate::report::files::{About, json_head};
 use crate::report::html::data::{Gather, Statistics};

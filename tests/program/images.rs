@@ -12,7 +12,7 @@ use assert_cmd::cargo::cargo_bin;
 use fillrate::gfx::format::Format;
 use fillrate::import;
 use fillrate::machine::Config;
-use fillrate::picture::{Difference, TOLERANCE, picture};
+use fillrate::picture::{self, Difference, TOLERANCE, picture};
 use fillrate::run::replay::{Fidelity, Frame, Options, Replay, replay};
 use fillrate::stats::Group;
 use fillrate::trace::command::TextureDesc;

@@ -9,7 +9,7 @@ use serde::Deserialize;
 use host::{self, Links};
 use import;
 use machine::Config;
-use picture::picture;
+use run::picture::{self, picture};
 use run::replay::{Fidelity, Options, replay};
 
 /// Bytes of a manifest at most.

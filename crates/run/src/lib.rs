@@ -31,6 +31,7 @@ pub mod functional;
 pub mod host;
 pub mod machines;
 pub mod maps;
+pub mod picture;
 pub mod profiles;
 pub mod rendering;
 pub mod replay;

@@ -5,6 +5,7 @@ use maud::{Markup, html};
 use serde_json::{Value, json};
 
 use super::{inline, readable};
+use crate::picture;
 use crate::run::maps::{Map, MapKind, Maps, Surface};
 
 /// The picture whose pixels are a map's numbers, 8 bits per channel, the largest first. It has no colour space: a browser hands the numbers on

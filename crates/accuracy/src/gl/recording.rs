@@ -7,7 +7,7 @@ use anyhow::{Context, Result, anyhow, ensure};
 
 use import::gl::{Report, import_bytes};
 use machine::Config;
-use picture::picture;
+use run::picture::picture;
 use run::replay::{Fidelity, Frame, Options, replay};
 use trace::{Reading, Trace};
 

@@ -8,7 +8,7 @@ use anyhow::{Result, anyhow};
 use super::{SCENES, SceneResult};
 use crate::Row;
 use host;
-use picture;
+use run::picture;
 
 fn number(value: f64) -> String {
     if value.fract() == 0.0 && value.abs() < 1e12 { format!("{}", value + 0.0) } else { format!("{value:.4}") }

@@ -1,5 +1,4 @@
-//! Floor 3: pictures: a surface's bytes as one, files of them, and how two differ. What touches every pixel for the reports is here, since the
-//! package of the program is not optimised.
+//! Pictures: a surface's bytes as a picture, files of pictures, and how two pictures differ.
 //!
 //! ```
 //! use gfx::format::Format;
@@ -8,7 +7,7 @@
 //! let key = SurfaceKey { texture: 1, level: 0, layer: 0 };
 //! let surface = Surface { key, format: Format::Bgra8Unorm, width: 1, height: 1, samples: 1, address: 0, opaque: false };
 //! // Stored as blue, green, red, alpha.
-//! let red = picture::picture(&surface, &[0, 0, 255, 255])?;
+//! let red = run::picture::picture(&surface, &[0, 0, 255, 255])?;
 //! assert_eq!(red.get_pixel(0, 0).0, [255, 0, 0, 255]);
 //! # Ok::<(), String>(())
 //! ```
