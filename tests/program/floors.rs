@@ -96,7 +96,6 @@ fn what_and_when_stay_apart() {
         "render",
         "unit",
         "machine",
-        "yardstick",
         "accuracy",
     ] {
         for file in part(name) {

@@ -30,6 +30,7 @@ mod measure;
 mod memory;
 mod page;
 pub mod pareto;
+mod raster;
 mod rates;
 pub mod references;
 pub mod runs;
@@ -38,19 +39,20 @@ pub mod sequences;
 pub mod shortcuts;
 pub mod skips;
 mod sorting;
+mod target;
 mod texture;
 mod walks;
 
 use anyhow::Result;
 
 pub use page::{header, json, lines, markdown, size_name};
-pub use yardstick::{Row, Section, Setting, Size, Target, TargetResult};
+pub use target::{Row, Section, Setting, Size, Target, TargetResult};
 
 /// All targets, in order.
 pub fn targets() -> impl Iterator<Item = &'static Target> {
     [
         exact::TARGETS,
-        yardstick::RASTER,
+        raster::TARGETS,
         &[walks::WALKS],
         sorting::TARGETS,
         depth::TARGETS,

@@ -1,6 +1,7 @@
 //! Section E, rates: what units of known rates take, alone and together.
 
 mod bottleneck;
+mod queue;
 mod roofline;
 
 use anyhow::{Result, ensure};
@@ -17,7 +18,7 @@ use unit::core::{CORES, CoreCounts};
 use unit::texture::{TEXTURES, TextureCounts};
 
 /// Targets of the group, in order.
-pub const TARGETS: &[Target] = &[yardstick::QUEUE, roofline::ROOFLINE, bottleneck::BOTTLENECK];
+pub const TARGETS: &[Target] = &[queue::QUEUE, roofline::ROOFLINE, bottleneck::BOTTLENECK];
 
 /// A machine of one pipeline in which nothing but six units takes time worth mentioning: one triangle is set up in 16 cycles, two quads
 /// are found, four instructions of warps issued, four filter operations made and one quad blended per cycle, and memory moves 16 bytes.

@@ -1,7 +1,7 @@
 //! What WGSL allows a result to be, as an interval: the rules of "Floating Point Evaluation" on the ends of the operands' intervals,
 //! in `f64`.
 
-use crate::numbers::ulp;
+use crate::raster::numbers::ulp;
 
 /// All numbers from `lo` to `hi`. An infinite end means that any result is allowed, NaN included.
 #[derive(Clone, Copy, Debug, PartialEq)]
