@@ -30,9 +30,9 @@ touch crates/unit/src/setup.rs
 row '`cargo build --release`, after one file of `unit`' 0:40 cargo build --locked --release
 touch src/report/folder.rs
 row '`cargo build --release`, after one file of `src`' '' cargo build --locked --release
-cargo test --locked -p fillrate-inner-tests --test unit_inner > "$work/log" 2>&1
+cargo test --locked -p fillrate-unit --lib > "$work/log" 2>&1
 touch crates/unit/src/setup.rs
-row '`cargo test --test unit_inner`, after one file of `unit`' 0:30 cargo test --locked -p fillrate-inner-tests --test unit_inner
+row '`cargo test -p fillrate-unit --lib`, after one file of `unit`' 0:30 cargo test --locked -p fillrate-unit --lib
 [ "${1:-}" = ci ] || exit 0
 rm -rf target
 row '`.ci/run`, from nothing' 8:00 .ci/run

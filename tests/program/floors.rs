@@ -127,32 +127,3 @@ fn each_package_explains_itself_with_an_example() {
     }
     assert!(wrong.is_empty(), "without an example that tests run: {}", wrong.join(", "));
 }
-
-/// What a package leaves out of its own tests is compiled by another.
-#[test]
-fn tests_that_packages_leave_out_are_in_the_inner_package() {
-    let root = Path::new(env!("CARGO_MANIFEST_DIR"));
-    let inner = fs::read_to_string(root.join("tests/inner/Cargo.toml")).expect("a manifest");
-    let is_there = |path: &Path| {
-        let path = path.strip_prefix(root).expect("a path of the repository").display();
-        assert!(inner.contains(&format!("path = \"../../{path}\"")), "tests/inner/Cargo.toml has no target {path}");
-    };
-    let mut left_out = 0;
-    for entry in fs::read_dir(root.join("crates")).expect("a folder") {
-        let package = entry.expect("an entry").path();
-        let manifest = fs::read_to_string(package.join("Cargo.toml")).expect("a manifest");
-        let says = |what: &str| manifest.lines().any(|line| line == what);
-        if says("test = false") {
-            is_there(&package.join("src/lib.rs"));
-            left_out += 1;
-        }
-        if says("autotests = false") {
-            for target in fs::read_dir(package.join("tests")).expect("a folder of tests") {
-                let target = target.expect("an entry").path();
-                is_there(&if target.is_dir() { target.join("main.rs") } else { target });
-                left_out += 1;
-            }
-        }
-    }
-    assert!(left_out > 5, "{left_out} found: the test looks at the wrong place");
-}
