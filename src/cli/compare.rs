@@ -131,7 +131,8 @@ impl InputKind {
 
 /// An option that is not about what is compared is an error: a user who gives it expects an effect.
 fn refuse_ignored(arguments: &Arguments, kind: InputKind) -> Result<()> {
-    let (images, statistics) = (kind == InputKind::Image, matches!(kind, InputKind::Json | InputKind::Csv | InputKind::Machine));
+    let (images, statistics) =
+        (kind == InputKind::Image, matches!(kind, InputKind::Json | InputKind::Csv | InputKind::Machine));
     let given = [
         ("--report", arguments.report.is_some(), kind == InputKind::Machine),
         ("--force", arguments.force, arguments.difference.is_some() || arguments.report.is_some()),

@@ -35,7 +35,7 @@ use crate::work::{FUNNEL, Funnel};
 #[command(after_help = "Examples:\n  fillrate replay traces/torus-knot.zip --out out\n  fillrate report out\n  \
 fillrate report out --trace traces/torus-knot.zip --why\n  fillrate report out --plots\n  \
 fillrate report out --phase 'pass 0'\n\n\
-The page opens from the disk without a network. Of a replay with several frames it shows the one that costs most. That frame is rendered once \
+The page opens from the disk without a network. Of a sweep that runs or was killed it shows the machines that have a result so far. Of a replay with several frames it shows the one that costs most. That frame is rendered once \
 more, for heat maps and for what limits each pass: from the trace that the replay names, if it is still there, or from --trace.")]
 pub struct Arguments {
     /// What `replay --out` or `sweep --out` left
@@ -246,8 +246,9 @@ fn sweep(arguments: &Arguments, out: &Path) -> Result<Verdict> {
     }
     let folder = &arguments.dir;
     let (inputs, plan) = begun(folder)?;
-    let mut results = Results::open(std::slice::from_ref(folder), inputs.shards)?;
+    let (mut results, ended) = Results::so_far(folder, inputs.shards)?;
     let sweep = SweepResult::read(&inputs, &plan, &mut results)?;
+    let sweep = if ended { sweep } else { sweep.unfinished() };
     host::write_file(out, html::page(&sweep).as_bytes()).with_context(|| format!("cannot write {}", out.display()))?;
     if arguments.plots {
         write_plots(folder, &html::plots(&sweep))?;

@@ -8,6 +8,9 @@ use super::outcome::{Effect, Response, SweepResult, Within, plain, ratio};
 use crate::knob::Setting;
 use crate::report::summary::grouped;
 
+/// Machines within this of the fastest are as good as it; of these the cheapest is named.
+const CLOSE: f64 = 1.01;
+
 /// Values within this of the best are as good as it.
 const ENOUGH: f64 = 1.05;
 
@@ -272,7 +275,7 @@ pub fn fastest(sweep: &SweepResult<'_>) -> String {
     };
     let settings = if best.settings.is_empty() { String::new() } else { format!(" (`{}`)", sweep.described(best)) };
     format!(
-        "Of {} machines number {}{settings} is the fastest, with {} cycles; {}.{}",
+        "Of {} machines number {}{settings} is the fastest, with {} cycles; {}.{}{}{}",
         sweep.timed().count(),
         best.number,
         grouped(cycles),
@@ -280,7 +283,34 @@ pub fn fastest(sweep: &SweepResult<'_>) -> String {
             ratio if ratio < NOTHING => "all others are within 0.5 % of it".into(),
             ratio => format!("the slowest takes {ratio:.2} times as many"),
         },
+        cheapest(sweep),
+        match sweep.excluded {
+            0 => String::new(),
+            1 => " One combination does not meet the conditions and is no machine.".into(),
+            n => format!(" {} combinations do not meet the conditions and are no machines.", grouped(n)),
+        },
         missing(sweep)
+    )
+}
+
+/// The cheapest machine within 1 % of the fastest, and what it costs. Empty if the experiment names no cost, or if the fastest is the cheapest one.
+fn cheapest(sweep: &SweepResult<'_>) -> String {
+    if sweep.inputs.experiment.cost.trim().is_empty() {
+        return String::new();
+    }
+    let (Some((best, least)), Some((name, costs))) = (sweep.timed().next(), sweep.costs()) else { return String::new() };
+    let close = sweep.timed().zip(&costs).take_while(|((_, cycles), _)| *cycles as f64 <= CLOSE * least as f64);
+    let Some(((machine, cycles), cost)) = close.min_by(|a, b| a.1.total_cmp(b.1)) else { return String::new() };
+    if machine.number == best.number || *cost >= costs[0] {
+        return format!(" It is also the cheapest one within 1 % of that: `{name}` is {}.", measured(costs[0]));
+    }
+    format!(
+        " The cheapest one within 1 % of it is number {} (`{}`), with {} cycles: `{name}` is {} instead of {}.",
+        machine.number,
+        sweep.described(machine),
+        grouped(cycles),
+        measured(*cost),
+        measured(costs[0])
     )
 }
 
@@ -307,6 +337,13 @@ fn missing(sweep: &SweepResult<'_>) -> String {
 
 /// The machines from which the findings are derived, in words. Empty if all machines of the plan were simulated.
 pub fn scope(sweep: &SweepResult<'_>) -> String {
+    if !sweep.ended {
+        return format!(
+            "The sweep has not ended: {} of {} machines have a result so far, and all of this may change.",
+            sweep.timed().count(),
+            sweep.planned
+        );
+    }
     if !sweep.estimated.is_empty() {
         return format!("By the estimates of {} machines, most of which were not simulated:", sweep.estimated.len());
     }

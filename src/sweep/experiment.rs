@@ -100,9 +100,15 @@ pub struct Experiment {
     /// Axes, each `PATH=VALUES`.
     #[serde(default)]
     pub vary: Vec<String>,
-    /// Knobs that follow from others, each `PATH=FORMULA`.
+    /// Variables that are no knobs, each `NAME=VALUES` with whole numbers: axes that links and conditions read.
+    #[serde(default, rename = "let", skip_serializing_if = "Vec::is_empty")]
+    pub variables: Vec<String>,
+    /// Knobs that follow from others and from variables, each `PATH=FORMULA`.
     #[serde(default)]
     pub link: Vec<String>,
+    /// Conditions that a combination must meet to be a machine, each two formulae with `<=`, `<`, `>=`, `>`, `==` or `!=` between them.
+    #[serde(default, rename = "where", skip_serializing_if = "Vec::is_empty")]
+    pub conditions: Vec<String>,
     /// How machines are chosen from the axes.
     #[serde(default)]
     pub design: Design,

@@ -50,6 +50,9 @@ impl Shard {
     }
 }
 
+/// How the name of a file ends that grows.
+const PART: &str = "part";
+
 /// The results of a shard while it runs: `shard-I-of-N.jsonl.part`, a line per machine and trace, in the order in which they end.
 pub struct Journal {
     file: File,
@@ -61,6 +64,11 @@ pub struct Journal {
 pub type Done = std::collections::BTreeSet<(u32, u32)>;
 
 impl Journal {
+    /// The file that the results of a shard are in while it runs.
+    fn part(place: &Path) -> PathBuf {
+        place.with_extension(format!("jsonl.{PART}"))
+    }
+
     /// Opens the results of a shard, with what an earlier run of it has left. A line that was cut off goes. None: they are complete.
     ///
     /// # Errors
@@ -70,7 +78,7 @@ impl Journal {
         if place.exists() {
             return Ok(None);
         }
-        let part = place.with_extension("jsonl.part");
+        let part = Journal::part(&place);
         let name = part.display().to_string();
         let file = OpenOptions::new().read(true).write(true).create(true).truncate(false).open(&part);
         let mut file = file.with_context(|| format!("cannot write {name}"))?;
@@ -194,6 +202,25 @@ impl Results {
         Ok(results)
     }
 
+    /// The results that there are so far in a folder: of shards that have ended, and of those that run or were killed. Also whether all shards have
+    /// ended.
+    ///
+    /// # Errors
+    /// If one cannot be read.
+    pub fn so_far(folder: &Path, shards: u32) -> Result<(Results, bool)> {
+        let (mut results, mut ended) = (Results::default(), true);
+        for index in 1..=shards {
+            let whole = Shard { index, of: shards }.file(folder);
+            let path = if whole.exists() { whole } else { Journal::part(&whole) };
+            ended &= path.extension().is_none_or(|ending| ending != PART);
+            if path.exists() {
+                let file = File::open(&path).with_context(|| format!("cannot read {}", path.display()))?;
+                results.add(file, &path)?;
+            }
+        }
+        Ok((results, ended))
+    }
+
     fn add(&mut self, mut file: File, path: &Path) -> Result<()> {
         let read = || format!("cannot read {}", path.display());
         file.seek(SeekFrom::Start(0)).with_context(read)?;
@@ -201,7 +228,8 @@ impl Results {
         for number in 1.. {
             line.clear();
             let length = lines.read_until(b'\n', &mut line).with_context(read)?;
-            if length == 0 {
+            // A line without an end was cut off, or is being written.
+            if length == 0 || line.last() != Some(&b'\n') && path.extension().is_some_and(|ending| ending == PART) {
                 break;
             }
             let key: Key = serde_json::from_slice(&line)

@@ -75,7 +75,8 @@ pub fn differences(a: &Begun<'_>, b: &Begun<'_>, where_: [&str; 2]) -> Result<Ve
     if a.inputs.base == b.inputs.base {
         put("knobs that are set", &one.set.join(" "), &two.set.join(" "));
     }
-    for (what, one, two) in [("axis", &one.vary, &two.vary), ("link", &one.link, &two.link)] {
+    let listed = [("axis", &one.vary, &two.vary), ("variable", &one.variables, &two.variables), ("link", &one.link, &two.link)];
+    for (what, one, two) in listed {
         let (one, two) = (by_path(one), by_path(two));
         let of = |list: &[(&str, &str)], path: &str| {
             list.iter().find(|(own, _)| *own == path).map_or(String::new(), |(_, values)| (*values).to_owned())
@@ -90,6 +91,7 @@ pub fn differences(a: &Begun<'_>, b: &Begun<'_>, where_: [&str; 2]) -> Result<Ve
             put(&format!("order of each {what}"), &order(&one), &order(&two));
         }
     }
+    put("conditions", &one.conditions.join(", "), &two.conditions.join(", "));
     put("design", &written(&one.design)?, &written(&two.design)?);
     let screen = |own: &Experiment| own.screen.as_ref().map_or(Ok(String::new()), written);
     put("screen", &screen(one)?, &screen(two)?);

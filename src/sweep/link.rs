@@ -1,4 +1,4 @@
-//! Knobs that follow from others: `geometry_units=max(1, pipelines/2)`.
+//! Knobs that follow from others: `geometry_units=max(1, pipelines/2)`; and conditions on them: `pipelines*core.per_pipeline<=16`.
 
 use crate::knob::Setting;
 use crate::machine::Config;
@@ -110,24 +110,94 @@ impl Link {
         self.formula.reads()
     }
 
-    /// Its value for a configuration.
+    /// Its value for a configuration and variables.
     ///
     /// # Errors
     /// If a knob that it reads has no number, or the result is no whole number from 0.
-    pub fn value(&self, config: &Config) -> Result<u64, String> {
-        value(&self.formula, config).map_err(|reason| format!("the link {}: {reason}", self.text))
+    pub fn value(&self, config: &Config, variables: &[Variable<'_>]) -> Result<u64, String> {
+        value(&self.formula, config, variables).map_err(|reason| format!("the link {}: {reason}", self.text))
     }
 }
 
-fn value(formula: &Formula, config: &Config) -> Result<u64, String> {
+/// A variable that is no knob, with its value.
+pub type Variable<'v> = (&'v str, u64);
+
+/// How two numbers must compare.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Comparison {
+    AtMost,
+    Less,
+    AtLeast,
+    More,
+    Equal,
+    Unequal,
+}
+
+/// A condition on the knobs and variables of a machine.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Condition {
+    /// As written.
+    pub text: String,
+    left: Formula,
+    comparison: Comparison,
+    right: Formula,
+}
+
+impl Condition {
+    /// Reads a condition.
+    ///
+    /// # Errors
+    /// What is wrong with the text.
+    pub fn parse(text: &str) -> Result<Condition, String> {
+        // Of two signs with one beginning the longer one comes first.
+        let signs = [
+            ("<=", Comparison::AtMost),
+            (">=", Comparison::AtLeast),
+            ("==", Comparison::Equal),
+            ("!=", Comparison::Unequal),
+            ("<", Comparison::Less),
+            (">", Comparison::More),
+        ];
+        let found = signs.into_iter().find_map(|(sign, comparison)| Some((text.split_once(sign)?, comparison)));
+        let ((left, right), comparison) =
+            found.ok_or("is no condition: write it as FORMULA<=FORMULA, with <= < >= > == or !=")?;
+        Ok(Condition { text: text.trim().to_owned(), left: Formula::parse(left)?, comparison, right: Formula::parse(right)? })
+    }
+
+    /// The paths that it reads.
+    pub fn reads(&self) -> Vec<&str> {
+        [self.left.reads(), self.right.reads()].concat()
+    }
+
+    /// Whether a configuration and variables meet it.
+    ///
+    /// # Errors
+    /// If a knob that it reads has no number, or a side is no whole number from 0.
+    pub fn holds(&self, config: &Config, variables: &[Variable<'_>]) -> Result<bool, String> {
+        let side = |formula: &Formula| {
+            value(formula, config, variables).map_err(|reason| format!("the condition {}: {reason}", self.text))
+        };
+        let (left, right) = (side(&self.left)?, side(&self.right)?);
+        Ok(match self.comparison {
+            Comparison::AtMost => left <= right,
+            Comparison::Less => left < right,
+            Comparison::AtLeast => left >= right,
+            Comparison::More => left > right,
+            Comparison::Equal => left == right,
+            Comparison::Unequal => left != right,
+        })
+    }
+}
+
+fn value(formula: &Formula, config: &Config, variables: &[Variable<'_>]) -> Result<u64, String> {
     match formula {
         Formula::Number(number) => Ok(*number),
-        Formula::Named(path) => match config.knob("the link", path).map_err(|error| error.to_string())? {
-            (_, Setting::Number(number)) => Ok(number),
-            (_, other) => Err(format!("{path} is {other}, and no number")),
+        Formula::Named(path) => match variables.iter().find(|(known, _)| known == path) {
+            Some((_, number)) => Ok(*number),
+            None => knob(path, config),
         },
         Formula::Of(operation, a, b) => {
-            let (a, b) = (value(a, config)?, value(b, config)?);
+            let (a, b) = (value(a, config, variables)?, value(b, config, variables)?);
             let result = match operation {
                 Operation::Add => a.checked_add(b),
                 Operation::Subtract => a.checked_sub(b),
@@ -144,6 +214,14 @@ fn value(formula: &Formula, config: &Config) -> Result<u64, String> {
             };
             result.ok_or_else(|| format!("{a} and {b} give no whole number from 0 to 2^64 - 1"))
         }
+    }
+}
+
+/// The number that a knob of a configuration has.
+fn knob(path: &str, config: &Config) -> Result<u64, String> {
+    match config.knob("the link", path).map_err(|error| error.to_string())? {
+        (_, Setting::Number(number)) => Ok(number),
+        (_, other) => Err(format!("{path} is {other}, and no number")),
     }
 }
 
@@ -239,7 +317,7 @@ mod tests {
 
     fn of(text: &str) -> Result<u64, String> {
         let config = Config::built_in("baseline").expect("it is built in");
-        Link::parse(text)?.value(&config)
+        Link::parse(text)?.value(&config, &[("size", 4096)])
     }
 
     #[test]
@@ -247,6 +325,7 @@ mod tests {
         assert_eq!(of("geometry_units=card.pipelines/2"), Ok(2));
         assert_eq!(of("card.geometry_units = max(1, pipelines / 4) + 2 * 3"), Ok(7));
         assert_eq!(of("geometry_units=(1+2)*3-min(4,9)"), Ok(5));
+        assert_eq!(of("geometry_units=size/1024"), Ok(4));
         let link = Link::parse("card.geometry_units=max(pipelines, memory.dram.channels)").expect("a link");
         assert_eq!(link.path, "geometry_units");
         assert_eq!(link.reads(), ["pipelines", "memory.dram.channels"]);
@@ -275,6 +354,31 @@ mod tests {
         assert!(of(&deep).unwrap_err().contains("brackets"));
         let long = format!("geometry_units=1{}", "+1".repeat(500_000));
         assert!(of(&long).unwrap_err().contains("more than 1000 bytes"));
+    }
+
+    #[test]
+    fn conditions_compare_two_formulae() {
+        let config = Config::built_in("baseline").expect("it is built in");
+        let of = |text: &str| Condition::parse(text)?.holds(&config, &[("size", 4096)]);
+        for (text, holds) in [
+            ("pipelines*2<=8", true),
+            ("pipelines*2 < 8", false),
+            ("size>=4096", true),
+            ("size > 4096", false),
+            ("size/pipelines==1024", true),
+            ("size != 4096", false),
+        ] {
+            assert_eq!(of(text), Ok(holds), "{text}");
+        }
+        for (text, told) in [
+            ("pipelines", "no condition"),
+            ("pipelines<", "is missing"),
+            ("1/3 < 2", "no whole number"),
+            ("sort<2", "no number"),
+        ] {
+            let error = of(text).unwrap_err();
+            assert!(error.contains(told), "{text}: {error}");
+        }
     }
 
     #[test]

@@ -97,6 +97,10 @@ pub struct SweepResult<'s> {
     pub base: Vec<Setting>,
     /// Machines of the plan.
     pub planned: u32,
+    /// Whether all machines that were to be run have been run.
+    pub ended: bool,
+    /// Combinations that are no machines, because they do not meet a condition.
+    pub excluded: u64,
 }
 
 /// A setting without the quotes of names.
@@ -194,14 +198,33 @@ impl<'s> SweepResult<'s> {
                 machine.measures = told(&|at| sum.whole(at));
                 machine.trace_measures = sum.traces.values().map(|part| told(&|at| part.statistics[at])).collect();
             }
-            machines.push(machine);
+            // A machine that some traces have not been run on has no result yet.
+            if machine.cycles.is_some() || machine.error.is_some() {
+                machines.push(machine);
+            }
         }
         machines.sort_by_key(|machine| (machine.cycles.is_none(), machine.cycles, machine.number));
         let parameters = plan.parameters().iter().map(|path| (*path).to_owned()).collect();
         let measures = plan.measures().iter().map(|(text, _)| text.clone()).collect();
-        let base = plan.axes().iter().map(|axis| Ok(plan.base().knob("the base", &axis.path)?.1)).collect::<Result<_>>()?;
+        let base = plan.axes().iter().map(|axis| plan.base_setting(axis)).collect::<Result<_>>()?;
         let axes = plan.axes().to_vec();
-        Ok(SweepResult { inputs, machines, estimated: Vec::new(), parameters, measures, axes, base, planned: plan.len() })
+        Ok(SweepResult {
+            inputs,
+            machines,
+            estimated: Vec::new(),
+            parameters,
+            measures,
+            axes,
+            base,
+            planned: plan.len(),
+            ended: true,
+            excluded: plan.excluded(),
+        })
+    }
+
+    /// The same, of a sweep that runs or was killed.
+    pub fn unfinished(self) -> SweepResult<'s> {
+        SweepResult { ended: false, ..self }
     }
 
     /// Tells what axes do by the estimates of a screen.

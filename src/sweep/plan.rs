@@ -4,8 +4,8 @@ use anyhow::{Result, anyhow, bail};
 
 use super::entry::Keep;
 use super::experiment::{Design, Experiment};
-use super::link::{Formula, Link};
-use super::values::values;
+use super::link::{Condition, Formula, Link, Variable};
+use super::values::{numbers, values};
 use crate::knob::Setting;
 use crate::machine::Config;
 use crate::num::Random;
@@ -14,11 +14,13 @@ use crate::report::pages::Glossary;
 /// Machines of a plan that is not asked to be larger.
 pub const MOST_MACHINES: u64 = 1_000_000;
 
-/// A knob and the values that it takes.
+/// A knob or a variable, and the values that it takes.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Axis {
-    /// Its path.
+    /// The path of a knob; the name of a variable.
     pub path: String,
+    /// Whether it is a variable: no knob, but a number that links and conditions read.
+    pub is_variable: bool,
     /// Its values, in the order in which they were written.
     pub values: Vec<Setting>,
 }
@@ -40,6 +42,10 @@ pub struct Plan {
     base: Config,
     axes: Vec<Axis>,
     links: Vec<Link>,
+    /// Conditions over knobs that no link sets and over variables, and then all others: what the first ones exclude has no links.
+    conditions: [Vec<Condition>; 2],
+    /// Combinations that do not meet a condition.
+    excluded: u64,
     /// What a machine costs; none: the experiment does not say.
     cost: Option<Link>,
     /// What is measured of machines beside cycles: the name, or the formula's text, and the formula.
@@ -60,7 +66,8 @@ impl Plan {
     /// Plans an experiment on a base configuration, which has the experiment's settings. `most` bounds the number of machines.
     ///
     /// # Errors
-    /// If an axis or a link names no knob, a value is out of its range, an axis is given twice, or there are too many machines.
+    /// If an axis or a link names no knob, a value is out of its range, an axis is given twice, nothing reads a variable, no combination meets the
+    /// conditions, or there are too many machines.
     pub fn new(base: Config, experiment: &Experiment, most: u64) -> Result<Plan> {
         let mut axes: Vec<Axis> = Vec::new();
         for text in &experiment.vary {
@@ -72,13 +79,32 @@ impl Plan {
             if axes.iter().any(|axis| axis.path == path) {
                 bail!("the axis {path} is given twice");
             }
-            axes.push(Axis { path, values });
+            axes.push(Axis { path, is_variable: false, values });
         }
+        for text in &experiment.variables {
+            let (name, written) =
+                text.split_once('=').ok_or_else(|| anyhow!("the variable `{text}` is not written as NAME=VALUES"))?;
+            let name = name.trim();
+            let is_word = name.starts_with(|c: char| c.is_ascii_alphabetic())
+                && name.chars().all(|c| c.is_ascii_alphanumeric() || c == '_');
+            if !is_word {
+                bail!("the variable `{text}` has no name of letters, digits and _ before the =");
+            }
+            if base.knob("--let", name).is_ok() {
+                bail!("the variable {name} has the name of a knob: use --vary, or another name");
+            }
+            let values = numbers(written).map_err(|reason| anyhow!("the variable {name} {reason}"))?;
+            if axes.iter().any(|axis| axis.path == name) {
+                bail!("the variable {name} is given twice");
+            }
+            axes.push(Axis { path: name.to_owned(), is_variable: true, values });
+        }
+        let is_variable = |path: &str| axes.iter().any(|axis| axis.is_variable && axis.path == path);
         let mut links: Vec<Link> = Vec::new();
         for text in &experiment.link {
             let link = Link::parse(text).map_err(|reason| anyhow!("the link `{text}` {reason}"))?;
             base.knob("--link", &link.path)?;
-            for path in link.reads() {
+            for path in link.reads().into_iter().filter(|path| !is_variable(path)) {
                 base.knob("--link", path)?;
             }
             if axes.iter().any(|axis| axis.path == link.path) || links.iter().any(|known| known.path == link.path) {
@@ -89,6 +115,21 @@ impl Plan {
                 bail!("the link {} reads {}, which a later link sets: change their order", later.text, link.path);
             }
             links.push(link);
+        }
+        let mut conditions = [Vec::new(), Vec::new()];
+        for text in &experiment.conditions {
+            let condition = Condition::parse(text).map_err(|reason| anyhow!("the condition `{text}` {reason}"))?;
+            for path in condition.reads().into_iter().filter(|path| !is_variable(path)) {
+                base.knob("--where", path)?;
+            }
+            let linked = condition.reads().iter().any(|path| links.iter().any(|link| link.path == *path));
+            conditions[usize::from(linked)].push(condition);
+        }
+        for axis in axes.iter().filter(|axis| axis.is_variable) {
+            let linked = links.iter().any(|link| link.reads().contains(&axis.path.as_str()));
+            if !linked {
+                bail!("no link reads the variable {}: it changes no machine", axis.path);
+            }
         }
         let chosen = choose(&base, &axes, &experiment.design, most)?;
         let cost = match experiment.cost.trim() {
@@ -102,13 +143,45 @@ impl Plan {
                 Some(link)
             }
         };
-        let plan = Plan { base, axes, links, cost, measures: measures(experiment)?, chosen };
+        let mut plan = Plan { base, axes, links, conditions, excluded: 0, cost, measures: measures(experiment)?, chosen };
+        plan.exclude()?;
         // A link that gives no number or one that its knob does not take is found before anything runs.
         for number in 0..plan.len() {
-            let (config, _) = plan.settings(number)?;
-            plan.cost(&config)?;
+            if let Some((config, _)) = plan.settings(number)? {
+                plan.cost(&config)?;
+            }
         }
         Ok(plan)
+    }
+
+    /// Leaves out the combinations that do not meet the conditions.
+    fn exclude(&mut self) -> Result<()> {
+        if self.conditions.iter().all(Vec::is_empty) {
+            return Ok(());
+        }
+        let mut kept = Vec::new();
+        for number in 0..self.len() {
+            if self.settings(number)?.is_some() {
+                kept.push(self.places(number).into_iter().map(|place| place.map(|place| place as u32)).collect());
+            } else {
+                self.excluded += 1;
+            }
+        }
+        if kept.is_empty() {
+            bail!("none of {} combinations meets the conditions", self.excluded);
+        }
+        self.chosen = Chosen::Listed(kept);
+        Ok(())
+    }
+
+    /// Combinations that are no machines, because they do not meet a condition.
+    pub fn excluded(&self) -> u64 {
+        self.excluded
+    }
+
+    /// The setting that an axis has in the base: the knob's own, or the first value of a variable.
+    pub fn base_setting(&self, axis: &Axis) -> Result<Setting> {
+        base_setting(&self.base, axis)
     }
 
     /// What a machine costs; none where the experiment does not say.
@@ -118,7 +191,7 @@ impl Plan {
     pub fn cost(&self, config: &Config) -> Result<Option<u64>> {
         self.cost
             .as_ref()
-            .map(|cost| cost.value(config).map_err(|reason| anyhow!(reason.replace("the link cost=", "the cost "))))
+            .map(|cost| cost.value(config, &[]).map_err(|reason| anyhow!(reason.replace("the link cost=", "the cost "))))
             .transpose()
     }
 
@@ -155,10 +228,8 @@ impl Plan {
         self.len() == 0
     }
 
-    /// The configuration of a machine before rules between knobs are looked at, and its parameters.
-    fn settings(&self, number: u32) -> Result<(Config, Vec<Setting>)> {
-        let mut config = self.base.clone();
-        let mut settings = Vec::with_capacity(self.axes.len() + self.links.len());
+    /// The place of a machine's value on each axis; none: the base's.
+    fn places(&self, number: u32) -> Vec<Option<usize>> {
         let mut left = number as usize;
         let mut places = vec![None; self.axes.len()];
         match &self.chosen {
@@ -174,22 +245,44 @@ impl Plan {
                 }
             }
         }
-        for (axis, place) in self.axes.iter().zip(places) {
+        places
+    }
+
+    /// The configuration of a machine before rules between knobs are looked at, and its parameters. None if a condition is not met.
+    fn settings(&self, number: u32) -> Result<Option<(Config, Vec<Setting>)>> {
+        let mut config = self.base.clone();
+        let mut settings = Vec::with_capacity(self.axes.len() + self.links.len());
+        let mut variables: Vec<Variable<'_>> = Vec::new();
+        for (axis, place) in self.axes.iter().zip(self.places(number)) {
             let value = match place {
                 Some(place) => axis.values[place].clone(),
-                None => self.base.knob("the base", &axis.path)?.1,
+                None => self.base_setting(axis)?,
             };
-            config.put("--vary", &axis.path, &value)?;
+            match &value {
+                Setting::Number(number) if axis.is_variable => variables.push((&axis.path, *number)),
+                value => config.put("--vary", &axis.path, value)?,
+            }
             settings.push(value);
+        }
+        let meets = |config: &Config, conditions: &[Condition]| -> Result<bool> {
+            for condition in conditions {
+                if !condition.holds(config, &variables).map_err(|reason| anyhow!(reason))? {
+                    return Ok(false);
+                }
+            }
+            Ok(true)
+        };
+        if !meets(&config, &self.conditions[0])? {
+            return Ok(None);
         }
         for link in &self.links {
             let place = || format!("machine {number}, {}", described(&self.parameters(), &settings));
-            let value = link.value(&config).map_err(|reason| anyhow!("{}: {reason}", place()))?;
+            let value = link.value(&config, &variables).map_err(|reason| anyhow!("{}: {reason}", place()))?;
             let value = Setting::Number(value);
             config.put(&place(), &link.path, &value)?;
             settings.push(value);
         }
-        Ok((config, settings))
+        Ok(meets(&config, &self.conditions[1])?.then_some((config, settings)))
     }
 
     /// A machine.
@@ -197,7 +290,8 @@ impl Plan {
     /// # Errors
     /// Those of a link, which [`Plan::new`] has found.
     pub fn machine(&self, number: u32) -> Result<Planned> {
-        let (mut config, settings) = self.settings(number)?;
+        let (mut config, settings) =
+            self.settings(number)?.ok_or_else(|| anyhow!("machine {number} does not meet a condition"))?;
         config.name = format!("{} with {}", self.base.name, described(&self.parameters(), &settings));
         let config = match config.check() {
             Ok(()) => Ok(config),
@@ -242,6 +336,10 @@ pub fn described(paths: &[&str], settings: &[Setting]) -> String {
     paths.iter().zip(settings).map(text).collect::<Vec<_>>().join(" ")
 }
 
+fn base_setting(base: &Config, axis: &Axis) -> Result<Setting> {
+    Ok(if axis.is_variable { axis.values[0].clone() } else { base.knob("the base", &axis.path)?.1 })
+}
+
 fn choose(base: &Config, axes: &[Axis], design: &Design, most: u64) -> Result<Chosen> {
     let fits = |machines: u64| {
         if machines > most {
@@ -261,7 +359,7 @@ fn choose(base: &Config, axes: &[Axis], design: &Design, most: u64) -> Result<Ch
         }
         Design::OneAtATime => {
             fits(1 + axes.iter().map(|axis| axis.values.len() as u64).sum::<u64>())?;
-            let base: Vec<Setting> = axes.iter().map(|axis| Ok(base.knob("the base", &axis.path)?.1)).collect::<Result<_>>()?;
+            let base: Vec<Setting> = axes.iter().map(|axis| base_setting(base, axis)).collect::<Result<_>>()?;
             let mut list = vec![vec![None; axes.len()]];
             for (at, axis) in axes.iter().enumerate() {
                 // A value that the base has is the base.
@@ -332,6 +430,31 @@ mod tests {
     }
 
     #[test]
+    fn variables_are_axes_that_links_read_and_conditions_leave_combinations_out() {
+        let links = r#"vary: ["texture.line_bytes=64,128"], let: ["size=2048..8192*2"], link: ["texture.cache_lines=size/texture.line_bytes"]"#;
+        let machines = all(links);
+        assert_eq!((machines.len(), machines[1].as_str()), (6, "texture.line_bytes=64 size=4096 texture.cache_lines=64"));
+        let limited = all(&format!(r#"{links}, where: ["texture.cache_lines<=64", "size != 2048"]"#));
+        assert_eq!(
+            limited,
+            [
+                "texture.line_bytes=64 size=4096 texture.cache_lines=64",
+                "texture.line_bytes=128 size=4096 texture.cache_lines=32",
+                "texture.line_bytes=128 size=8192 texture.cache_lines=64",
+            ]
+        );
+        let counted = plan(&format!(r#"{links}, where: ["texture.cache_lines<=64"]"#)).expect("a plan");
+        assert_eq!((counted.len(), counted.excluded()), (5, 1));
+        // What a condition excludes needs no link that holds.
+        let odd = all(
+            r#"vary: ["pipelines=1..4"], link: ["geometry_units=pipelines/2"], where: ["pipelines != 1", "pipelines != 3"]"#,
+        );
+        assert_eq!(odd, ["pipelines=2 geometry_units=1", "pipelines=4 geometry_units=2"]);
+        let one = all(&format!("{links}, design: one_at_a_time"));
+        assert_eq!((one.len(), one[0].contains("size=2048")), (4, true));
+    }
+
+    #[test]
     fn one_at_a_time_begins_with_the_base_and_has_it_once() {
         let machines = all(r#"vary: ["pipelines=1,4,8", "depth.early=all"], design: one_at_a_time"#);
         assert_eq!(
@@ -383,6 +506,14 @@ mod tests {
             (r#"link: ["pipelines=geometry_unit"]"#, "geometry_units is the nearest"),
             (r#"vary: ["pipelines=1..64", "memory.dram.banks=1..64"]"#, "4096 machines; more than 1000"),
             (r#"design: random(machines: 0, seed: 1)"#, "0 machines"),
+            (r#"let: ["size=1,2"]"#, "no link reads the variable size"),
+            (r#"let: ["pipelines=1,2"]"#, "has the name of a knob"),
+            (r#"let: ["a b=1"]"#, "has no name of letters"),
+            (r#"let: ["size=all"]"#, "which is no whole number"),
+            (r#"let: ["size=1,1"], link: ["pipelines=size"]"#, "twice"),
+            (r#"vary: ["pipelines=1..4"], where: ["pipelines>4"]"#, "none of 4 combinations meets the conditions"),
+            (r#"where: ["pipelnes>4"]"#, "pipelines is the nearest"),
+            (r#"where: ["pipelines"]"#, "is no condition"),
             (r#"measures: ["=cycles"]"#, "has no name"),
             (r#"measures: ["a=b=cycles"]"#, "the measure `a=b=cycles` has `=cycles`"),
         ] {

@@ -36,8 +36,14 @@ pub fn page(sweep: &SweepResult<'_>, plan: &Plan, screened: Option<&[Screened]>)
     for axis in &experiment.vary {
         let _ = writeln!(out, "* axis `{axis}`");
     }
+    for variable in &experiment.variables {
+        let _ = writeln!(out, "* variable `{variable}`");
+    }
     for link in &experiment.link {
         let _ = writeln!(out, "* link `{link}`");
+    }
+    for condition in &experiment.conditions {
+        let _ = writeln!(out, "* condition `{condition}`");
     }
     for measure in &experiment.measures {
         let _ = writeln!(out, "* measure `{measure}`");

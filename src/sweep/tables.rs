@@ -8,6 +8,7 @@ use anyhow::{Context, Result};
 use super::entry::Entry;
 use super::folder::Results;
 use super::inputs::Inputs;
+use super::link::Formula;
 use super::plan::Plan;
 use super::table::{Cell, ColumnKind, Table, write};
 use crate::knob::Setting;
@@ -25,7 +26,11 @@ fn cell(setting: &Setting) -> Cell {
 /// Columns of the knobs in which machines differ.
 pub fn parameters(plan: &Plan) -> Result<Vec<(String, ColumnKind)>> {
     let kind = |path: &str| -> Result<(String, ColumnKind)> {
-        let (_, setting) = plan.base().knob("the base", path)?;
+        let variable = plan.axes().iter().find(|axis| axis.is_variable && axis.path == path);
+        let setting = match variable {
+            Some(axis) => axis.values[0].clone(),
+            None => plan.base().knob("the base", path)?.1,
+        };
         let kind = if matches!(setting, Setting::Number(_)) { ColumnKind::Whole } else { ColumnKind::Text };
         Ok((path.to_owned(), kind))
     };
@@ -60,6 +65,17 @@ pub fn all(folder: &Path, inputs: &Inputs, plan: &Plan, results: &mut Results) -
     let mut columns = vec![whole("machine"), text("trace"), whole("frame"), text("error"), text("config_hash")];
     columns.extend(parameters(plan)?);
     columns.extend([whole("cycles"), numbers("seconds")]);
+    let has_cost = !inputs.experiment.cost.trim().is_empty();
+    if has_cost {
+        columns.push(whole("cost"));
+    }
+    // A statistic may be a measure, too: its column is there once.
+    let measures: Vec<&(String, Formula)> = plan
+        .measures()
+        .iter()
+        .filter(|(name, _)| !paths.contains(name) && columns.iter().all(|(known, _)| known != name))
+        .collect();
+    columns.extend(measures.iter().map(|(name, _)| numbers(name)));
     columns.extend(paths.iter().map(|path| numbers(path)));
     let name = |entry: &Entry| Cell::Text(inputs.experiment.traces[entry.trace as usize].clone());
     let wide = |table: &mut Table<'_>| {
@@ -75,12 +91,23 @@ pub fn all(folder: &Path, inputs: &Inputs, plan: &Plan, results: &mut Results) -
             };
             if let Some(error) = &entry.error {
                 let mut cells = head(Cell::Empty, Cell::Text(error.clone()));
-                cells.resize(cells.len() + 2 + paths.len(), Cell::Empty);
+                cells.resize(cells.len() + 2 + usize::from(has_cost) + measures.len() + paths.len(), Cell::Empty);
                 return table.row(&cells);
             }
+            let config = plan.machine(entry.machine)?.config.ok();
+            let cost = config.map(|config| plan.cost(&config)).transpose()?.flatten();
             for row in &entry.frames {
                 let mut cells = head(Cell::Whole(row.frame.into()), Cell::Empty);
                 cells.extend([Cell::Whole(row.cycles as i64), Cell::Number(row.seconds)]);
+                if has_cost {
+                    cells.push(cost.map_or(Cell::Empty, |cost| Cell::Whole(cost as i64)));
+                }
+                let read = |path: &str| match path {
+                    "cycles" => Some(row.cycles as f64),
+                    "seconds" => Some(row.seconds),
+                    path => own.get(path).map(|&at| row.values[at]),
+                };
+                cells.extend(measures.iter().map(|(_, formula)| formula.real(&read).map_or(Cell::Empty, Cell::Number)));
                 let value = |place: &Option<usize>| place.map_or(Cell::Empty, |place| Cell::Number(row.values[place]));
                 cells.extend(places.iter().map(value));
                 table.row(&cells)?;

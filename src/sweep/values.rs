@@ -34,6 +34,31 @@ pub fn values(knob: &Knob, text: &str) -> Result<Vec<Setting>, String> {
     Ok(values)
 }
 
+/// Reads the values of a variable that is no knob: whole numbers, written as those of a knob.
+///
+/// # Errors
+/// What is wrong with the text.
+pub fn numbers(text: &str) -> Result<Vec<Setting>, String> {
+    let mut values = Vec::new();
+    for part in text.split(',').map(str::trim) {
+        match number(part) {
+            Some(number) => values.push(Setting::Number(number)),
+            None if part.contains("..") => values.extend(range(part)?),
+            None => {
+                return Err(format!("has the value `{part}`, which is no whole number; write values as 8,16,32 or 16..1024*2"));
+            }
+        }
+        if values.len() > MOST {
+            return Err(format!("has more than {MOST} values"));
+        }
+    }
+    let mut seen = HashSet::new();
+    match values.iter().map(Setting::to_string).find(|value| !seen.insert(value.clone())) {
+        Some(value) => Err(format!("has the value {value} twice")),
+        None => Ok(values),
+    }
+}
+
 fn one(knob: &Knob, part: &str) -> Result<Vec<Setting>, String> {
     if part == "all" {
         return match knob.allowed {

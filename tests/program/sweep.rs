@@ -174,6 +174,12 @@ fn threads_shards_and_interruptions_change_no_byte() {
     lines.swap(0, 4);
     let cut = &text.lines().nth(5).expect("a sixth machine")[..100];
     killed(&part, &wanted, Some(&format!("{}\n{cut}", lines.join("\n"))));
+    // A page can be made of what there is.
+    let (code, _, message) = run(&["report", &part.display().to_string()]);
+    assert_eq!(code, 0, "{message}");
+    let page = fs::read_to_string(part.join("report.html")).expect("a page");
+    assert!(page.contains("The sweep has not ended: ") && page.contains(" of 6 machines have a result so far"), "{part:?}");
+    fs::remove_file(part.join("report.html")).expect("removed");
     let (code, text, message) = sweep(&part, &["--threads", "2"]);
     assert_eq!(code, LACKING, "{message}");
     assert!(text.contains("1 machines simulated"), "{text}");
@@ -514,4 +520,55 @@ fn a_job_array_leaves_what_one_process_leaves() {
         Some(77) => eprintln!("{}", text.trim()),
         code => panic!("{code:?}: {text}"),
     }
+}
+
+#[test]
+fn variables_conditions_cost_and_measures_are_in_the_tables_and_in_the_answer() {
+    let home = tempfile::tempdir().expect("a folder");
+    let out = home.path().join("s");
+    let name = out.display().to_string();
+    let (code, _, message) = run(&[
+        "sweep",
+        "traces/cube",
+        "--config",
+        "tiny",
+        "--let",
+        "size=1024..8192*2",
+        "--vary",
+        "texture.line_bytes=64,128",
+        "--link",
+        "texture.cache_lines=size/texture.line_bytes",
+        "--where",
+        "texture.cache_lines<=64",
+        "--cost",
+        "texture.cache_lines*texture.line_bytes",
+        "--measure",
+        "miss rate=caches.texture.misses/caches.texture.accesses",
+        "--out",
+        &name,
+    ]);
+    assert_eq!(code, 0, "{message}");
+    let rows = table(&out, "machines.csv");
+    assert_eq!(rows.len(), 7, "8,192 bytes in lines of 64 are 128 lines");
+    for row in &rows {
+        let number = |column: &str| row[column].parse::<f64>().expect(column);
+        assert_eq!(number("size"), number("texture.cache_lines") * number("texture.line_bytes"));
+        assert!(number("texture.cache_lines") <= 64.0 && number("cost") == number("size"));
+        let rate = number("caches.texture.misses") / number("caches.texture.accesses");
+        assert!((number("miss rate") - rate).abs() < 1e-12);
+    }
+    // The answer names the machine of least cost within 1 % of the fastest.
+    let cycles = |row: &BTreeMap<String, String>| row["cycles"].parse::<f64>().expect("cycles");
+    let best = rows.iter().map(cycles).fold(f64::INFINITY, f64::min);
+    let close = rows.iter().filter(|row| cycles(row) <= 1.01 * best);
+    let least = close.map(|row| row["cost"].parse::<u64>().expect("a cost")).min().expect("the fastest");
+    let report = fs::read_to_string(out.join("report.md")).expect("a report");
+    let grouped = if least < 1000 { least.to_string() } else { format!("{},{:03}", least / 1000, least % 1000) };
+    assert!(report.contains(&format!("`texture.cache_lines*texture.line_bytes` is {grouped}")), "{report}");
+    assert!(report.contains("within 1 % of") && report.contains(" One combination does not meet the conditions"), "{report}");
+    assert!(report.contains("* variable `size=1024..8192*2`") && report.contains("* condition `texture.cache_lines<=64`"));
+    // The experiment that the folder keeps is the same one.
+    let again = home.path().join("again").display().to_string();
+    assert_eq!(run(&["sweep", &format!("{name}/experiment.ron"), "--out", &again]).0, 0);
+    assert!(files(&out) == files(Path::new(&again)));
 }

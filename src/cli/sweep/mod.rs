@@ -37,7 +37,9 @@ use crate::trace::Trace;
     subcommand_negates_reqs = true,
     after_help = "Examples:\n  fillrate sweep configs/experiments/sort-class.ron --out results\n  \
 fillrate sweep traces/torus-knot.zip --vary texture.cache_lines=16..1024*2 --vary sort=all --out results\n  \
-fillrate sweep traces/cube --vary card.pipelines=2,4,8 --link card.geometry_units=card.pipelines/2 --out results\n\n\
+fillrate sweep traces/cube --vary card.pipelines=2,4,8 --link card.geometry_units=card.pipelines/2 --out results\n  \
+fillrate sweep traces/shadow --let size=4096..65536*2 --vary texture.line_bytes=64..256*2 --link texture.cache_lines=size/texture.line_bytes \
+--where \"texture.cache_lines<=1024\" --out results\n\n\
 Values: 8,16,32; 1..8; 0..100+25; 16..1024*2; all. Both ends of a range belong to it.\n\n\
 Leaves in --out: report.md, report.html, machines.csv (a row a machine and frame), long.csv (a row a statistic), both as Parquet, too, \
 screen.csv where machines are screened, experiment.ron, base.ron, configs/N.ron (the fastest machines), inputs.json (hashes of all inputs) and \
@@ -56,6 +58,12 @@ pub struct Arguments {
     /// A knob that follows from others, with + - * / min(,) max(,); may be repeated
     #[arg(help_heading = "Machines", long, value_name = "PATH=FORMULA")]
     link: Vec<String>,
+    /// An axis that is no knob: a name and whole numbers, which links and conditions read; may be repeated
+    #[arg(help_heading = "Machines", long = "let", value_name = "NAME=VALUES")]
+    variables: Vec<String>,
+    /// Leave out the combinations that do not meet this, such as "pipelines*core.per_pipeline<=16"; may be repeated
+    #[arg(help_heading = "Machines", long = "where", value_name = "CONDITION")]
+    conditions: Vec<String>,
     /// The configuration that is varied: a built-in one, or a file [default: baseline]
     #[arg(help_heading = "Machines", long, value_name = "NAME|FILE")]
     config: Option<String>,
@@ -176,6 +184,8 @@ fn experiment(arguments: &Arguments) -> Result<Experiment> {
             ("--set", !arguments.set.is_empty()),
             ("--vary", !arguments.vary.is_empty()),
             ("--link", !arguments.link.is_empty()),
+            ("--let", !arguments.variables.is_empty()),
+            ("--where", !arguments.conditions.is_empty()),
             ("--design", arguments.design.is_some()),
             ("--screen", arguments.screen.is_some()),
             ("--keep", !arguments.keep.is_empty()),
@@ -201,7 +211,9 @@ fn experiment(arguments: &Arguments) -> Result<Experiment> {
         base: arguments.config.clone().unwrap_or_else(|| "baseline".into()),
         set: arguments.set.clone(),
         vary: arguments.vary.clone(),
+        variables: arguments.variables.clone(),
         link: arguments.link.clone(),
+        conditions: arguments.conditions.clone(),
         design: arguments.design.clone().map(|DesignName(design)| design).unwrap_or_default(),
         screen: arguments.screen.map(|keep| Screen { by: Screener::Bound, keep }),
         keep: arguments.keep.clone(),

@@ -4,7 +4,7 @@ use std::ops::Range;
 
 use serde::ser::{Serialize, SerializeMap, Serializer};
 
-use crate::machine::{DrawReport, PhaseReport, CounterGroup, Tally};
+use crate::machine::{CounterGroup, DrawReport, PhaseReport, Tally};
 use crate::num::Cycle;
 use crate::run::replay::Frame;
 use crate::stats::{Declaration, Group as _, csv_field};

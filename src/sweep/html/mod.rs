@@ -139,10 +139,12 @@ fn run(sweep: &SweepResult<'_>) -> Markup {
             tr { th scope="row" { "frames" } td { (if experiment.frames == ".." { "all" } else { &experiment.frames }) } }
             tr { th scope="row" { "base" } td { code { (base) } } }
             @for axis in &experiment.vary { tr { th scope="row" { "axis" } td { code { (axis) } } } }
+            @for variable in &experiment.variables { tr { th scope="row" { "variable" } td { code { (variable) } } } }
+            @for condition in &experiment.conditions { tr { th scope="row" { "condition" } td { code { (condition) } } } }
             @for link in &experiment.link { tr { th scope="row" { "link" } td { code { (link) } } } }
             @for measure in &experiment.measures { tr { th scope="row" { "measure" } td { code { (measure) } } } }
             @if !experiment.cost.is_empty() { tr { th scope="row" { "cost" } td { code { (experiment.cost) } } } }
-            tr { th scope="row" { "machines" } td { (sweep.planned) " planned, " (sweep.timed().count()) " with a result, " (failed) " with an error" @if estimated > 0 { ", " (estimated) " estimated only (screen.csv)" } } }
+            tr { th scope="row" { "machines" } td { (sweep.planned) " planned, " (sweep.timed().count()) " with a result, " (failed) " with an error" @if estimated > 0 { ", " (estimated) (if sweep.ended { " estimated only (screen.csv)" } else { " without a result so far" }) } } }
             tr { th scope="row" { "program" } td { "fillrate " (sweep.inputs.fillrate) } }
         } } }
         p.note { "The same again: " code { "fillrate sweep experiment.ron --out DIR" } ", with experiment.ron of this folder." }
