@@ -1,8 +1,8 @@
 //! Floor 1: declaring knobs. A unit's configuration is a struct declared with [`knobs!`](crate::knobs), once, with unit, allowed values
 //! and source. The reader, the messages, the resolved text and the documentation all come from that declaration.
 //!
-//! Beside the unit that it configures, a knob has two more readers: estimates of cycles, and experiments that find out what holds a machine
-//! back. The declaration says what each of them does with the knob. It does not compile otherwise.
+//! Beside the unit that it configures, a knob has three more readers: estimates of cycles, experiments that find out what holds a machine
+//! back, and the advice on a page. The declaration says what each of them does with the knob. It does not compile otherwise.
 //!
 //! ```
 //! use knob::{Allowed, Section, Setting};
@@ -11,7 +11,7 @@
 //!     /// A queue.
 //!     pub struct QueueConfig {
 //!         /// Items that the queue holds.
-//!         capacity: u32 ["items", Allowed::PowerOfTwo(1, 64), "assumed"] {estimate: Used, relax: Room},
+//!         capacity: u32 ["items", Allowed::PowerOfTwo(1, 64), "assumed"] {estimate: Used, relax: Room, advice: []},
 //!     }
 //! }
 //!
@@ -134,6 +134,23 @@ pub enum Relax {
     Skip(&'static [(&'static str, &'static str)]),
 }
 
+/// A finding in the statistics of a frame for which a page advises to change knobs.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Advice {
+    /// Few lookups hit in the cache of this name in the statistics.
+    Cache(&'static str),
+    /// Many shaded fragments fail their depth tests.
+    LateFailures,
+    /// Much more is covered than written, and nothing is hidden before shading.
+    NothingHidden,
+    /// The busiest pipeline has more to do than the mean.
+    Imbalance,
+    /// Scan-out takes a large share of the cycles.
+    ScanOut,
+    /// Uploads and copies take a large share of the cycles.
+    Transfers,
+}
+
 /// What one knob is.
 #[derive(Clone, Copy, Debug)]
 pub struct Knob {
@@ -151,6 +168,8 @@ pub struct Knob {
     pub estimate: Estimate,
     /// How an experiment changes it.
     pub relax: Relax,
+    /// The advice that it belongs to.
+    pub advice: &'static [Advice],
 }
 
 impl Knob {
@@ -291,17 +310,17 @@ macro_rules! choices {
     };
 }
 
-/// Declares a section of knobs. The braces have the names of [`Estimate`], [`Values`] and [`Relax`] in scope:
+/// Declares a section of knobs. The braces have the names of [`Estimate`], [`Values`], [`Relax`] and [`Advice`] in scope:
 ///
 /// ```
 /// knob::knobs! {
 ///     /// A unit that counts.
 ///     pub struct CounterConfig {
 ///         /// Items counted per cycle.
-///         rate: u32 ["items/cycle", knob::Allowed::Range(1, 8), "made up"] {estimate: Used, relax: Rate},
+///         rate: u32 ["items/cycle", knob::Allowed::Range(1, 8), "made up"] {estimate: Used, relax: Rate, advice: []},
 ///         /// Items that wait.
 ///         queue: u32 ["items", knob::Allowed::Range(1, 64), "made up"]
-///             {estimate: RefusedUnless(AtLeast(4), "short queues"), relax: Room},
+///             {estimate: RefusedUnless(AtLeast(4), "short queues"), relax: Room, advice: []},
 ///     }
 /// }
 /// use knob::{Estimate, Section, Setting};
@@ -311,7 +330,7 @@ macro_rules! choices {
 /// assert_eq!(config.knobs()[0].estimate, Estimate::Used);
 /// ```
 ///
-/// A knob that does not answer to estimates and experiments does not compile:
+/// A knob that does not answer to estimates, experiments and advice does not compile:
 ///
 /// ```compile_fail
 /// knob::knobs! {
@@ -326,7 +345,7 @@ macro_rules! choices {
 macro_rules! knobs {
     ($(#[doc = $about:literal])+ $(#[derive($more:ident)])? $vis:vis struct $name:ident {
         $($(#[doc = $doc:literal])+ $field:ident: $type:ty [$unit:expr, $allowed:expr, $source:expr]
-            {estimate: $estimate:expr, relax: $relax:expr}),* $(,)?
+            {estimate: $estimate:expr, relax: $relax:expr, advice: [$($advice:expr),*]}),* $(,)?
     }) => {
         $(#[doc = $about])+
         #[derive(Clone, Debug, Default, PartialEq $(, $more)?)]
@@ -351,6 +370,11 @@ macro_rules! knobs {
                     relax: {
                         use $crate::Relax::*;
                         $relax
+                    },
+                    advice: {
+                        #[allow(unused_imports, reason = "most knobs belong to no advice")]
+                        use $crate::Advice::*;
+                        &[$($advice),*]
                     },
                 },)*
             ];

@@ -44,90 +44,90 @@ knob::knobs! {
     pub struct DramConfig {
         /// Channels.
         channels: u32 ["channels", Allowed::Range(1, 64), "256 bits of GDDR5 in channels of 32 (NVIDIA 2014, GeForce GTX 980 white paper, p. 7)"]
-            {estimate: Used, relax: Bandwidth},
+            {estimate: Used, relax: Bandwidth, advice: []},
         /// Cycles of the DRAM's command clock in `card_cycles` of the card.
         clock: u32 ["cycles", Allowed::Range(1, 10000), "1,753 MHz: GDDR5 of 7 Gbit/s a pin (NVIDIA 2014, GeForce GTX 980 white paper, p. 7)"]
-            {estimate: Used, relax: Never},
+            {estimate: Used, relax: Never, advice: []},
         /// Cycles of the card in which the DRAM's clock ticks `clock` times.
-        card_cycles: u32 ["cycles", Allowed::Range(1, 10000), "assumed: 1,126 MHz: see clock"] {estimate: Used, relax: Never},
+        card_cycles: u32 ["cycles", Allowed::Range(1, 10000), "assumed: 1,126 MHz: see clock"] {estimate: Used, relax: Never, advice: []},
         /// Cycles of the card from a slice to the queues of its channel, and from the last data of a read back to the slice: controller, PHY and
         /// wires.
         latency: u32 ["cycles", Allowed::Range(1, 1024), "60: an access of DRAM takes 150 cycles more than an L2 hit on Maxwell (357 against 207; Arafa et al. 2019, Jia et al. 2019), 30 of them in the chip"]
-            {estimate: RefusedUnless(AtMost(512), "latencies of a slow memory"), relax: Latency},
+            {estimate: RefusedUnless(AtMost(512), "latencies of a slow memory"), relax: Latency, advice: []},
         /// Banks of a channel.
         banks: u32 ["banks", Allowed::Range(1, 64), "16 (GDDR5, JESD212)"]
-            {estimate: RefusedUnless(AtLeast(8), "conflicts of banks"), relax: Never},
+            {estimate: RefusedUnless(AtLeast(8), "conflicts of banks"), relax: Never, advice: []},
         /// Groups of banks. Neighbouring banks are of different groups.
         bank_groups: u32 ["groups", Allowed::PowerOfTwo(1, 16), "4 (GDDR5, JESD212); 1 in memory without bank groups"]
-            {estimate: Ignored("cycles hardly depend on it"), relax: Never},
+            {estimate: Ignored("cycles hardly depend on it"), relax: Never, advice: []},
         /// Bytes of a row.
         row_bytes: u32 ["bytes", Allowed::PowerOfTwo(256, 65536), "2 KB (GDDR5); ATTILA bGPU.ini V2MemoryRowSize = 2048"]
-            {estimate: Ignored("cycles hardly depend on it"), relax: Never},
+            {estimate: Ignored("cycles hardly depend on it"), relax: Never, advice: []},
         /// Bytes of a burst.
-        burst_bytes: u32 ["bytes", Allowed::PowerOfTwo(8, 256), "burst of 8 on 32 bits"] {estimate: Used, relax: Never},
+        burst_bytes: u32 ["bytes", Allowed::PowerOfTwo(8, 256), "burst of 8 on 32 bits"] {estimate: Used, relax: Never, advice: []},
         /// Cycles of a burst on the data bus.
         burst_cycles: u32 ["DRAM cycles", Allowed::Range(1, 64), "8 beats, 4 a command clock"]
-            {estimate: Used, relax: Interval},
+            {estimate: Used, relax: Interval, advice: []},
         /// Burst to burst of one bank group. Without effect where there is one group, or where it is no longer than a burst.
         t_ccd_l: u32 ["DRAM cycles", Allowed::Range(1, 64), "tCCDL of GDDR5: 3 cycles, one more than a burst (Hynix H5GQ1H24AFR)"]
-            {estimate: RefusedUnless(AtMost(3), "bursts of bank groups"), relax: Interval},
+            {estimate: RefusedUnless(AtMost(3), "bursts of bank groups"), relax: Interval, advice: []},
         /// Activation to column access.
-        t_rcd: u32 ["DRAM cycles", Allowed::Range(1, 1000), "12 ns (Hynix H5GQ1H24AFR)"] {estimate: RefusedUnless(AtMost(500), "latencies of a slow memory"), relax: Latency},
+        t_rcd: u32 ["DRAM cycles", Allowed::Range(1, 1000), "12 ns (Hynix H5GQ1H24AFR)"] {estimate: RefusedUnless(AtMost(500), "latencies of a slow memory"), relax: Latency, advice: []},
         /// Precharge to activation.
         t_rp: u32 ["DRAM cycles", Allowed::Range(1, 1000), "12 ns"]
-            {estimate: RefusedUnless(AtMost(72), "misses of rows"), relax: Latency},
+            {estimate: RefusedUnless(AtMost(72), "misses of rows"), relax: Latency, advice: []},
         /// Column read to its data.
-        cl: u32 ["DRAM cycles", Allowed::Range(1, 1000), "12 ns"] {estimate: RefusedUnless(AtMost(250), "latencies of a slow memory"), relax: Latency},
+        cl: u32 ["DRAM cycles", Allowed::Range(1, 1000), "12 ns"] {estimate: RefusedUnless(AtMost(250), "latencies of a slow memory"), relax: Latency, advice: []},
         /// Column write to its data.
-        cwl: u32 ["DRAM cycles", Allowed::Range(1, 1000), "assumed: 4 cycles"] {estimate: Used, relax: Latency},
+        cwl: u32 ["DRAM cycles", Allowed::Range(1, 1000), "assumed: 4 cycles"] {estimate: Used, relax: Latency, advice: []},
         /// Activation to precharge.
         t_ras: u32 ["DRAM cycles", Allowed::Range(1, 1000), "28 ns"]
-            {estimate: RefusedUnless(AtMost(126), "rows that stay open"), relax: Latency},
+            {estimate: RefusedUnless(AtMost(126), "rows that stay open"), relax: Latency, advice: []},
         /// Activation to activation of another bank.
         t_rrd: u32 ["DRAM cycles", Allowed::Range(1, 1000), "6 ns"]
-            {estimate: RefusedUnless(AtMost(14), "a limit on activations"), relax: Latency},
+            {estimate: RefusedUnless(AtMost(14), "a limit on activations"), relax: Latency, advice: []},
         /// A window with at most four activations.
         t_faw: u32 ["DRAM cycles", Allowed::Range(1, 1000), "23 ns"]
-            {estimate: RefusedUnless(AtMost(56), "a limit on activations"), relax: Latency},
+            {estimate: RefusedUnless(AtMost(56), "a limit on activations"), relax: Latency, advice: []},
         /// Read to precharge.
         t_rtp: u32 ["DRAM cycles", Allowed::Range(1, 1000), "assumed: 2 cycles"]
-            {estimate: RefusedUnless(AtMost(64), "misses of rows"), relax: Latency},
+            {estimate: RefusedUnless(AtMost(64), "misses of rows"), relax: Latency, advice: []},
         /// End of write data to precharge.
         t_wr: u32 ["DRAM cycles", Allowed::Range(1, 1000), "12 ns"]
-            {estimate: RefusedUnless(AtMost(72), "misses of rows"), relax: Latency},
+            {estimate: RefusedUnless(AtMost(72), "misses of rows"), relax: Latency, advice: []},
         /// End of write data to a read.
-        t_wtr: u32 ["DRAM cycles", Allowed::Range(1, 1000), "5 ns"] {estimate: Used, relax: Latency},
+        t_wtr: u32 ["DRAM cycles", Allowed::Range(1, 1000), "5 ns"] {estimate: Used, relax: Latency, advice: []},
         /// End of read data to write data.
-        t_rtw: u32 ["DRAM cycles", Allowed::Range(0, 1000), "assumed: turn of the bus"] {estimate: Used, relax: Latency},
+        t_rtw: u32 ["DRAM cycles", Allowed::Range(0, 1000), "assumed: turn of the bus"] {estimate: Used, relax: Latency, advice: []},
         /// What a refresh closes and holds up.
         refresh: RefreshScope ["", Allowed::Choice(RefreshScope::NAMES), "GDDR5 refreshes all banks (JESD212); LPDDR4, HBM and GDDR6 can refresh one"]
-            {estimate: RefusedUnless(Is(&["all-banks"]), "refreshes of single banks"), relax: Never},
+            {estimate: RefusedUnless(Is(&["all-banks"]), "refreshes of single banks"), relax: Never, advice: []},
         /// Length of a refresh.
         t_rfc: u32 ["DRAM cycles", Allowed::Range(0, 10000), "65 ns"]
-            {estimate: RefusedUnless(AtMost(625), "long refreshes"), relax: Never},
+            {estimate: RefusedUnless(AtMost(625), "long refreshes"), relax: Never, advice: []},
         /// Refresh to refresh of a bank; 0 for none.
-        t_refi: u32 ["DRAM cycles", Allowed::Range(0, 1000000), "1.9 us"] {estimate: Used, relax: Never},
+        t_refi: u32 ["DRAM cycles", Allowed::Range(0, 1000000), "1.9 us"] {estimate: Used, relax: Never, advice: []},
         /// When a row is closed that no request wants.
         page: PagePolicy ["", Allowed::Choice(PagePolicy::NAMES), "open rows serve streams; ATTILA's controller closes them (bGPU.ini V2PagePolicy = 0)"]
-            {estimate: RefusedUnless(Is(&["open"]), "rows that are closed early"), relax: Never},
+            {estimate: RefusedUnless(Is(&["open"]), "rows that are closed early"), relax: Never, advice: []},
         /// From the last access to a row to its end, where `page` is idle.
         page_idle: u32 ["DRAM cycles", Allowed::Range(1, 65535), "assumed: about tRC, the time that a row takes to be opened anew"]
-            {estimate: Ignored("without effect where memory.dram.page is open"), relax: Never},
+            {estimate: Ignored("without effect where memory.dram.page is open"), relax: Never, advice: []},
         /// Reads among which the scheduler chooses.
         window: u32 ["requests", Allowed::Range(1, 64), "assumed; ATTILA bGPU.ini V2MaxChannelTransactions = 64"]
-            {estimate: Ignored("cycles hardly depend on it"), relax: Never},
+            {estimate: Ignored("cycles hardly depend on it"), relax: Never, advice: []},
         /// Writes that wait in the queue of writes.
         write_queue: u32 ["requests", Allowed::Range(1, 64), "64 (Chatterjee et al. 2012, USIMM; gem5 write_buffer_size)"]
-            {estimate: Ignored("cycles hardly depend on it"), relax: Room},
+            {estimate: Ignored("cycles hardly depend on it"), relax: Room, advice: []},
         /// Writes in their queue from which on they go first; all of its places, where it has fewer.
         write_high: u32 ["requests", Allowed::Range(1, 64), "40 of 64 (USIMM's high watermark); gem5 85 %"]
-            {estimate: Used, relax: Never},
+            {estimate: Used, relax: Never, advice: []},
         /// Writes in their queue with which reads go first again. Where that is not fewer than `write_high`, it is half of `write_high`.
         write_low: u32 ["requests", Allowed::Range(0, 63), "20 of 64 (USIMM's low watermark); gem5 50 %"]
-            {estimate: Used, relax: Never},
+            {estimate: Used, relax: Never, advice: []},
         /// Whether bank numbers are mixed with row bits.
         hash_banks: bool ["", Allowed::Switch, "permutation-based interleaving (Zhang et al. 2000)"]
-            {estimate: Ignored("cycles hardly depend on it"), relax: Never},
+            {estimate: Ignored("cycles hardly depend on it"), relax: Never, advice: []},
     }
 }
 

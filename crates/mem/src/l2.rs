@@ -15,40 +15,40 @@ knob::knobs! {
     #[derive(Copy)]
     pub struct L2Config {
         /// Slices; a multiple of the DRAM channels.
-        slices: u32 ["slices", Allowed::Range(1, 64), "assumed: two a memory channel"] {estimate: Used, relax: Bandwidth},
+        slices: u32 ["slices", Allowed::Range(1, 64), "assumed: two a memory channel"] {estimate: Used, relax: Bandwidth, advice: []},
         /// Bytes that stay together in a slice.
         interleave: u32 ["bytes", Allowed::PowerOfTwo(256, 65536), "assumed; ATTILA bGPU.ini V2ChannelInterleavingMask \"10 9 8\": 256"]
-            {estimate: RefusedUnless(AtMost(16384), "slices and channels with unequal load"), relax: Never},
+            {estimate: RefusedUnless(AtMost(16384), "slices and channels with unequal load"), relax: Never, advice: []},
         /// Whether lines stay in a slice. If not, a slice is a queue before its channel: all that is asked of it is asked of DRAM.
         cached: bool ["", Allowed::Switch, "in cards since 2010; ATTILA's memory controller has no cache"]
-            {estimate: RefusedUnless(Is(&["true"]), "memory without a second-level cache"), relax: Never},
+            {estimate: RefusedUnless(Is(&["true"]), "memory without a second-level cache"), relax: Never, advice: []},
         /// Lines of a slice.
         lines: u32 ["lines", Allowed::PowerOfTwo(1, 1048576), "128 KB a slice: 2 MB in all (NVIDIA 2014, GeForce GTX 980 white paper, p. 7)"]
-            {estimate: Used, relax: Cache},
+            {estimate: Used, relax: Cache, advice: []},
         /// Ways.
-        ways: u32 ["ways", Allowed::PowerOfTwo(1, 64), "16 in cards since 2010"] {estimate: Used, relax: Never},
+        ways: u32 ["ways", Allowed::PowerOfTwo(1, 64), "16 in cards since 2010"] {estimate: Used, relax: Never, advice: []},
         /// Bytes of a line.
-        line_bytes: u32 ["bytes", Allowed::PowerOfTwo(32, 256), "128 in cards since 2010"] {estimate: Used, relax: Never},
+        line_bytes: u32 ["bytes", Allowed::PowerOfTwo(32, 256), "128 in cards since 2010"] {estimate: Used, relax: Never, advice: []},
         /// Bytes of a sector, fetched and written by itself.
         sector_bytes: u32 ["bytes", Allowed::PowerOfTwo(16, 256), "32 in cards since 2010"]
-            {estimate: RefusedUnless(AtMost(64), "long sectors of the second level"), relax: Never},
+            {estimate: RefusedUnless(AtMost(64), "long sectors of the second level"), relax: Never, advice: []},
         /// Lines looked up per cycle.
-        lookups_per_cycle: u32 ["lines/cycle", Allowed::Range(1, 16), "assumed: one port"] {estimate: Used, relax: Rate},
+        lookups_per_cycle: u32 ["lines/cycle", Allowed::Range(1, 16), "assumed: one port"] {estimate: Used, relax: Rate, advice: []},
         /// Lines with sectors on their way.
         misses: u32 ["lines", Allowed::Range(1, 4096), "assumed: covers the latency of DRAM at full bandwidth"]
-            {estimate: RefusedUnless(AtLeast(8), "waits of the second-level cache"), relax: Room},
+            {estimate: RefusedUnless(AtLeast(8), "waits of the second-level cache"), relax: Room, advice: []},
         /// Requests waiting for sectors.
         waiting: u32 ["requests", Allowed::Range(1, 4096), "assumed: two a missing line"]
-            {estimate: RefusedUnless(AtLeast(8), "waits of the second-level cache"), relax: Room},
+            {estimate: RefusedUnless(AtLeast(8), "waits of the second-level cache"), relax: Room, advice: []},
         /// Requests between lookup and answer.
         entries: u32 ["requests", Allowed::Range(1, 4096), "assumed: two a missing line"]
-            {estimate: RefusedUnless(AtLeast(4), "waits of the second-level cache"), relax: Room},
+            {estimate: RefusedUnless(AtLeast(4), "waits of the second-level cache"), relax: Room, advice: []},
         /// Bytes per cycle into a slice, and out of it.
         width: u32 ["bytes/cycle", Allowed::Range(8, 4096), "32 a slice: 512 in all, of which 379 are measured (Jia et al. 2019, table 3.4)"]
-            {estimate: RefusedUnless(AtLeast(16), "narrow ways to the second level"), relax: Rate},
+            {estimate: RefusedUnless(AtLeast(16), "narrow ways to the second level"), relax: Rate, advice: []},
         /// Cycles from the crossbar to a slice, and back.
         latency: u32 ["cycles", Allowed::Range(1, 1024), "assumed: the rest of a hit's 207 cycles (Jia et al. 2019, table 3.1, GM204)"]
-            {estimate: Used, relax: Latency},
+            {estimate: Used, relax: Latency, advice: []},
     }
 }
 

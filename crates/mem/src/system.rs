@@ -109,25 +109,25 @@ knob::knobs! {
     pub struct MemoryKnobs {
         /// What is behind the ports.
         kind: MemoryKind ["", Allowed::Choice(MemoryKind::NAMES), "the ideal one isolates the units"]
-            {estimate: Used, relax: Never},
+            {estimate: Used, relax: Never, advice: []},
         /// Bytes per cycle that each port takes and gives.
         port_width: u32 ["bytes/cycle", Allowed::Range(8, 4096), "assumed; ATTILA bGPU.ini bus widths = 64"]
-            {estimate: Used, relax: Rate},
+            {estimate: Used, relax: Rate, advice: [Transfers]},
         /// Cycles from a unit to the crossbar, and from the crossbar back.
         port_latency: u32 ["cycles", Allowed::Range(1, 1024), "assumed: of the 207 cycles of an L2 hit on GM204 (Jia et al. 2019, table 3.1), less than half are the way to the slice and back"]
-            {estimate: Used, relax: Latency},
+            {estimate: Used, relax: Latency, advice: []},
         /// Cycles from a depth or colour unit to the crossbar, and from the crossbar back.
         rop_latency: u32 ["cycles", Allowed::Range(1, 1024), "assumed to be short: 16 ROPs and 512 KB of L2 stand at each memory controller of GM204 (NVIDIA 2014, GeForce GTX 980 white paper)"]
-            {estimate: RefusedUnless(AtMost(64), "long ways from ROPs to memory"), relax: Latency},
+            {estimate: RefusedUnless(AtMost(64), "long ways from ROPs to memory"), relax: Latency, advice: []},
         /// Requests, and answers, under way on each port.
         port_queue: u32 ["requests", Allowed::Range(2, 4096), "assumed: two per cycle of the latency, so that the port carries its width in halves of lines"]
-            {estimate: RefusedUnless(AtLeast(128), "ports that carry less than a request per cycle"), relax: Room},
+            {estimate: RefusedUnless(AtLeast(128), "ports that carry less than a request per cycle"), relax: Room, advice: []},
         /// Latency of the ideal memory.
         ideal_latency: u32 ["cycles", Allowed::Range(1, 65535), "assumed: the shortest: what units wait for is then their own time, and no hit of the memory that it replaces is sooner"]
-            {estimate: Used, relax: Latency},
+            {estimate: Used, relax: Latency, advice: []},
         /// Bytes per cycle of the ideal memory.
         ideal_bytes_per_cycle: u32 ["bytes/cycle", Allowed::Range(1, 1048576), "assumed: more than all ports carry"]
-            {estimate: Used, relax: Bandwidth},
+            {estimate: Used, relax: Bandwidth, advice: []},
     }
 }
 

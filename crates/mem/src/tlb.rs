@@ -18,25 +18,25 @@ knob::knobs! {
     pub struct TlbConfig {
         /// Pages of the first level of each port, any page anywhere; 0: addresses are not translated.
         entries: u32 ["pages", Allowed::Range(0, 4096), "16 of 128 KB: the first level covers about 2 MB on Kepler and Maxwell (Jia et al. 2019, table 3.1)"]
-            {estimate: Ignored("cycles hardly depend on it"), relax: Room},
+            {estimate: Ignored("cycles hardly depend on it"), relax: Room, advice: []},
         /// Bytes of a page of the first level.
         page_bytes: u32 ["bytes", Allowed::PowerOfTwo(4096, 67108864), "128 KB on Kepler and Maxwell (Jia et al. 2019, table 3.1)"]
-            {estimate: RefusedUnless(AtLeast(8192), "translation of addresses"), relax: Never},
+            {estimate: RefusedUnless(AtLeast(8192), "translation of addresses"), relax: Never, advice: []},
         /// Pages of the second level, which all ports share, any page anywhere.
         second_entries: u32 ["pages", Allowed::Range(1, 4096), "64 of 2 MB: the second level covers about 128 MB on Kepler and Maxwell (Jia et al. 2019, table 3.1)"]
-            {estimate: Ignored("cycles hardly depend on it"), relax: Never},
+            {estimate: Ignored("cycles hardly depend on it"), relax: Never, advice: []},
         /// Bytes of a page of the second level, at least those of the first.
         second_page_bytes: u32 ["bytes", Allowed::PowerOfTwo(4096, 67108864), "2 MB on Kepler and Maxwell (Jia et al. 2019, table 3.1)"]
-            {estimate: RefusedUnless(AtLeast(262144), "translation of addresses"), relax: Never},
+            {estimate: RefusedUnless(AtLeast(262144), "translation of addresses"), relax: Never, advice: []},
         /// Cycles that a translation takes which the first level lacks and the second has.
         second_latency: u32 ["cycles", Allowed::Range(1, 4096), "assumed: less than the way to the second-level cache and back"]
-            {estimate: RefusedUnless(Between(32, 64), "translation of addresses"), relax: Never},
+            {estimate: RefusedUnless(Between(32, 64), "translation of addresses"), relax: Never, advice: []},
         /// Cycles that a walk of the page tables takes in addition.
         walk_latency: u32 ["cycles", Allowed::Range(1, 16384), "an access takes 616 cycles where no TLB has its page, and 296 where one does (Jia et al. 2019, fig. 3.5: T4; not measured on Maxwell)"]
-            {estimate: RefusedUnless(AtMost(512), "translation of addresses"), relax: Never},
+            {estimate: RefusedUnless(AtMost(512), "translation of addresses"), relax: Never, advice: []},
         /// Requests of a port that wait for translations.
         queue: u32 ["requests", Allowed::Range(1, 4096), "assumed: as many misses as a texture unit has under way"]
-            {estimate: Ignored("cycles hardly depend on it"), relax: Room},
+            {estimate: Ignored("cycles hardly depend on it"), relax: Room, advice: []},
     }
 }
 

@@ -42,25 +42,25 @@ knob::knobs! {
         /// Primitives assembled per cycle.
         primitives_per_cycle: u32 ["primitives/cycle", Allowed::Range(1, 16),
             "assumed: as many as indices are read for; ATTILA bGPU.ini PRIMITIVEASSEMBLY TrianglesCycle = 2"]
-            {estimate: Used, relax: Rate},
+            {estimate: Used, relax: Rate, advice: []},
         /// Primitives that get one sequence number and go to one geometry unit before the next one's turn.
         batch: u32 ["primitives", Allowed::Range(1, 1024),
             "assumed: GPUs switch geometry engines every 16 to 64 primitives; small enough to balance, large enough to amortise marks"]
-            {estimate: RefusedUnless(AtMost(128), "draws of fewer primitives than a batch"), relax: Never},
+            {estimate: RefusedUnless(AtMost(128), "draws of fewer primitives than a batch"), relax: Never, advice: []},
         /// Whether a batch ends before it has more quads than a pipeline can send on ahead of its turn, and primitives with more than that
         /// go to all pipelines, each of which draws its own tiles of them. Where quads or images are sorted only.
         by_size: bool ["", Allowed::Switch,
             "Pomegranate (Eldridge et al. 2000) bounds the work of rasterisers in fragments; assumed: sizes are known as primitives are dealt"]
-            {estimate: Used, relax: Never},
+            {estimate: Used, relax: Never, advice: []},
         /// Which geometry unit, or which pipeline whose geometry is its own, gets the next batch.
         deal: Deal ["", Allowed::Choice(Deal::NAMES), "in turn, as cards do; the other is Molnar et al.'s dynamic assignment"]
-            {estimate: RefusedUnless(Is(&["round-robin", "least-loaded"]), "one run of a pass for each pipeline"), relax: Never},
+            {estimate: RefusedUnless(Is(&["round-robin", "least-loaded"]), "one run of a pass for each pipeline"), relax: Never, advice: []},
         /// Cycles from here to the geometry units.
         latency: u32 ["cycles", Allowed::Range(1, 64), "assumed; ATTILA bGPU.ini InputBusLatency = 10, less what shading adds here"]
-            {estimate: Used, relax: Latency},
+            {estimate: Used, relax: Latency, advice: []},
         /// Runs of primitives queued before each geometry unit.
         queue: u32 ["runs", Allowed::Range(2, 1024), "assumed: covers the latency at the rate of primitives; ATTILA bGPU.ini AssemblyQueueSize = 32"]
-            {estimate: RefusedUnless(AtLeast(4), "short queues in geometry"), relax: Room},
+            {estimate: RefusedUnless(AtLeast(4), "short queues in geometry"), relax: Room, advice: []},
     }
 }
 

@@ -32,53 +32,53 @@ knob::knobs! {
     pub struct BinConfig {
         /// Edge of a tile, whose colours and depths are kept on the chip.
         tile: u32 ["pixels", Allowed::PowerOfTwo(8, 64), "16 (Arm Mali) to 32 (Imagination PowerVR)"]
-            {estimate: Used, relax: Never},
+            {estimate: Used, relax: Never, advice: []},
         /// Triangles binned per cycle.
         triangles_per_cycle: u32 ["triangles/cycle", Allowed::Range(1, 16), "assumed: one, as the clipper delivers them"]
-            {estimate: Used, relax: Rate},
+            {estimate: Used, relax: Rate, advice: []},
         /// Entries of lists written per cycle.
         entries_per_cycle: u32 ["entries/cycle", Allowed::Range(1, 64), "assumed: one tile per cycle"]
-            {estimate: Used, relax: Rate},
+            {estimate: Used, relax: Rate, advice: []},
         /// How precisely the tiles of a triangle are found.
         overlap: Overlap ["", Allowed::Choice(Overlap::NAMES), "exact (\"perfect tiling\") since 2010; bounding boxes before (Antochi et al. 2004)"]
-            {estimate: Used, relax: Skip(&[("exact", "triangles binned exactly")])},
+            {estimate: Used, relax: Skip(&[("exact", "triangles binned exactly")]), advice: []},
         /// Bytes that are kept of a triangle besides its vertices, for all tiles that it is in the list of.
         triangle_bytes: u32 ["bytes", Allowed::Range(1, 1024), "assumed: three references to vertices"]
-            {estimate: Used, relax: Never},
+            {estimate: Used, relax: Never, advice: []},
         /// How often transformed vertices are kept.
         vertices: Vertices ["", Allowed::Choice(Vertices::NAMES), "assumed: as index buffers have them; a draw is kept in parts"]
-            {estimate: Used, relax: Never},
+            {estimate: Used, relax: Never, advice: []},
         /// Bytes that are kept of a vertex's position.
         position_bytes: u32 ["bytes", Allowed::Range(1, 64), "assumed: four components of 32 bits"]
-            {estimate: RefusedUnless(AtMost(32), "long vertices in lists of tiles"), relax: Never},
+            {estimate: RefusedUnless(AtMost(32), "long vertices in lists of tiles"), relax: Never, advice: []},
         /// Bytes that are kept of each word that a vertex has for the fragment stage.
         word_bytes: u32 ["bytes", Allowed::Range(1, 4), "assumed: 2, packed to 16 bits; 4 without compression"]
-            {estimate: RefusedUnless(AtMost(2), "long vertices in lists of tiles"), relax: Never},
+            {estimate: RefusedUnless(AtMost(2), "long vertices in lists of tiles"), relax: Never, advice: []},
         /// Whether entries of lists are stored as differences to the one before: 1 to 5 bytes instead of 4.
         compression: bool ["", Allowed::Switch, "variable-length differences"]
-            {estimate: Used, relax: Skip(&[("true", "compressed bins")])},
+            {estimate: Used, relax: Skip(&[("true", "compressed bins")]), advice: []},
         /// Whether opaque quads of a tile are held back until it is known which of them are seen, and only these are shaded.
         hide: bool ["", Allowed::Switch, "deferred shading of Imagination PowerVR; others rely on early tests"]
-            {estimate: RefusedUnless(Is(&["false"]), "quads that are held back"), relax: Skip(&[("true", "hidden surfaces removed by tiles")])},
+            {estimate: RefusedUnless(Is(&["false"]), "quads that are held back"), relax: Skip(&[("true", "hidden surfaces removed by tiles")]), advice: []},
         /// Whether a tile is left out that memory has already, since all that goes into it is as when it was drawn last. Signatures are kept
         /// on the chip, and made while triangles are binned.
         skip_same_tiles: bool ["", Allowed::Switch, "rendering elimination (Anglada et al. 2019); Arm Mali compares what was drawn instead"]
-            {estimate: RefusedUnless(Is(&["false"]), "tiles that are left out"), relax: Skip(&[("true", "unchanged tiles not drawn")])},
+            {estimate: RefusedUnless(Is(&["false"]), "tiles that are left out"), relax: Skip(&[("true", "unchanged tiles not drawn")]), advice: []},
         /// Memory for triangles and lists.
         memory_kib: u32 ["KiB", Allowed::Range(1, 4194304), "assumed: parameter buffers of 2 to 64 MB in phones"]
-            {estimate: Used, relax: Never},
+            {estimate: Used, relax: Never, advice: []},
         /// Segments of draws whose triangles are in lists, or on their way there.
         segments: u32 ["segments", Allowed::Range(1, 65535), "assumed: the states of draws lie in memory, as lists do"]
-            {estimate: Used, relax: Room},
+            {estimate: Used, relax: Room, advice: []},
         /// Requests for lists and triangles in flight, in each pipeline.
         misses: u32 ["requests", Allowed::Range(4, 1024), "assumed: covers the latency of memory"]
-            {estimate: Used, relax: Room},
+            {estimate: Used, relax: Room, advice: []},
         /// Lines of 64 bytes of triangles and vertices that each pipeline keeps for the next triangles.
         cache_lines: u32 ["lines", Allowed::PowerOfTwo(4, 4096), "assumed: 8 KB, the vertices of a tile and its neighbour"]
-            {estimate: RefusedUnless(AtLeast(32), "vertices that tiles read again"), relax: Cache},
+            {estimate: RefusedUnless(AtLeast(32), "vertices that tiles read again"), relax: Cache, advice: []},
         /// Triangles read ahead of their setup, in each pipeline.
         fifo: u32 ["triangles", Allowed::Range(1, 1024), "assumed: covers the latency of memory"]
-            {estimate: RefusedUnless(Between(128, 255), "the time that few reads of lists in flight take"), relax: Room},
+            {estimate: RefusedUnless(Between(128, 255), "the time that few reads of lists in flight take"), relax: Room, advice: []},
     }
 }
 

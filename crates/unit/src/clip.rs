@@ -11,33 +11,33 @@ knob::knobs! {
     pub struct ClipConfig {
         /// Primitives tested per cycle, those that end here and those that go on untouched.
         primitives_per_cycle: u32 ["primitives/cycle", Allowed::Range(1, 16), "one (NVIDIA 2010, GF100 white paper); ATTILA bGPU.ini CLIPPER TrianglesCycle = 2, two units"]
-            {estimate: Used, relax: Rate},
+            {estimate: Used, relax: Rate, advice: []},
         /// Cycles that testing `primitives_per_cycle` primitives takes, for rates below one primitive per cycle.
         interval: u32 ["cycles", Allowed::Range(1, 64), "pipelined; 2 in each of the 16 geometry units of the GeForce GTX 980"]
-            {estimate: Used, relax: Never},
+            {estimate: Used, relax: Never, advice: []},
         /// Cycles that a primitive takes which has to be cut against a plane.
         clip_cycles: u32 ["cycles/primitive", Allowed::Range(1, 256),
             "assumed: Sutherland-Hodgman against one or two planes at a vertex a cycle; ATTILA bGPU.ini ExecLatency = 6"]
-            {estimate: Used, relax: Interval},
+            {estimate: Used, relax: Interval, advice: []},
         /// Whether triangles that face away end here; if not, setup finds out.
         cull_facing: bool ["", Allowed::Switch, "the sign of the area, from window positions that the tests below need too; ATTILA finds it in setup"]
-            {estimate: RefusedUnless(Is(&["true"]), "triangles that are not drawn"), relax: Skip(&[("true", "triangles that face away culled early")])},
+            {estimate: RefusedUnless(Is(&["true"]), "triangles that are not drawn"), relax: Skip(&[("true", "triangles that face away culled early")]), advice: []},
         /// Whether primitives outside the view volume end here; if not, setup finds out, or cutting them does.
         cull_frustum: bool ["", Allowed::Switch, "trivial rejection by outcodes (Sutherland and Sproull 1968)"]
-            {estimate: RefusedUnless(Is(&["true"]), "triangles that are not drawn"), relax: Skip(&[("true", "primitives out of view culled early")])},
+            {estimate: RefusedUnless(Is(&["true"]), "triangles that are not drawn"), relax: Skip(&[("true", "primitives out of view culled early")]), advice: []},
         /// Whether primitives outside the scissor rectangle end here; if not, traversal finds no sample of them in it.
         cull_scissor: bool ["", Allowed::Switch, "bounds of a triangle against a rectangle: four comparisons"]
-            {estimate: RefusedUnless(Is(&["true"]), "triangles that are not drawn"), relax: Skip(&[("true", "scissored primitives culled early")])},
+            {estimate: RefusedUnless(Is(&["true"]), "triangles that are not drawn"), relax: Skip(&[("true", "scissored primitives culled early")]), advice: []},
         /// Whether primitives without area, or without a covered sample, end here or as they are distributed; if not, setup finds that
         /// they have no area, and traversal, in all of their bounds, no sample of them.
         cull_no_sample: bool ["", Allowed::Switch, "bounds of a triangle against sample positions; off in cards without a filter for small triangles"]
-            {estimate: RefusedUnless(Is(&["true"]), "triangles that are not drawn"), relax: Skip(&[("true", "triangles between samples culled early")])},
+            {estimate: RefusedUnless(Is(&["true"]), "triangles that are not drawn"), relax: Skip(&[("true", "triangles between samples culled early")]), advice: []},
         /// Cycles from here to the distribution.
         latency: u32 ["cycles", Allowed::Range(1, 64), "assumed; ATTILA bGPU.ini CLIPPER StartLatency + ExecLatency = 7"]
-            {estimate: Used, relax: Latency},
+            {estimate: Used, relax: Latency, advice: []},
         /// Runs of triangles queued before the distribution.
         queue: u32 ["runs", Allowed::Range(2, 1024), "assumed; ATTILA bGPU.ini ClipBufferSize = 32"]
-            {estimate: RefusedUnless(AtLeast(4), "short queues in geometry"), relax: Room},
+            {estimate: RefusedUnless(AtLeast(4), "short queues in geometry"), relax: Room, advice: []},
     }
 }
 

@@ -29,76 +29,76 @@ knob::knobs! {
     pub struct ColorConfig {
         /// Quads written per cycle, once for each target.
         quads_per_cycle: u32 ["quads/cycle", Allowed::Range(1, 16), "8 pixels per cycle and partition in cards of 2010 to 2016"]
-            {estimate: Used, relax: Rate},
+            {estimate: Used, relax: Rate, advice: []},
         /// Quads blended per cycle where the stored colour is read.
         blends_per_cycle: u32 ["quads/cycle", Allowed::Range(1, 16), "RGBA8 blends at full rate since 2010 (Mavridis and Papaioannou 2012: 8.28 Gpixel/s with and without)"]
-            {estimate: Used, relax: Rate},
+            {estimate: Used, relax: Rate, advice: []},
         /// Cycles that writing `quads_per_cycle` quads or blending `blends_per_cycle` quads takes, for rates below one quad per cycle.
         interval: u32 ["cycles", Allowed::Range(1, 64), "pipelined; 2 where a core writes two pixels per cycle (Mali-G57, Arm GPU Datasheet v7)"]
-            {estimate: Used, relax: Never},
+            {estimate: Used, relax: Never, advice: []},
         /// How many times as long a pixel of 64 bits takes to be written as one of up to 32 bits.
         write_64: u32 ["times", Allowed::Range(1, 16), "RGBA16F, RG32F: 2 (Mavridis and Papaioannou 2012: 4.61 and 4.56 of 8.28 Gpixel/s, GTX 460)"]
-            {estimate: UsedBy("color.times"), relax: Never},
+            {estimate: UsedBy("color.times"), relax: Never, advice: []},
         /// The same of a pixel of 128 bits.
         write_128: u32 ["times", Allowed::Range(1, 16), "RGBA32F: 4 (Mavridis and Papaioannou 2012: 2.42 of 8.28 Gpixel/s)"]
-            {estimate: UsedBy("color.times"), relax: Never},
+            {estimate: UsedBy("color.times"), relax: Never, advice: []},
         /// How many times as long a pixel of up to 32 bits with components of more than 8 bits takes to be blended as one with components of 8 bits.
         blend_packed: u32 ["times", Allowed::Range(1, 32), "RG16F: 2 (Mavridis and Papaioannou 2012: 4.52 of 8.28 Gpixel/s); R11G11B10F: 2 (hardware.fr 948)"]
-            {estimate: UsedBy("color.times"), relax: Never},
+            {estimate: UsedBy("color.times"), relax: Never, advice: []},
         /// The same of a pixel with one component of 32 bits.
         blend_single: u32 ["times", Allowed::Range(1, 32), "R32F: 2: full rate on Radeons only (hardware.fr 948)"]
-            {estimate: UsedBy("color.times"), relax: Never},
+            {estimate: UsedBy("color.times"), relax: Never, advice: []},
         /// The same of a pixel of 64 bits in narrower components.
         blend_halves: u32 ["times", Allowed::Range(1, 32), "RGBA16F: 2 (Mavridis and Papaioannou 2012: 4.56 of 8.28 Gpixel/s)"]
-            {estimate: UsedBy("color.times"), relax: Never},
+            {estimate: UsedBy("color.times"), relax: Never, advice: []},
         /// The same of a pixel with two components of 32 bits.
         blend_pair: u32 ["times", Allowed::Range(1, 32), "RG32F: 4 (Mavridis and Papaioannou 2012: 1.99 of 8.28 Gpixel/s)"]
-            {estimate: UsedBy("color.times"), relax: Never},
+            {estimate: UsedBy("color.times"), relax: Never, advice: []},
         /// The same of a pixel of 128 bits.
         blend_full: u32 ["times", Allowed::Range(1, 32), "RGBA32F: 8 (Mavridis and Papaioannou 2012: 1.10 of 8.28 Gpixel/s)"]
-            {estimate: UsedBy("color.times"), relax: Never},
+            {estimate: UsedBy("color.times"), relax: Never, advice: []},
         /// Samples of a pixel that take as long as one; more take as many times as long.
         samples: u32 ["samples/pixel", Allowed::Range(1, 16), "4: no loss where samples compress (AMD GCN white paper 2012: up to 8 colour samples per pixel)"]
-            {estimate: UsedBy("color.times"), relax: Never},
+            {estimate: UsedBy("color.times"), relax: Never, advice: []},
         /// Blocks of 8x8 pixels of 32 bits, 256 bytes, that the colour cache holds. A block with more bytes takes the places of several.
         cache_blocks: u32 ["blocks", Allowed::PowerOfTwo(4, 65536), "assumed: 64 KB cover the latency of the second level; ATTILA bGPU.ini ColorCacheWays = 4, ColorCacheLines = 16 lines of 16 stamps"]
-            {estimate: Used, relax: Cache},
+            {estimate: Used, relax: Cache, advice: [Cache("color")]},
         /// Ways of the colour cache; where they are as many as its blocks or more, any block goes anywhere.
         cache_ways: u32 ["ways", Allowed::PowerOfTwo(2, 65536), "assumed: all 64 tags are compared at once, so that no full set holds up what lies elsewhere; ATTILA bGPU.ini ColorCacheWays = 4"]
-            {estimate: Used, relax: Never},
+            {estimate: Used, relax: Never, advice: []},
         /// Which set of the cache is a block's.
         cache_sets: BlockSets ["", Allowed::Choice(BlockSets::NAMES), "caches fold addresses; ATTILA takes bits 8 to 11 of the address, of which 10 and 11 are the unit's"]
-            {estimate: RefusedUnless(Is(&["hashed"]), "sets by position"), relax: Never},
+            {estimate: RefusedUnless(Is(&["hashed"]), "sets by position"), relax: Never, advice: []},
         /// Requests to memory in flight.
         misses: u32 ["requests", Allowed::Range(1, 1024), "assumed: covers the latency of memory"]
-            {estimate: RefusedUnless(AtLeast(2), "colours that wait one for the other"), relax: Room},
+            {estimate: RefusedUnless(AtLeast(2), "colours that wait one for the other"), relax: Room, advice: []},
         /// Groups of quads between lookup and blending.
         fifo: u32 ["groups", Allowed::Range(8, 4096), "assumed: covers the latency of the second level; ATTILA bGPU.ini COLORWRITE FetchQueueSize = 256 stamps"]
-            {estimate: RefusedUnless(AtLeast(32), "blending with few quads in flight"), relax: Room},
+            {estimate: RefusedUnless(AtLeast(32), "blending with few quads in flight"), relax: Room, advice: []},
         /// Cycles from lookup to blending where the block is in the cache.
         latency: u32 ["cycles", Allowed::Range(1, 256), "assumed; ATTILA bGPU.ini BlendALULatency = 2 and the queues before it"]
-            {estimate: Used, relax: Latency},
+            {estimate: Used, relax: Latency, advice: []},
         /// Whether blocks are compressed as they leave the cache.
         compression: bool ["", Allowed::Switch, "assumed; ATTILA bGPU.ini COLORWRITE DisableCompression = FALSE"]
-            {estimate: Used, relax: Skip(&[("true", "compressed colours")])},
+            {estimate: Used, relax: Skip(&[("true", "compressed colours")]), advice: []},
         /// How they are: estimates of the bytes that they take (`--fidelity bound`) know `planes` only.
         codec: Codec ["", Allowed::Choice(Codec::NAMES), "cards since 2005 have planes of depth (Hasselgren and Akenine-Moller 2006); ATTILA CompressionAlgorithm = 0: two references"]
-            {estimate: RefusedUnless(Is(&["planes"]), "blocks compressed by references"), relax: Never},
+            {estimate: RefusedUnless(Is(&["planes"]), "blocks compressed by references"), relax: Never, advice: []},
         /// Whether a block that is stored raw is compressed when it is written again; if not, it is raw until its surface is cleared.
         recompress: bool ["", Allowed::Switch, "a compressor sees whole blocks; ATTILA's ROPCache writes a block that is uncompressed in memory uncompressed"]
-            {estimate: RefusedUnless(Is(&["true"]), "blocks that stay raw"), relax: Never},
+            {estimate: RefusedUnless(Is(&["true"]), "blocks that stay raw"), relax: Never, advice: []},
         /// Whether a block that is overwritten whole is not read from memory before.
         skip_reads: bool ["", Allowed::Switch, "write-validate caches (Jouppi 1993); a Radeon X700 XT writes 82 % of its pins' bytes in opaque fills (Beyond3D 2004)"]
-            {estimate: Used, relax: Skip(&[("true", "no reads of blocks that are overwritten whole")])},
+            {estimate: Used, relax: Skip(&[("true", "no reads of blocks that are overwritten whole")]), advice: []},
         /// Whether memory takes single bytes of a block that is stored raw, so that only what is blended is ever read; needs `skip_reads`.
         masked_writes: bool ["", Allowed::Switch, "DRAMs have data masks; ATTILA reads a block to write it only where it is stored compressed, as its counters show"]
-            {estimate: RefusedUnless(Is(&["false"]), "blocks that are written in part"), relax: Skip(&[("true", "blocks written in part, without reads")])},
+            {estimate: RefusedUnless(Is(&["false"]), "blocks that are written in part"), relax: Skip(&[("true", "blocks written in part, without reads")]), advice: []},
         /// Whether a pass that clears an attachment sets flags instead of writing memory.
         fast_clear: bool ["", Allowed::Switch, "in cards since the Radeon of 2000"]
-            {estimate: Used, relax: Skip(&[("true", "fast clears")])},
+            {estimate: Used, relax: Skip(&[("true", "fast clears")]), advice: []},
         /// Blocks whose flags are set per cycle, in each pipeline.
         clears_per_cycle: u32 ["blocks/cycle", Allowed::Range(1, 4096), "assumed; ATTILA bGPU.ini BlocksClearedPerCycle = 1024 for the card"]
-            {estimate: RefusedUnless(AtLeast(2), "slow clears of flags"), relax: Rate},
+            {estimate: RefusedUnless(AtLeast(2), "slow clears of flags"), relax: Rate, advice: []},
     }
 }
 

@@ -13,13 +13,13 @@ knob::knobs! {
     pub struct ComputeConfig {
         /// Warps made per cycle.
         warps_per_cycle: u32 ["warps/cycle", Allowed::Range(1, 16), "assumed: a workgroup of 64 per cycle and a warp width of 32 take two"]
-            {estimate: Ignored("cycles hardly depend on it"), relax: Rate},
+            {estimate: Ignored("cycles hardly depend on it"), relax: Rate, advice: []},
         /// Warps queued before each core.
         queue: u32 ["warps", Allowed::Range(2, 256), "assumed: two: one arriving, one waiting"]
-            {estimate: Ignored("cycles hardly depend on it"), relax: Room},
+            {estimate: Ignored("cycles hardly depend on it"), relax: Room, advice: []},
         /// Cycles from here to a core.
         latency: u32 ["cycles", Allowed::Range(1, 64), "assumed: as the fragment dispatch"]
-            {estimate: Ignored("cycles hardly depend on it"), relax: Latency},
+            {estimate: Ignored("cycles hardly depend on it"), relax: Latency, advice: []},
     }
 }
 

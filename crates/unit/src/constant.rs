@@ -23,40 +23,40 @@ knob::knobs! {
     pub struct ConstantConfig {
         /// Whether cores that shade fragments read uniform buffers through a cache of their own. If not, and in separate vertex cores, they read them through the texture unit.
         enabled: bool ["", Allowed::Switch, "CUDA C programming guide: cards of every compute capability have one"]
-            {estimate: Used, relax: Never},
+            {estimate: Used, relax: Never, advice: []},
         /// Bytes of the first level.
         bytes: u32 ["bytes", Allowed::PowerOfTwo(256, 1048576), "2 KB on Kepler and Maxwell (Jia et al. 2019, table 3.1)"]
-            {estimate: Ignored("cycles hardly depend on it"), relax: Never},
+            {estimate: Ignored("cycles hardly depend on it"), relax: Never, advice: []},
         /// Ways of the first level.
         ways: u32 ["ways", Allowed::PowerOfTwo(1, 256), "assumed: 4"]
-            {estimate: Ignored("cycles hardly depend on it"), relax: Never},
+            {estimate: Ignored("cycles hardly depend on it"), relax: Never, advice: []},
         /// Bytes of a line of the first level.
         line_bytes: u32 ["bytes", Allowed::PowerOfTwo(64, 256), "assumed: 64"]
-            {estimate: Ignored("cycles hardly depend on it"), relax: Never},
+            {estimate: Ignored("cycles hardly depend on it"), relax: Never, advice: []},
         /// Bytes of the second level, a multiple of its line; 0: there is none.
         second_bytes: u32 ["bytes", Allowed::Range(0, 1048576), "32 KB on Kepler and Maxwell, called L1.5 (Jia et al. 2019, table 3.1)"]
-            {estimate: Ignored("cycles hardly depend on it"), relax: Never},
+            {estimate: Ignored("cycles hardly depend on it"), relax: Never, advice: []},
         /// Ways of the second level.
         second_ways: u32 ["ways", Allowed::PowerOfTwo(1, 256), "assumed as in the first level"]
-            {estimate: Ignored("cycles hardly depend on it"), relax: Never},
+            {estimate: Ignored("cycles hardly depend on it"), relax: Never, advice: []},
         /// Bytes of a line of the second level.
         second_line_bytes: u32 ["bytes", Allowed::PowerOfTwo(64, 256), "assumed: 256"]
-            {estimate: Ignored("cycles hardly depend on it"), relax: Never},
+            {estimate: Ignored("cycles hardly depend on it"), relax: Never, advice: []},
         /// Cycles from an access to its answer where the first level has the line.
         latency: u32 ["cycles", Allowed::Range(1, 256), "a hit takes 25 cycles on GM204 (Jia et al. 2019, table 3.1), 14 of them outside: the index and the way to the cache and back"]
-            {estimate: Used, relax: Latency},
+            {estimate: Used, relax: Latency, advice: []},
         /// Cycles from an access to its answer where the second level has the line.
         second_latency: u32 ["cycles", Allowed::Range(1, 1024), "a hit takes 81 cycles on GM204 (Jia et al. 2019, table 3.1), 14 of them outside"]
-            {estimate: Ignored("cycles hardly depend on it"), relax: Latency},
+            {estimate: Ignored("cycles hardly depend on it"), relax: Latency, advice: []},
         /// Misses of both levels in flight.
         misses: u32 ["requests", Allowed::Range(1, 1024), "assumed: covers the latency of the card's second level at an address in 16 cycles"]
-            {estimate: Ignored("cycles hardly depend on it"), relax: Room},
+            {estimate: Ignored("cycles hardly depend on it"), relax: Room, advice: []},
         /// Accesses of warps between lookup and answer.
         fifo: u32 ["accesses", Allowed::Range(1, 4096), "assumed: one for each warp of a core"]
-            {estimate: Ignored("cycles hardly depend on it"), relax: Room},
+            {estimate: Ignored("cycles hardly depend on it"), relax: Room, advice: []},
         /// Warps queued before the cache.
         queue: u32 ["warps", Allowed::Range(2, 256), "assumed: as before a texture unit"]
-            {estimate: Ignored("cycles hardly depend on it"), relax: Room},
+            {estimate: Ignored("cycles hardly depend on it"), relax: Room, advice: []},
     }
 }
 

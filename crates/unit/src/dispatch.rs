@@ -20,31 +20,31 @@ knob::knobs! {
     pub struct DispatchConfig {
         /// Quads packed per cycle.
         quads_per_cycle: u32 ["quads/cycle", Allowed::Range(1, 16), "assumed: four; ATTILA: one (bGPU.ini FRAGMENTSHADER InputsPerCycle = 4 fragments)"]
-            {estimate: Used, relax: Rate},
+            {estimate: Used, relax: Rate, advice: []},
         /// Cycles that packing `quads_per_cycle` quads takes, for rates below one quad per cycle.
         interval: u32 ["cycles", Allowed::Range(1, 64), "pipelined; 2 where a core shades two fragments per cycle (Mali-G57, Arm GPU Datasheet v7)"]
-            {estimate: Used, relax: Never},
+            {estimate: Used, relax: Never, advice: []},
         /// Warps between packing and leaving in order.
         reorder: u32 ["warps", Allowed::Range(1, 1024), "all warps of four multiprocessors (CUDA, compute capability 5.2: 64 each); ATTILA bGPU.ini ShadedStampQueueSize = 640 stamps, 80 warps of 8"]
-            {estimate: RefusedUnless(AtLeast(32), "few warps between dispatch and ROPs"), relax: Room},
+            {estimate: RefusedUnless(AtLeast(32), "few warps between dispatch and ROPs"), relax: Room, advice: []},
         /// Cycles without a further quad after which a warp is started though it is not full.
         patience: u32 ["cycles", Allowed::Range(1, 4096), "assumed: short against a texture access, so that little is lost at the end of work"]
-            {estimate: Ignored("cycles hardly depend on it"), relax: Never},
+            {estimate: Ignored("cycles hardly depend on it"), relax: Never, advice: []},
         /// Warps queued before each core.
         queue: u32 ["warps", Allowed::Range(2, 256), "assumed: two: one arriving, one waiting"]
-            {estimate: Ignored("cycles hardly depend on it"), relax: Room},
+            {estimate: Ignored("cycles hardly depend on it"), relax: Room, advice: []},
         /// Cycles from here to a core.
         latency: u32 ["cycles", Allowed::Range(1, 64), "assumed: loading of input registers begins as the warp arrives"]
-            {estimate: Used, relax: Latency},
+            {estimate: Used, relax: Latency, advice: []},
         /// Quads sent on to the ROP per cycle.
         output_quads: u32 ["quads/cycle", Allowed::Range(1, 16), "assumed: four; ATTILA: one (bGPU.ini FRAGMENTSHADER OutputsPerCycle = 4 fragments)"]
-            {estimate: RefusedUnless(AtLeast(2), "a narrow way from cores to ROPs"), relax: Rate},
+            {estimate: RefusedUnless(AtLeast(2), "a narrow way from cores to ROPs"), relax: Rate, advice: []},
         /// Cycles from here to the ROP.
         output_latency: u32 ["cycles", Allowed::Range(1, 64), "assumed; ATTILA bGPU.ini FRAGMENTSHADER OutputLatency = 11"]
-            {estimate: Used, relax: Latency},
+            {estimate: Used, relax: Latency, advice: []},
         /// Groups of quads queued before the ROP.
         output_queue: u32 ["groups", Allowed::Range(2, 4096), "assumed; ATTILA bGPU.ini COLORWRITE InputQueueSize = 8, FetchQueueSize in the ROP"]
-            {estimate: RefusedUnless(AtLeast(4), "short queues behind the cores"), relax: Room},
+            {estimate: RefusedUnless(AtLeast(4), "short queues behind the cores"), relax: Room, advice: []},
     }
 }
 

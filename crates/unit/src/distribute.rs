@@ -26,20 +26,20 @@ knob::knobs! {
         /// Edge of the screen tiles that are dealt to pipelines. Where tiles are drawn from bins they are at least as large as those.
         tile: u32 ["pixels", Allowed::PowerOfTwo(8, 1024),
             "tiles of 16 x 16 pixels and more on Maxwell (Kanter 2016); ATTILA bGPU.ini ScanWidth = 16. Larger tiles mean less overlap, smaller ones better balance"]
-            {estimate: UsedBy("config.owned_tile"), relax: Parts("screen tiles")},
+            {estimate: UsedBy("config.owned_tile"), relax: Parts("screen tiles"), advice: [Imbalance]},
         /// How tiles are dealt.
         pattern: super::interleave::Pattern ["", Allowed::Choice(super::interleave::Pattern::NAMES),
             "assumed: evenly; how GM204 deals the screen is not published. A skewed interleave gives neighbours in both directions to different pipelines, and small targets to all"]
-            {estimate: Used, relax: Each("screen tiles dealt in the pattern")},
+            {estimate: Used, relax: Each("screen tiles dealt in the pattern"), advice: []},
         /// How precisely the receivers of a triangle are found.
         overlap: Overlap ["", Allowed::Choice(Overlap::NAMES), "hardware tests bounding boxes (Molnar et al. 1994)"]
-            {estimate: Ignored("cycles hardly depend on it"), relax: Skip(&[("exact", "triangles sent to exactly those that draw them")])},
+            {estimate: Ignored("cycles hardly depend on it"), relax: Skip(&[("exact", "triangles sent to exactly those that draw them")]), advice: []},
         /// Triangles routed per cycle by each geometry unit.
         triangles_per_cycle: u32 ["triangles/cycle", Allowed::Range(1, 16), "assumed: as the clipper delivers them"]
-            {estimate: Used, relax: Rate},
+            {estimate: Used, relax: Rate, advice: []},
         /// Cycles between two triangles of one unit; 1 is fully pipelined.
         interval: u32 ["cycles", Allowed::Range(1, 64), "assumed: pipelined; ATTILA sets triangles up before it distributes them: bGPU.ini SetupStartLatency = 4 of TrianglesCycle = 2"]
-            {estimate: Used, relax: Never},
+            {estimate: Used, relax: Never, advice: []},
     }
 }
 

@@ -11,22 +11,22 @@ knob::knobs! {
     pub struct InterpolateConfig {
         /// Quads begun per cycle.
         quads_per_cycle: u32 ["quads/cycle", Allowed::Range(1, 16), "assumed; ATTILA bGPU.ini NumInterpolators = 4"]
-            {estimate: Used, relax: Rate},
+            {estimate: Used, relax: Rate, advice: []},
         /// Cycles between beginnings of `quads_per_cycle` quads, for rates below one quad per cycle.
         interval: u32 ["cycles", Allowed::Range(1, 64), "pipelined; 2 where a core shades two fragments per cycle (Mali-G57, Arm GPU Datasheet v7)"]
-            {estimate: Used, relax: Never},
+            {estimate: Used, relax: Never, advice: []},
         /// Attribute words that each of these quads gets per cycle; more take more cycles.
         words_per_cycle: u32 ["words/quad/cycle", Allowed::Range(1, 64), "assumed: a vec4 a quad and cycle, as ATTILA's interpolators"]
-            {estimate: Used, relax: Rate},
+            {estimate: Used, relax: Rate, advice: []},
         /// Whether only those varyings are computed and interpolated that the fragment stage reads; if not, all that the vertex stage writes.
         skip_varyings: bool ["", Allowed::Switch, "drivers link the stages of a pipeline; off shows what that is worth"]
-            {estimate: UsedBy("config.render_key"), relax: Skip(&[("true", "only varyings that are read")])},
+            {estimate: UsedBy("config.render_key"), relax: Skip(&[("true", "only varyings that are read")]), advice: []},
         /// Cycles from here to the cores.
         latency: u32 ["cycles", Allowed::Range(1, 64), "assumed: multiply-add chains and a reciprocal: 8 stages"]
-            {estimate: RefusedUnless(AtMost(32), "long ways through interpolation"), relax: Latency},
+            {estimate: RefusedUnless(AtMost(32), "long ways through interpolation"), relax: Latency, advice: []},
         /// Groups of quads queued before the cores.
         queue: u32 ["groups", Allowed::Range(2, 4096), "assumed; ATTILA bGPU.ini ShaderInputQueueSize = 128"]
-            {estimate: RefusedUnless(AtLeast(8), "short queues behind interpolation"), relax: Room},
+            {estimate: RefusedUnless(AtLeast(8), "short queues behind interpolation"), relax: Room, advice: []},
     }
 }
 

@@ -19,10 +19,10 @@ knob::knobs! {
     pub struct ResolveConfig {
         /// The cycles that a block of 8x8 pixels takes in each pipeline's unit.
         block_cycles: u32 ["cycles/block", Allowed::Range(1, 256), "assumed: 16 pixels of four samples per cycle"]
-            {estimate: Used, relax: Interval},
+            {estimate: Used, relax: Interval, advice: []},
         /// Requests to memory in flight.
         misses: u32 ["requests", Allowed::Range(1, 1024), "assumed: covers the latency of memory"]
-            {estimate: RefusedUnless(AtLeast(64), "resolves with few requests in flight"), relax: Room},
+            {estimate: RefusedUnless(AtLeast(64), "resolves with few requests in flight"), relax: Room, advice: []},
     }
 }
 

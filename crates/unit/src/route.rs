@@ -35,31 +35,31 @@ knob::knobs! {
     pub struct RouteConfig {
         /// Vertices transformed per cycle: a matrix times a position, and the division.
         vertices_per_cycle: u32 ["vertices/cycle", Allowed::Range(1, 16), "four dot products; one fixed-function transform as in cards of 1999"]
-            {estimate: Used, relax: Rate},
+            {estimate: Used, relax: Rate, advice: []},
         /// Primitives routed per cycle.
         primitives_per_cycle: u32 ["primitives/cycle", Allowed::Range(1, 16), "assumed: bounds of three vertices against the regions"]
-            {estimate: Used, relax: Rate},
+            {estimate: Used, relax: Rate, advice: []},
         /// Transformed vertices that are remembered, first in first out.
         reuse: u32 ["vertices", Allowed::Range(0, 64), "assumed: 16, as post-transform caches of the time"]
-            {estimate: RefusedUnless(AtLeast(4), "vertices that are transformed again"), relax: Cache},
+            {estimate: RefusedUnless(AtLeast(4), "vertices that are transformed again"), relax: Cache, advice: []},
         /// Lines of positions remembered.
         cache_lines: u32 ["lines", Allowed::PowerOfTwo(2, 65536), "assumed: 4 KB"]
-            {estimate: Ignored("cycles hardly depend on it"), relax: Cache},
+            {estimate: Ignored("cycles hardly depend on it"), relax: Cache, advice: []},
         /// Ways of the cache of positions.
         cache_ways: u32 ["ways", Allowed::PowerOfTwo(1, 65536), "assumed: as the attribute cache's"]
-            {estimate: Ignored("cycles hardly depend on it"), relax: Never},
+            {estimate: Ignored("cycles hardly depend on it"), relax: Never, advice: []},
         /// Requests for lines of positions in flight.
         misses: u32 ["requests", Allowed::Range(1, 1024), "assumed: covers the latency of memory"]
-            {estimate: RefusedUnless(AtLeast(8), "waits of routing for vertices"), relax: Room},
+            {estimate: RefusedUnless(AtLeast(8), "waits of routing for vertices"), relax: Room, advice: []},
         /// Primitives between the lookup of their positions and routing.
         fifo: u32 ["primitives", Allowed::Range(1, 4096), "assumed: covers the latency of memory"]
-            {estimate: RefusedUnless(AtLeast(32), "waits of routing for vertices"), relax: Room},
+            {estimate: RefusedUnless(AtLeast(32), "waits of routing for vertices"), relax: Room, advice: []},
         /// Cycles from positions to bounds.
         latency: u32 ["cycles", Allowed::Range(1, 256), "assumed: transform, division, comparison"]
-            {estimate: RefusedUnless(AtMost(96), "waits of routing for vertices"), relax: Latency},
+            {estimate: RefusedUnless(AtMost(96), "waits of routing for vertices"), relax: Latency, advice: []},
         /// The data that is sent of a primitive.
         mode: Retained ["", Allowed::Choice(Retained::NAMES), "Molnar et al. 1994 compare both; both traffics are counted whichever is simulated"]
-            {estimate: RefusedUnless(Is(&["retained"]), "vertices that are sent"), relax: Never},
+            {estimate: RefusedUnless(Is(&["retained"]), "vertices that are sent"), relax: Never, advice: []},
     }
 }
 

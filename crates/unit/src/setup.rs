@@ -15,15 +15,15 @@ knob::knobs! {
     pub struct SetupConfig {
         /// Triangles set up per cycle.
         triangles_per_cycle: u32 ["triangles/cycle", Allowed::Range(1, 8), "assumed; ATTILA bGPU.ini RASTERIZER TrianglesCycle = 2 for the card; one each here"]
-            {estimate: Used, relax: Rate},
+            {estimate: Used, relax: Rate, advice: []},
         /// Cycles between two triangles of one unit; 1 is fully pipelined.
-        interval: u32 ["cycles", Allowed::Range(1, 64), "pipelined since the GeForce 256"] {estimate: Used, relax: Interval},
+        interval: u32 ["cycles", Allowed::Range(1, 64), "pipelined since the GeForce 256"] {estimate: Used, relax: Interval, advice: []},
         /// Cycles from here to traversal.
         latency: u32 ["cycles", Allowed::Range(1, 64), "assumed; ATTILA bGPU.ini SetupLatency = 10"]
-            {estimate: RefusedUnless(AtMost(32), "long ways through setup"), relax: Latency},
+            {estimate: RefusedUnless(AtMost(32), "long ways through setup"), relax: Latency, advice: []},
         /// Triangles queued before traversal.
         queue: u32 ["triangles", Allowed::Range(2, 1024), "assumed; ATTILA bGPU.ini SetupFIFOSize = 32"]
-            {estimate: RefusedUnless(AtLeast(8), "short queues before setup"), relax: Room},
+            {estimate: RefusedUnless(AtLeast(8), "short queues before setup"), relax: Room, advice: []},
     }
 }
 

@@ -164,20 +164,20 @@ knob::knobs! {
         /// Where API order is kept.
         keep: Keep ["", Allowed::Choice(Keep::NAMES),
             "APIs demand it; where-needed is for sort-last-fragment (Molnar et al. 1994), never for no real card"]
-            {estimate: RefusedUnless(Is(&["always", "never"]), "quads in any order"), relax: Never},
+            {estimate: RefusedUnless(Is(&["always", "never"]), "quads in any order"), relax: Never, advice: []},
         /// Early depth tests where the pixels have another owner: sort-last-fragment.
         early: EarlyTest ["", Allowed::Choice(EarlyTest::NAMES),
             "Molnar et al. 1994 have none; the others show what an early test is worth there"]
-            {estimate: RefusedUnless(Is(&["none"]), "early tests of quads that others own"), relax: Never},
+            {estimate: RefusedUnless(Is(&["none"]), "early tests of quads that others own"), relax: Never, advice: []},
         /// Groups of quads that wait for the depths of their early test.
         early_queue: u32 ["groups", Allowed::Range(1, 4096), "assumed: covers a question and its answer"]
-            {estimate: Ignored("without effect where order.early is none"), relax: Room},
+            {estimate: Ignored("without effect where order.early is none"), relax: Room, advice: []},
         /// Remote early tests: cycles that a question takes to the owner of its pixels, and an answer back.
         early_latency: u32 ["cycles", Allowed::Range(1, 1024), "assumed: as network.link_latency"]
-            {estimate: Ignored("without effect where order.early is none"), relax: Latency},
+            {estimate: Ignored("without effect where order.early is none"), relax: Latency, advice: []},
         /// Remote early tests: bytes per cycle of each way between two pipelines, there and back.
         early_bytes: u32 ["bytes/cycle", Allowed::Range(1, 65536), "assumed: the depths of four quads, one sample per pixel"]
-            {estimate: Ignored("without effect where order.early is none"), relax: Rate},
+            {estimate: Ignored("without effect where order.early is none"), relax: Rate, advice: []},
     }
 }
 

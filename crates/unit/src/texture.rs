@@ -23,61 +23,61 @@ knob::knobs! {
     pub struct TextureConfig {
         /// Quads addressed per cycle.
         quads_per_cycle: u32 ["quads/cycle", Allowed::Range(1, 16), "4 bilinear texels per cycle and quad pipe; 8 texels per cycle and SM of 2014"]
-            {estimate: Used, relax: Rate},
+            {estimate: Used, relax: Rate, advice: []},
         /// Pieces of 64 bytes looked up in the cache per cycle.
         lookups_per_cycle: u32 ["pieces/cycle", Allowed::Range(1, 32), "assumed: four banks, one a texel of a bilinear footprint"]
-            {estimate: Used, relax: Rate},
+            {estimate: Used, relax: Rate, advice: []},
         /// Bytes of an aligned piece of memory of which a load, store or atomic of a warp has one looked up at a time, whatever its invocations need of it.
         access_bytes: u32 ["bytes", Allowed::PowerOfTwo(64, 256), "128: a warp's accesses to a line of 128 bytes are one transaction since 2010 (NVIDIA, CUDA C Programming Guide, \"Global Memory\")"]
-            {estimate: Used, relax: Never},
+            {estimate: Used, relax: Never, advice: []},
         /// Such pieces per cycle.
         accesses_per_cycle: u32 ["pieces/cycle", Allowed::Range(1, 64), "one: 128 bytes per cycle are the bound of an SM's first-level cache (Jia et al. 2019, table 3.2)"]
-            {estimate: Used, relax: Rate},
+            {estimate: Used, relax: Rate, advice: []},
         /// Bilinear filter operations per cycle: 1 per fragment for bilinear, 2 for trilinear, N for an anisotropy of N; times what the format costs.
         filters_per_cycle: u32 ["operations/cycle", Allowed::Range(1, 128), "8 bilinear texels per cycle: the texel rate of 2014's SM"]
-            {estimate: Used, relax: Rate},
+            {estimate: Used, relax: Rate, advice: []},
         /// Operations of a bilinear sample of one component of 32 bits, in those of one of 8-bit components, which is 1.
         filter_single: u32 ["operations", Allowed::Range(1, 16), "1 on GeForce and Radeon of 2012 to 2016; 2 on Mali-G57 (Arm GPU Datasheet v7)"]
-            {estimate: UsedBy("texture.costs"), relax: Never},
+            {estimate: UsedBy("texture.costs"), relax: Never, advice: []},
         /// The same where texels have 64 bits in narrower components.
         filter_halves: u32 ["operations", Allowed::Range(1, 16), "RGBA16F: 1 on GeForce (hardware.fr 928-3); 2 on Radeon HD 7000 to Fiji and on Mali-G57"]
-            {estimate: UsedBy("texture.costs"), relax: Never},
+            {estimate: UsedBy("texture.costs"), relax: Never, advice: []},
         /// The same where texels have two components of 32 bits.
         filter_pair: u32 ["operations", Allowed::Range(1, 16), "RG32F: assumed as on the RTX 3090 (sebbbi, perftest: full rate); 4 on Mali-G57"]
-            {estimate: UsedBy("texture.costs"), relax: Never},
+            {estimate: UsedBy("texture.costs"), relax: Never, advice: []},
         /// The same where texels have four components of 32 bits.
         filter_full: u32 ["operations", Allowed::Range(1, 16), "RGBA32F: 4 on GeForce (sebbbi, perftest: RTX 3090) and Radeon; 8 on Mali-G57"]
-            {estimate: UsedBy("texture.costs"), relax: Never},
+            {estimate: UsedBy("texture.costs"), relax: Never, advice: []},
         /// Operations of a load, without filtering, of a texel of 128 bits; other loads take one.
         load_full: u32 ["operations", Allowed::Range(1, 16), "2 on the GTX 980 Ti: up to 64 bit full rate, 128 bit half (sebbbi, perftest)"]
-            {estimate: UsedBy("texture.costs"), relax: Never},
+            {estimate: UsedBy("texture.costs"), relax: Never, advice: []},
         /// Whether a sample between two levels asks for the second only where that has a weight.
         skip_levels: bool ["", Allowed::Switch, "known with the level of detail; off: always both levels, as Vulkan's \"Image Level(s) Selection\" has it"]
-            {estimate: UsedBy("config.render_key"), relax: Skip(&[("true", "only levels that have a weight")])},
+            {estimate: UsedBy("config.render_key"), relax: Skip(&[("true", "only levels that have a weight")]), advice: []},
         /// Lines of the first-level cache; a multiple of its ways, or fewer than they are.
         cache_lines: u32 ["lines", Allowed::Range(1, 65536), "48 KB a multiprocessor (NVIDIA 2016, GeForce GTX 1080 white paper); 16 KB is enough for one screen row of bilinear (Hakura and Gupta 1997)"]
-            {estimate: RefusedUnless(AtLeast(4), "texture caches of fewer lines than a request reads"), relax: Cache},
+            {estimate: RefusedUnless(AtLeast(4), "texture caches of fewer lines than a request reads"), relax: Cache, advice: [Cache("texture")]},
         /// Bytes of a line of the first-level cache, which has one tag. Whatever it is, 64 bytes are looked up at a time: rates of misses compare.
         line_bytes: u32 ["bytes", Allowed::PowerOfTwo(64, 256), "128 on GM204 (Jia et al. 2019, table 3.1); 16 texels of 4 bytes; Hakura and Gupta 1997 vary it from 32 to 256"]
-            {estimate: RefusedUnless(Is(&["64", "128"]), "longer lines of textures"), relax: Never},
+            {estimate: RefusedUnless(Is(&["64", "128"]), "longer lines of textures"), relax: Never, advice: []},
         /// Bytes of a sector of such a line, at most the line: a miss reads the sectors that are asked for and are not there. Samples ask for 64 bytes at least.
         sector_bytes: u32 ["bytes", Allowed::PowerOfTwo(32, 256), "32 on GM204 (Jia et al. 2019, table 3.1: load granularity); as long as a line in caches without sectors"]
-            {estimate: RefusedUnless(Is(&["32", "64"]), "longer lines of textures"), relax: Never},
+            {estimate: RefusedUnless(Is(&["32", "64"]), "longer lines of textures"), relax: Never, advice: []},
         /// Ways of the first-level cache; where they are as many as its lines or more, any line goes anywhere.
         cache_ways: u32 ["ways", Allowed::PowerOfTwo(1, 65536), "assumed; ATTILA bGPU.ini TextureCacheWaysL1 = 16"]
-            {estimate: Used, relax: Never},
+            {estimate: Used, relax: Never, advice: []},
         /// Misses in flight.
         misses: u32 ["requests", Allowed::Range(1, 1024), "assumed: covers the latency of memory (357 cycles) at two thirds of a miss per cycle"]
-            {estimate: RefusedUnless(AtLeast(8), "texture units with few misses in flight"), relax: Room},
+            {estimate: RefusedUnless(AtLeast(8), "texture units with few misses in flight"), relax: Room, advice: []},
         /// Quads between address and filter.
         fifo: u32 ["quads", Allowed::Range(1, 4096), "assumed: covers the latency of memory (357 cycles) at the rate of quads (Igehy et al. 1998); ATTILA bGPU.ini TextureAccessQueue = 256"]
-            {estimate: Used, relax: Room},
+            {estimate: Used, relax: Room, advice: []},
         /// Cycles from address to filter where all lines are in the cache.
         latency: u32 ["cycles", Allowed::Range(1, 256), "a hit takes 82 cycles on GM204 (Jia et al. 2019, table 3.1), 8 of them outside; ATTILA bGPU.ini AddressALULatency + FilterALULatency = 10"]
-            {estimate: Used, relax: Latency},
+            {estimate: Used, relax: Latency, advice: []},
         /// Warps queued before the unit.
         queue: u32 ["warps", Allowed::Range(2, 256), "assumed; ATTILA bGPU.ini TextureRequestQueueSize = 512 texels"]
-            {estimate: Ignored("cycles hardly depend on it"), relax: Room},
+            {estimate: Ignored("cycles hardly depend on it"), relax: Room, advice: []},
     }
 }
 

@@ -6,14 +6,14 @@ use serde_json::Value;
 use super::data::CountedSpan;
 use super::replay::{Input, command};
 use super::{percent, readable, share};
-use crate::knob::Setting;
+use crate::knob::{Advice, Knob, Relax, Setting};
 use crate::machine::{Config, SortOutcome};
 use crate::mem::{CACHES, CacheCounts};
 use crate::unit::phase::PhaseKind;
 use crate::work::{FUNNEL, Funnel};
 
 /// One piece of advice.
-struct Advice {
+struct Proposal {
     /// What to do.
     what: String,
     /// What was counted.
@@ -24,18 +24,21 @@ struct Advice {
     weight: f64,
 }
 
-/// A number's knob at `times` its value, if it takes that.
-fn times(config: &Config, path: &str, times: f64) -> Option<String> {
-    let (knob, now) = config.knob("advice", path).ok()?;
-    let Setting::Number(value) = now else { return None };
-    let wanted = Setting::Number((value as f64 * times).round().max(1.0) as u64);
+/// The setting that gives a frame more of what a knob limits, as its declaration says. None if the knob has that value or does not take it.
+fn setting(config: &Config, path: &str, knob: &Knob) -> Option<String> {
+    let (_, now) = config.knob("advice", path).ok()?;
+    let wanted = match (knob.relax, &now) {
+        (Relax::Skip(values), _) => Setting::from(values.first()?.0),
+        (Relax::Rate | Relax::Room | Relax::Cache, Setting::Number(value)) => Setting::Number(2 * value),
+        (Relax::Interval | Relax::Latency | Relax::Parts(_), Setting::Number(value)) => Setting::Number(value.div_ceil(2)),
+        _ => return None,
+    };
     (wanted != now && knob.allowed.admits(&wanted)).then(|| format!("{path}={wanted}"))
 }
 
-/// A switch that is off.
-fn switch(config: &Config, path: &str) -> Option<String> {
-    let (_, now) = config.knob("advice", path).ok()?;
-    (now == Setting::Switch(false)).then(|| format!("{path}=true"))
+/// The knobs whose declarations name some advice, with that advice.
+fn declared(config: &Config) -> impl Iterator<Item = (Advice, String, &'static Knob)> {
+    config.knobs().flat_map(|(path, knob)| knob.advice.iter().map(move |&advice| (advice, path.clone(), knob)))
 }
 
 /// Whether a machine with these settings keeps the rules between knobs.
@@ -45,7 +48,7 @@ fn holds(config: &Config, set: &[String]) -> bool {
 }
 
 /// Advice from the gains that `why` has timed.
-fn proven(why: &Value) -> Vec<Advice> {
+fn proven(why: &Value) -> Vec<Proposal> {
     let gains = why["changes"].as_array().map_or(&[][..], Vec::as_slice);
     let gain = |value: &Value| value["gain"].as_f64().unwrap_or(0.0);
     let worth = gains.iter().filter(|own| gain(own) >= 0.02).take(6);
@@ -53,7 +56,7 @@ fn proven(why: &Value) -> Vec<Advice> {
         let evidence = own["evidence"].as_str().unwrap_or("");
         let place = own["most_in"].as_str().map_or(String::new(), |phase| format!(", in {phase}"));
         let set = own["set"].as_object().into_iter().flatten();
-        Advice {
+        Proposal {
             what: format!("{}: {} fewer cycles, timed.", own["change"].as_str().unwrap_or(""), percent(gain(own))),
             evidence: if evidence.is_empty() { String::new() } else { format!("Without it{place}: {evidence}.") },
             set: set.map(|(path, value)| format!("{path}={}", value.as_str().unwrap_or("").trim_matches('"'))).collect(),
@@ -70,17 +73,18 @@ fn timed(why: &Value) -> Vec<String> {
 }
 
 /// Rules over the counters of a frame.
-fn counted(frame: &CountedSpan, config: Option<&Config>) -> Vec<Advice> {
+fn counted(frame: &CountedSpan, config: Option<&Config>) -> Vec<Proposal> {
     let funnel: Funnel = FUNNEL.sum(&frame.counts);
     let sort = SortOutcome::read(&frame.counts);
     let mut all = Vec::new();
-    let mut add = |what: &str, evidence: String, set: Vec<Option<String>>, weight: f64| {
-        let set: Vec<String> = set.into_iter().flatten().collect();
+    let mut add = |what: &str, evidence: String, advice: Option<Advice>, weight: f64| {
+        let knobs =
+            config.into_iter().flat_map(|config| declared(config).map(move |(own, path, knob)| (config, own, path, knob)));
+        let own = knobs.filter(|&(_, own, ..)| Some(own) == advice);
+        let set: Vec<String> = own.filter_map(|(config, _, path, knob)| setting(config, &path, knob)).collect();
         let set = if config.is_some_and(|config| holds(config, &set)) { set } else { Vec::new() };
-        all.push(Advice { what: what.into(), evidence, set, weight });
+        all.push(Proposal { what: what.into(), evidence, set, weight });
     };
-    let knob = |path: &str, by: f64| config.and_then(|config| times(config, path, by));
-    let on = |path: &str| config.and_then(|config| switch(config, path));
     let [covered, shaded, helpers, late_failed, pixels, early] = [
         funnel.fragments_covered,
         funnel.fragments_shaded,
@@ -101,14 +105,14 @@ fn counted(frame: &CountedSpan, config: Option<&Config>) -> Vec<Advice> {
         add(
             "Draw meshes with fewer triangles where they are far away.",
             evidence,
-            Vec::new(),
+            None,
             0.4 * share(helpers, helpers + shaded),
         );
     }
     if late_failed > 0.2 * shaded && shaded > 0.0 {
         let evidence =
             format!("{} of the shaded fragments fail the depth test after shading.", percent(share(late_failed, shaded)));
-        add("Test depth before shading: no discard, no depth from shaders.", evidence, vec![on("depth.early")], 0.5);
+        add("Test depth before shading: no discard, no depth from shaders.", evidence, Some(Advice::LateFailures), 0.5);
     }
     if covered > 2.0 * pixels.max(1.0) && early == 0.0 {
         let evidence = format!(
@@ -116,53 +120,44 @@ fn counted(frame: &CountedSpan, config: Option<&Config>) -> Vec<Advice> {
             readable(covered),
             readable(pixels)
         );
-        add(
-            "Draw from front to back, with early tests.",
-            evidence,
-            vec![on("depth.early"), on("traverse.hierarchical_z")],
-            0.4,
-        );
+        add("Draw from front to back, with early tests.", evidence, Some(Advice::NothingHidden), 0.4);
     }
-    for (cache, path) in [
-        ("texture", "texture.cache_lines"),
-        ("vertex", "fetch.cache_lines"),
-        ("color", "color.cache_blocks"),
-        ("depth", "depth.cache_blocks"),
-    ] {
+    for (advice, ..) in declared(config.unwrap_or(&Config::default())) {
+        let Advice::Cache(cache) = advice else { continue };
         let CacheCounts { accesses, hits, .. } = CACHES.sum_of(&frame.counts, cache);
         let (lookups, hits) = (accesses as f64, hits as f64);
         if lookups > 0.005 * cycles && hits < 0.8 * lookups {
             let evidence = format!("{} of {} lookups hit.", percent(share(hits, lookups)), readable(lookups));
-            add(&format!("Make the {cache} cache larger."), evidence, vec![knob(path, 2.0)], 0.2);
+            add(&format!("Make the {cache} cache larger."), evidence, Some(advice), 0.2);
         }
     }
     if sort.load_imbalance > 1.15 {
         let evidence = format!("The busiest pipeline has {:.2} times the quads of the mean.", sort.load_imbalance);
-        let set = vec![knob("distribute.tile", 0.5)];
-        add("Deal the screen to pipelines in smaller tiles.", evidence, set, sort.load_imbalance - 1.0);
+        let weight = sort.load_imbalance - 1.0;
+        add("Deal the screen to pipelines in smaller tiles.", evidence, Some(Advice::Imbalance), weight);
     }
-    for (kind, set, what) in [
+    for (kind, advice, what) in [
         (
             PhaseKind::ScanOut,
-            Some("scanout.enabled=false".to_owned()),
+            Advice::ScanOut,
             "Scan-out follows drawing and nothing overlaps it: leave it out to compare drawing alone.",
         ),
         (
             PhaseKind::Transfers,
-            knob("memory.port_width", 2.0),
+            Advice::Transfers,
             "Uploads and copies precede drawing and nothing overlaps them: upload once, not in each frame.",
         ),
     ] {
         let own: f64 = frame.parts.iter().filter(|phase| phase.is(kind)).map(CountedSpan::cycles).sum();
         if own > 0.1 * cycles && cycles > 0.0 {
             let evidence = format!("{} takes {} of the cycles.", kind.name(), percent(share(own, cycles)));
-            add(what, evidence, vec![set], share(own, cycles));
+            add(what, evidence, Some(advice), share(own, cycles));
         }
     }
     if sort.wrong_pixels > 0 {
         let evidence =
             format!("{} pixels differ from the picture in the order of the trace.", readable(sort.wrong_pixels as f64));
-        add("This machine does not keep the order that a pass needs.", evidence, Vec::new(), 2.0);
+        add("This machine does not keep the order that a pass needs.", evidence, None, 2.0);
     }
     all
 }
@@ -197,10 +192,9 @@ mod tests {
     use serde_json::json;
 
     use super::*;
-    use crate::knob::Relax;
 
     #[test]
-    fn rules_name_knobs_that_can_give_a_frame_more() {
+    fn rules_name_the_knobs_that_declare_their_advice() {
         // All rules apply to this frame, and each early test is off.
         let cache = json!([{ "accesses": 1000, "hits": 10 }]);
         let frame = json!({
@@ -219,21 +213,22 @@ mod tests {
         let mut paths: Vec<&str> =
             advice.iter().flat_map(|own| &own.set).map(|set| set.split('=').next().unwrap_or(set)).collect();
         paths.sort();
-        let expected = [
-            "color.cache_blocks",
-            "depth.cache_blocks",
-            "depth.early",
-            "depth.early",
-            "distribute.tile",
-            "fetch.cache_lines",
-            "memory.port_width",
-            "scanout.enabled",
-            "texture.cache_lines",
-            "traverse.hierarchical_z",
-        ];
+        let mut expected: Vec<String> = declared(&config).map(|(_, path, _)| path).collect();
+        expected.sort();
         assert_eq!(paths, expected);
-        for path in paths {
-            let (knob, _) = config.knob("advice", path).expect("a knob");
+        assert!(expected.len() >= 10 && expected.contains(&"distribute.tile".to_owned()));
+    }
+
+    #[test]
+    fn the_sizes_of_counted_caches_belong_to_advice() {
+        let config = Config::built_in("four-pipelines").expect("it is built in");
+        let advised: Vec<&str> = declared(&config)
+            .filter_map(|(advice, ..)| if let Advice::Cache(name) = advice { Some(name) } else { None })
+            .collect();
+        for name in ["texture", "vertex", "color", "depth"] {
+            assert!(advised.contains(&name), "{name}");
+        }
+        for (_, path, knob) in declared(&config) {
             assert!(knob.relax != Relax::Never, "{path}: `why` cannot prove what advice says of it");
         }
     }

@@ -119,39 +119,38 @@ pub(super) fn check(config: &Config) -> Result<(), String> {
     Ok(())
 }
 
+/// A channel by the field of its queue: the queue's key, its capacity, the tokens that the channel should carry per cycle, its latency.
+macro_rules! channel {
+    ($config:ident.$section:ident.$queue:ident, $rate:expr, $latency:expr) => {
+        (concat!(stringify!($section), ".", stringify!($queue)), $config.$section.$queue, $rate, $latency)
+    };
+}
+
 /// Channels that cannot carry their full width.
 pub(super) fn warnings(config: &Config) -> Vec<String> {
     let group = |quads: u32| quads.div_ceil(4).max(1);
-    // Key of the queue, its capacity, tokens that it should carry per cycle, latency.
     let channels = [
-        ("fetch.queue", config.fetch.queue, 1, config.fetch.latency),
-        ("assembly.queue", config.assembly.queue, config.assembly.primitives_per_cycle.div_ceil(2), config.assembly.latency),
-        ("clip.queue", config.clip.queue, 2, config.clip.latency),
-        (
-            "network.receive_queue",
+        channel!(config.fetch.queue, 1, config.fetch.latency),
+        channel!(config.assembly.queue, config.assembly.primitives_per_cycle.div_ceil(2), config.assembly.latency),
+        channel!(config.clip.queue, 2, config.clip.latency),
+        channel!(
             config.network.receive_queue,
             config.network.link_bytes.div_ceil(unit::token::bytes::TRIANGLE),
-            config.network.link_latency,
+            config.network.link_latency
         ),
-        ("setup.queue", config.setup.queue, config.setup.triangles_per_cycle, config.setup.latency),
-        (
-            "traverse.queue",
+        channel!(config.setup.queue, config.setup.triangles_per_cycle, config.setup.latency),
+        channel!(
             config.traverse.queue,
             group(config.traverse.quads_per_cycle.max(config.traverse.depth_quads_per_cycle)),
-            config.traverse.latency,
+            config.traverse.latency
         ),
-        ("traverse.hierarchical_queue", config.traverse.hierarchical_queue, 1, config.traverse.hierarchical_latency),
-        ("depth.output_queue", config.depth.output_queue, group(config.depth.quads_per_cycle), config.depth.output_latency),
-        ("interpolate.queue", config.interpolate.queue, group(config.interpolate.quads_per_cycle), config.interpolate.latency),
-        ("dispatch.queue", config.dispatch.queue, 1, config.dispatch.latency),
-        (
-            "dispatch.output_queue",
-            config.dispatch.output_queue,
-            group(config.dispatch.output_quads),
-            config.dispatch.output_latency,
-        ),
-        ("compute.queue", config.compute.queue, 1, config.compute.latency),
-        ("memory.port_queue", config.memory.port_queue, 1, config.memory.port_latency.max(config.memory.rop_latency)),
+        channel!(config.traverse.hierarchical_queue, 1, config.traverse.hierarchical_latency),
+        channel!(config.depth.output_queue, group(config.depth.quads_per_cycle), config.depth.output_latency),
+        channel!(config.interpolate.queue, group(config.interpolate.quads_per_cycle), config.interpolate.latency),
+        channel!(config.dispatch.queue, 1, config.dispatch.latency),
+        channel!(config.dispatch.output_queue, group(config.dispatch.output_quads), config.dispatch.output_latency),
+        channel!(config.compute.queue, 1, config.compute.latency),
+        channel!(config.memory.port_queue, 1, config.memory.port_latency.max(config.memory.rop_latency)),
     ];
     let short = channels.iter().filter(|&&(_, capacity, rate, latency)| capacity < rate * (latency + 1));
     let short = short.map(|(key, capacity, rate, latency)| {

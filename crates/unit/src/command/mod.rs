@@ -43,46 +43,46 @@ knob::knobs! {
     pub struct CommandConfig {
         /// Cycles that a command takes: a draw's segment, a dispatch, a pass.
         command_cycles: u32 ["cycles/command", Allowed::Range(1, 65536), "assumed: a few register writes; ATTILA writes one register per cycle"]
-            {estimate: Used, relax: Interval},
+            {estimate: Used, relax: Interval, advice: []},
         /// Segments of draws in flight. In sort-middle-binned, those that are not binned yet.
         segments: u32 ["segments", Allowed::Range(1, 4096), "assumed; ATTILA bGPU.ini PipelinedBatchRendering = TRUE, two batches; more hides small draws"]
-            {estimate: Used, relax: Room},
+            {estimate: Used, relax: Room, advice: []},
         /// Different states of draws in flight: pipelines with their viewport, scissor rectangle, blend constant and stencil reference. A
         /// draw with another state waits until one of them is free.
         states: u32 ["states", Allowed::Range(1, 4096), "AMD GCN: seven contexts in flight (GPUOpen 2018, on context rolls)"]
-            {estimate: RefusedUnless(AtLeast(4), "draws that wait for a free state"), relax: Never},
+            {estimate: RefusedUnless(AtLeast(4), "draws that wait for a free state"), relax: Never, advice: []},
         /// Cycles that a change of state between two draws takes, in addition to the command. A draw with the same state takes none.
         state_cycles: u32 ["cycles/change", Allowed::Range(0, 16384), "assumed: 16 registers, one per cycle as ATTILA writes them"]
-            {estimate: RefusedUnless(AtMost(64), "changes of state"), relax: Interval},
+            {estimate: RefusedUnless(AtMost(64), "changes of state"), relax: Interval, advice: []},
         /// Whether a draw is rasterised only when the one before it has left all pipelines. Its geometry does not wait. Where distribution sorts
         /// triangles only.
         drain: bool ["", Allowed::Switch, "draws follow each other in cards; ATTILA's rasteriser takes a batch when it has ended the last one (FragmentFIFO)"]
-            {estimate: RefusedUnless(Is(&["false"]), "draws that wait for the one before"), relax: Never},
+            {estimate: RefusedUnless(Is(&["false"]), "draws that wait for the one before"), relax: Never, advice: []},
         /// Runs of workgroups in flight.
         workgroup_runs: u32 ["runs", Allowed::Range(1, 256), "assumed: enough to keep the cores fed"]
-            {estimate: Ignored("cycles hardly depend on it"), relax: Room},
+            {estimate: Ignored("cycles hardly depend on it"), relax: Room, advice: []},
         /// Requests of the copy engine in flight.
         copy_misses: u32 ["requests", Allowed::Range(1, 1024), "assumed: covers the latency of memory"]
-            {estimate: Used, relax: Room},
+            {estimate: Used, relax: Room, advice: []},
         /// Cycles between two passes, in addition to those that caches take.
         barrier_cycles: u32 ["cycles", Allowed::Range(0, 65536), "assumed: a wait-for-idle and the next pass's state"]
-            {estimate: Used, relax: Wait("command: barriers half as long")},
+            {estimate: Used, relax: Wait("command: barriers half as long"), advice: []},
         /// Whether passes and copies of memory follow each other without waiting where neither writes what the other reads or writes. At most four
         /// passes are in flight then.
         overlap: bool ["", Allowed::Switch, "Vulkan 1.3, section 7: commands may overlap unless a dependency orders them; before that, a wait for idle between render targets (assumed)"]
-            {estimate: Ignored("cycles hardly depend on it"), relax: Skip(&[("true", "passes and copies beside each other")])},
+            {estimate: Ignored("cycles hardly depend on it"), relax: Skip(&[("true", "passes and copies beside each other")]), advice: []},
         /// Whether dispatches run beside passes, copies and other dispatches where neither writes what the other reads or writes.
         async_compute: bool ["", Allowed::Switch, "AMD 2012, GCN white paper: compute engines beside the graphics pipe. Maxwell parts its multiprocessors between both ahead of time (NVIDIA 2016, GTX 1080 white paper), which is not modelled"]
-            {estimate: Ignored("cycles hardly depend on it"), relax: Skip(&[("true", "dispatches beside passes")])},
+            {estimate: Ignored("cycles hardly depend on it"), relax: Skip(&[("true", "dispatches beside passes")]), advice: []},
         /// Whether a pass without draws only clears its attachments, and is not sent to pipelines.
         skip_empty_passes: bool ["", Allowed::Switch, "a pass is recorded before it is submitted: drivers see that it draws nothing"]
-            {estimate: Used, relax: Skip(&[("true", "empty passes left out")])},
+            {estimate: Used, relax: Skip(&[("true", "empty passes left out")]), advice: []},
         /// What is left out where bounds show that it lies outside the view volume.
         cull: CullChoice ["", Allowed::Choice(CullChoice::NAMES), "cards leave it to programs"]
-            {estimate: RefusedUnless(Is(&["none"]), "tests of bounds"), relax: Skip(&[("draws", "draws culled by their bounds"), ("instances", "draws and instances culled by their bounds")])},
+            {estimate: RefusedUnless(Is(&["none"]), "tests of bounds"), relax: Skip(&[("draws", "draws culled by their bounds"), ("instances", "draws and instances culled by their bounds")]), advice: []},
         /// Cycles that a test of bounds takes, of a draw or of an instance.
         cull_cycles: u32 ["cycles/test", Allowed::Range(0, 65536), "assumed: eight corners of a box by four rows of a matrix, sixteen products per cycle"]
-            {estimate: Ignored("without effect where command.cull is none"), relax: Interval},
+            {estimate: Ignored("without effect where command.cull is none"), relax: Interval, advice: []},
     }
 }
 

@@ -48,19 +48,19 @@ knob::knobs! {
     pub struct ComposeConfig {
         /// Which unit sends what to which other. Where the number of pipelines is no power of two, binary swap first composes the surplus in pairs.
         scheme: Scheme ["", Allowed::Choice(Scheme::NAMES), "binary swap (Ma et al. 1994); direct send (Hsu 1993); a chain (PixelFlow: Molnar et al. 1992)"]
-            {estimate: RefusedUnless(Is(&["binary-swap", "pipeline"]), "pipelines that receive from all others at once"), relax: Never},
+            {estimate: RefusedUnless(Is(&["binary-swap", "pipeline"]), "pipelines that receive from all others at once"), relax: Never, advice: []},
         /// Samples of pixels that a unit composes per cycle.
         samples_per_cycle: u32 ["samples/cycle", Allowed::Range(1, 4096), "assumed: a quad of each of four ROPs"]
-            {estimate: Used, relax: Rate},
+            {estimate: Used, relax: Rate, advice: []},
         /// Bytes of a primitive's number, sent with each sample to decide between equal depths; 0 where nothing is sent.
         number_bytes: u32 ["bytes/sample", Allowed::Range(0, 4), "assumed: 0: colour and depth alone (Molnar et al. 1994), ties by what a pipeline knows"]
-            {estimate: Used, relax: Never},
+            {estimate: Used, relax: Never, advice: []},
         /// Whether composed blocks are compressed as they are written.
         compression: bool ["", Allowed::Switch, "composers of the literature have no compressors; ROPs' have"]
-            {estimate: Used, relax: Skip(&[("true", "compressed composition")])},
+            {estimate: Used, relax: Skip(&[("true", "compressed composition")]), advice: []},
         /// Requests to memory in flight, and blocks between request and use.
         misses: u32 ["requests", Allowed::Range(1, 1024), "assumed: covers the latency of memory"]
-            {estimate: RefusedUnless(AtMost(64), "blocks that composition reads far ahead"), relax: Room},
+            {estimate: RefusedUnless(AtMost(64), "blocks that composition reads far ahead"), relax: Room, advice: []},
     }
 }
 

@@ -44,98 +44,98 @@ knob::knobs! {
     pub struct CoreConfig {
         /// Cores in each pipeline.
         per_pipeline: u32 ["cores", Allowed::Range(1, 8), "four multiprocessors a cluster (NVIDIA 2014, GeForce GTX 980 white paper, p. 6)"]
-            {estimate: Used, relax: Units("twice the cores, each with its texture unit")},
+            {estimate: Used, relax: Units("twice the cores, each with its texture unit"), advice: []},
         /// Whether these cores also shade vertices; if not, there are vertex cores.
         unified: bool ["", Allowed::Switch, "unified since 2006"]
-            {estimate: RefusedUnless(Is(&["true"]), "cores for vertices alone"), relax: Never},
+            {estimate: RefusedUnless(Is(&["true"]), "cores for vertices alone"), relax: Never, advice: []},
         /// Vertex cores, where they are separate.
         vertex_cores: u32 ["cores", Allowed::Range(1, 32), "assumed; ATTILA bGPU.ini NumVertexShaders = 8"]
-            {estimate: Ignored("without effect where core.unified is true"), relax: Never},
+            {estimate: Ignored("without effect where core.unified is true"), relax: Never, advice: []},
         /// Warps that a vertex core holds.
         vertex_warps: u32 ["warps", Allowed::Range(1, 64), "assumed; ATTILA bGPU.ini VERTEXSHADER ExecutableThreads = 12"]
-            {estimate: Ignored("without effect where core.unified is true"), relax: Room},
+            {estimate: Ignored("without effect where core.unified is true"), relax: Room, advice: []},
         /// Warp instructions that a vertex core issues per cycle.
         vertex_issue: u32 ["instructions/cycle", Allowed::Range(1, 8), "assumed; ATTILA bGPU.ini VERTEXSHADER FetchRate = 1"]
-            {estimate: Ignored("without effect where core.unified is true"), relax: Rate},
+            {estimate: Ignored("without effect where core.unified is true"), relax: Rate, advice: []},
         /// Invocations of a warp.
         warp_width: u32 ["invocations", Allowed::PowerOfTwo(4, 64), "NVIDIA 32, AMD 64 or 32, Intel 8 to 32, ATTILA 64 (VectorLength 16 of stamps)"]
-            {estimate: Used, relax: Never},
+            {estimate: Used, relax: Never, advice: []},
         /// Warps that a core holds. A workgroup of more runs in turns.
         warps: u32 ["warps", Allowed::Range(1, 64), "NVIDIA 64 an SM until 2016, 48 or 32 since; AMD 40 a CU"]
-            {estimate: Used, relax: Room},
+            {estimate: Used, relax: Room, advice: []},
         /// 32-bit registers of a core, which bound the warps further. A workgroup that asks for more runs in turns.
         registers: u32 ["registers", Allowed::Range(256, 1048576), "65,536 an SM since 2012"]
-            {estimate: UsedBy("core.resident_warps"), relax: Room},
+            {estimate: UsedBy("core.resident_warps"), relax: Room, advice: []},
         /// Registers that a warp takes at once: it gets a multiple of them.
         register_granule: u32 ["registers", Allowed::Range(1, 4096), "256 since 2012 (NVIDIA, CUDA occupancy calculator: allocation unit size)"]
-            {estimate: UsedBy("core.resident_warps"), relax: Never},
+            {estimate: UsedBy("core.resident_warps"), relax: Never, advice: []},
         /// Parts of a core that have equal shares of its registers, so that a core holds a multiple of as many warps of one kind.
         register_files: u32 ["files", Allowed::PowerOfTwo(1, 8), "one a scheduler, four since 2012 (NVIDIA, CUDA occupancy calculator: warp allocation granularity)"]
-            {estimate: UsedBy("core.resident_warps"), relax: Never},
+            {estimate: UsedBy("core.resident_warps"), relax: Never, advice: []},
         /// Bytes of workgroup memory of a core.
         shared_bytes: u32 ["bytes", Allowed::Range(16384, 1048576), "96 KB (NVIDIA 2014, GeForce GTX 980 white paper, p. 9); WebGPU asks for 16 KB"]
-            {estimate: Ignored("cycles hardly depend on it"), relax: Never},
+            {estimate: Ignored("cycles hardly depend on it"), relax: Never, advice: []},
         /// Warp instructions issued per cycle.
         issue: u32 ["instructions/cycle", Allowed::Range(1, 8), "four schedulers an SM since 2012"]
-            {estimate: Used, relax: Rate},
+            {estimate: Used, relax: Rate, advice: []},
         /// Single-precision invocations executed per cycle.
         float_lanes: u32 ["lanes", Allowed::Range(1, 512), "128 an SM of 2014 and 2016, 192 of 2012"]
-            {estimate: Used, relax: Rate},
+            {estimate: Used, relax: Rate, advice: []},
         /// Integer invocations executed per cycle.
-        integer_lanes: u32 ["lanes", Allowed::PowerOfTwo(1, 512), "assumed: 64 or 128 an SM"] {estimate: Used, relax: Rate},
+        integer_lanes: u32 ["lanes", Allowed::PowerOfTwo(1, 512), "assumed: 64 or 128 an SM"] {estimate: Used, relax: Rate, advice: []},
         /// Transcendental invocations executed per cycle.
         special_lanes: u32 ["lanes", Allowed::PowerOfTwo(1, 512), "32 an SM of 2014, a quarter of the others"]
-            {estimate: Used, relax: Rate},
+            {estimate: Used, relax: Rate, advice: []},
         /// Branches and barriers executed per cycle.
-        control_lanes: u32 ["lanes", Allowed::PowerOfTwo(1, 512), "assumed: as integers"] {estimate: Used, relax: Rate},
+        control_lanes: u32 ["lanes", Allowed::PowerOfTwo(1, 512), "assumed: as integers"] {estimate: Used, relax: Rate, advice: []},
         /// Multiplications of 32-bit integers, with a sum, executed per cycle.
         multiply_lanes: u32 ["lanes", Allowed::Range(1, 512), "0.29 of the lanes of single precision on a GTX 980, 0.20 on an RX 570 (clpeak: 1,446 and 1,032 billion operations/s)"]
-            {estimate: Used, relax: Rate},
+            {estimate: Used, relax: Rate, advice: []},
         /// Cycles from a single-precision instruction to one that needs its result.
         float_latency: u32 ["cycles", Allowed::Range(1, 63), "6 on Maxwell, 4 on Volta and Turing (Jia et al. 2019, table 4.1)"]
-            {estimate: Used, relax: Latency},
+            {estimate: Used, relax: Latency, advice: []},
         /// Cycles from an integer instruction to one that needs its result.
         integer_latency: u32 ["cycles", Allowed::Range(1, 63), "6 on Maxwell, 4 on Volta and Turing (Jia et al. 2019, table 4.1)"]
-            {estimate: Used, relax: Latency},
+            {estimate: Used, relax: Latency, advice: []},
         /// Cycles from a transcendental instruction to one that needs its result.
         special_latency: u32 ["cycles", Allowed::Range(1, 63), "14 on Maxwell (Jia et al. 2019, table 4.1: MUFU)"]
-            {estimate: Used, relax: Latency},
+            {estimate: Used, relax: Latency, advice: []},
         /// Cycles from a multiplication of integers to an instruction that needs its result.
         multiply_latency: u32 ["cycles", Allowed::Range(1, 127), "86 on Maxwell, where it is a sequence of products of 16 bits; 5 on Volta and Turing (Jia et al. 2019, table 4.1)"]
-            {estimate: Used, relax: Latency},
+            {estimate: Used, relax: Latency, advice: []},
         /// Cycles from a warp's branch to its next instruction.
-        control_latency: u32 ["cycles", Allowed::Range(1, 63), "assumed: fetch of the target"] {estimate: Used, relax: Latency},
+        control_latency: u32 ["cycles", Allowed::Range(1, 63), "assumed: fetch of the target"] {estimate: Used, relax: Latency, advice: []},
         /// Whether an instruction waits for those only whose results it needs; if not, for the one before it.
         scoreboard: bool ["", Allowed::Switch, "in order, with dependences by registers, in cards since 2001: one warp of four independent chains issues four times as often as of one (gpu-benches: V100)"]
-            {estimate: Used, relax: Never},
+            {estimate: Used, relax: Never, advice: []},
         /// Whether a warp that has two instructions that do not need each other issues both in a cycle; `core.issue` counts warps then.
         dual_issue: bool ["", Allowed::Switch, "NVIDIA, \"Kepler GK110\" white paper: four schedulers of two dispatch units for 192 lanes; off: one instruction each"]
-            {estimate: Used, relax: Never},
+            {estimate: Used, relax: Never, advice: []},
         /// Whether an instruction of one class is issued while the lanes of another still take one in. If not, `core.issue` is 1.
         overlap: bool ["", Allowed::Switch, "lanes of a class have ports of their own in cards; ATTILA fetches when all invocations of an instruction have begun (VectorShaderFetch)"]
-            {estimate: Used, relax: Never},
+            {estimate: Used, relax: Never, advice: []},
         /// Requests of a warp to memory, and to workgroup memory, that may be unanswered while it goes on with what does not need them.
         in_flight: u32 ["requests", Allowed::Range(1, 63), "63 are counted on GCN (\"Southern Islands ISA\": VM_CNT); six barriers, each of up to 63 loads, on Maxwell (maxas)"]
-            {estimate: Used, relax: Never},
+            {estimate: Used, relax: Never, advice: []},
         /// Cycles from an access to workgroup memory without conflicts to an instruction that needs its result.
         shared_latency: u32 ["cycles", Allowed::Range(1, 256), "23 on Maxwell, 24 on Pascal, 19 on Volta and Turing (Jia et al. 2019, table 3.1)"]
-            {estimate: Used, relax: Latency},
+            {estimate: Used, relax: Latency, advice: []},
         /// Banks of workgroup memory, each of which has a word for a warp in a cycle. Invocations that read the same word share it.
         shared_banks: u32 ["banks", Allowed::PowerOfTwo(1, 64), "32 of 4 bytes since 2010 (NVIDIA, CUDA C Programming Guide, \"Shared Memory\")"]
-            {estimate: Used, relax: Never},
+            {estimate: Used, relax: Never, advice: []},
         /// Which of the ready warps issues.
         scheduling: Scheduling ["", Allowed::Choice(Scheduling::NAMES), "loose round robin; greedy-then-oldest is the other (Rogers et al. 2012)"]
-            {estimate: Ignored("cycles hardly depend on it"), relax: Never},
+            {estimate: Ignored("cycles hardly depend on it"), relax: Never, advice: []},
         /// What a warp executes where its parts take different paths, and in which order. All but `longest` have the renderer
         /// record paths.
         execution: Execution ["", Allowed::Choice(Execution::NAMES), "cards execute in lockstep (Levinthal and Porter 1984) and nearly in order; longest needs no paths, and docs/fidelity.md has what it is off by"]
-            {estimate: RefusedUnless(Is(&["longest"]), "the paths that quads take"), relax: Never},
+            {estimate: RefusedUnless(Is(&["longest"]), "the paths that quads take"), relax: Never, advice: []},
         /// What an instruction works on. Vectors have the renderer record other costs.
         instructions: Instructions ["", Allowed::Choice(Instructions::NAMES), "scalar since 2006; vectors of four in cards before and in ATTILA (VectorALUConfig = simd4+scalar)"]
-            {estimate: RefusedUnless(Is(&["scalar"]), "instructions on several components"), relax: Never},
+            {estimate: RefusedUnless(Is(&["scalar"]), "instructions on several components"), relax: Never, advice: []},
         /// Shaded warps queued behind each core.
         output_queue: u32 ["warps", Allowed::Range(2, 256), "assumed: enough never to hold up the core"]
-            {estimate: Ignored("cycles hardly depend on it"), relax: Room},
+            {estimate: Ignored("cycles hardly depend on it"), relax: Room, advice: []},
     }
 }
 

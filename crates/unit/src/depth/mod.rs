@@ -42,47 +42,47 @@ knob::knobs! {
     pub struct DepthConfig {
         /// Whether depth and stencil are tested before shading, where that cannot change the result; else all tests come after it.
         early: bool ["", Allowed::Switch, "in cards since the Radeon of 2000"]
-            {estimate: RefusedUnless(Is(&["true"]), "late tests of everything"), relax: Skip(&[("true", "early Z")])},
+            {estimate: RefusedUnless(Is(&["true"]), "late tests of everything"), relax: Skip(&[("true", "early Z")]), advice: [LateFailures, NothingHidden]},
         /// Quads tested per cycle, early and late together.
         quads_per_cycle: u32 ["quads/cycle", Allowed::Range(1, 16), "assumed: twice as many as colours are written; ATTILA bGPU.ini ZSTENCILTEST StampsPerCycle = 1"]
-            {estimate: Used, relax: Rate},
+            {estimate: Used, relax: Rate, advice: []},
         /// Blocks of 8x8 pixels of 32 bits, 256 bytes, that the Z cache holds. A block with more bytes takes the places of several.
         cache_blocks: u32 ["blocks", Allowed::PowerOfTwo(4, 65536), "assumed: 64 KB cover the latency of the second level; ATTILA bGPU.ini ZCacheWays = 4, ZCacheLines = 16 lines of 16 stamps"]
-            {estimate: Used, relax: Cache},
+            {estimate: Used, relax: Cache, advice: [Cache("depth")]},
         /// Ways of the Z cache; where they are as many as its blocks or more, any block goes anywhere.
         cache_ways: u32 ["ways", Allowed::PowerOfTwo(2, 65536), "assumed: as those of the colour cache; ATTILA bGPU.ini ZCacheWays = 4"]
-            {estimate: Used, relax: Never},
+            {estimate: Used, relax: Never, advice: []},
         /// Which set of the cache is a block's.
         cache_sets: BlockSets ["", Allowed::Choice(BlockSets::NAMES), "caches fold addresses; ATTILA takes bits 8 to 11 of the address, of which 10 and 11 are the unit's"]
-            {estimate: RefusedUnless(Is(&["hashed"]), "sets by position"), relax: Never},
+            {estimate: RefusedUnless(Is(&["hashed"]), "sets by position"), relax: Never, advice: []},
         /// Requests to memory in flight.
         misses: u32 ["requests", Allowed::Range(1, 1024), "assumed: covers the latency of memory"]
-            {estimate: RefusedUnless(AtLeast(2), "depths that wait one for the other"), relax: Room},
+            {estimate: RefusedUnless(AtLeast(2), "depths that wait one for the other"), relax: Room, advice: []},
         /// Groups of quads between lookup and test, for the early and for the late tests each.
         fifo: u32 ["groups", Allowed::Range(1, 4096), "assumed: covers the latency of the second level; ATTILA bGPU.ini ZSTENCILTEST FetchQueueSize = 256 stamps"]
-            {estimate: RefusedUnless(AtLeast(32), "depth tests with few quads in flight"), relax: Room},
+            {estimate: RefusedUnless(AtLeast(32), "depth tests with few quads in flight"), relax: Room, advice: []},
         /// Cycles from lookup to test where the block is in the cache.
         latency: u32 ["cycles", Allowed::Range(1, 256), "assumed; ATTILA bGPU.ini ZALULatency = 2 and the queues before it"]
-            {estimate: Used, relax: Latency},
+            {estimate: Used, relax: Latency, advice: []},
         /// What becomes of the cache at the end of a pass. Kept blocks are still in the cache for what reads depths from memory: no time is
         /// modelled for bringing them there.
         pass_end: PassEnd ["", Allowed::Choice(PassEnd::NAMES), "a pass's depths can be read as a texture after it; ATTILA flushes colours alone at a swap"]
-            {estimate: RefusedUnless(Is(&["write-back"]), "depths that stay in the cache"), relax: Never},
+            {estimate: RefusedUnless(Is(&["write-back"]), "depths that stay in the cache"), relax: Never, advice: []},
         /// Whether blocks are compressed as they leave the cache.
         compression: bool ["", Allowed::Switch, "assumed; ATTILA bGPU.ini DisableCompression = FALSE"]
-            {estimate: Used, relax: Skip(&[("true", "compressed depths")])},
+            {estimate: Used, relax: Skip(&[("true", "compressed depths")]), advice: []},
         /// How they are: estimates of the bytes that they take (`--fidelity bound`) know `planes` only.
         codec: Codec ["", Allowed::Choice(Codec::NAMES), "cards since 2005 have planes of depth (Hasselgren and Akenine-Moller 2006); ATTILA CompressionAlgorithm = 0: two references"]
-            {estimate: RefusedUnless(Is(&["planes"]), "blocks compressed by references"), relax: Never},
+            {estimate: RefusedUnless(Is(&["planes"]), "blocks compressed by references"), relax: Never, advice: []},
         /// Whether a block that is stored raw is compressed when it is written again; if not, it is raw until its surface is cleared.
         recompress: bool ["", Allowed::Switch, "a compressor sees whole blocks; ATTILA's ROPCache writes a block that is uncompressed in memory uncompressed"]
-            {estimate: RefusedUnless(Is(&["true"]), "blocks that stay raw"), relax: Never},
+            {estimate: RefusedUnless(Is(&["true"]), "blocks that stay raw"), relax: Never, advice: []},
         /// Cycles from here to interpolation.
         output_latency: u32 ["cycles", Allowed::Range(1, 64), "assumed: wires"]
-            {estimate: RefusedUnless(AtMost(32), "long ways behind depth tests"), relax: Latency},
+            {estimate: RefusedUnless(AtMost(32), "long ways behind depth tests"), relax: Latency, advice: []},
         /// Groups of quads queued before interpolation.
         output_queue: u32 ["groups", Allowed::Range(2, 4096), "assumed; ATTILA bGPU.ini EarlyZTestedStampQueueSize = 32"]
-            {estimate: RefusedUnless(AtLeast(4), "short queues behind depth tests"), relax: Room},
+            {estimate: RefusedUnless(AtLeast(4), "short queues behind depth tests"), relax: Room, advice: []},
     }
 }
 

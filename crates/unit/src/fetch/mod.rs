@@ -52,69 +52,69 @@ knob::knobs! {
     pub struct FetchConfig {
         /// Indices read per cycle.
         indices_per_cycle: u32 ["indices/cycle", Allowed::Range(1, 32), "three make a triangle: eight triangles, which cards of 2014 cull, twice what they draw (zeux.io 2023, Fine-grained backface culling)"]
-            {estimate: Used, relax: Rate},
+            {estimate: Used, relax: Rate, advice: []},
         /// Segments of draws (or runs of primitives, where geometry belongs to pipelines) and their marks, taken in ahead of their turn. The
         /// indices of all of them are requested.
         runs: u32 ["entries", Allowed::Range(1, 4096), "assumed: covers the latency of memory with draws of one triangle, each of which has a mark"]
-            {estimate: RefusedUnless(AtLeast(32), "draws whose indices are not asked for ahead"), relax: Never},
+            {estimate: RefusedUnless(AtLeast(32), "draws whose indices are not asked for ahead"), relax: Never, advice: []},
         /// Lines of indices held or on their way: the index buffer.
         index_lines: u32 ["lines", Allowed::Range(1, 1024), "assumed: covers the latency of memory at the rate of indices; ATTILA bGPU.ini IndexBufferSize = 2048 bytes"]
-            {estimate: Used, relax: Room},
+            {estimate: Used, relax: Room, advice: []},
         /// Vertices that are remembered as shaded, first in first out; of a batch at most its own, where they are reused within it.
         reuse: u32 ["vertices", Allowed::Range(0, 4096), "batches of 32 vertices (Kerbl et al. 2018); 16 to 32 in cards with a post-transform FIFO (Hoppe 1999, Forsyth 2006)"]
-            {estimate: RefusedUnless(AtLeast(4), "vertices that are shaded again because few are kept"), relax: Cache},
+            {estimate: RefusedUnless(AtLeast(4), "vertices that are shaded again because few are kept"), relax: Cache, advice: []},
         /// How long a vertex that is shaded once can be used again. `assembled` is for whole draws, not for runs of primitives.
         reuse_until: Reuse ["", Allowed::Choice(Reuse::NAMES), "batches in cards of 2012 to 2018 (Kerbl et al. 2018), a FIFO in older ones; ATTILA frees a line of its output memory with the last index on its way"]
-            {estimate: RefusedUnless(Is(&["batch", "replaced"]), "vertices that are kept for their last index"), relax: Never},
+            {estimate: RefusedUnless(Is(&["batch", "replaced"]), "vertices that are kept for their last index"), relax: Never, advice: []},
         /// Indices of the primitives of a batch of vertices, at most, where vertices are reused within their batch.
         batch_indices: u32 ["indices", Allowed::Range(3, 4096), "96 on NVIDIA cards, 384 on AMD's (Kerbl et al. 2018, Revisiting the Vertex Cache)"]
-            {estimate: RefusedUnless(Is(&["96"]), "other batches of vertices"), relax: Never},
+            {estimate: RefusedUnless(Is(&["96"]), "other batches of vertices"), relax: Never, advice: []},
         /// Vertices that wait for their attributes to be looked up while further indices are read, where vertices are reused until they are
         /// assembled.
         ahead: u32 ["vertices", Allowed::Range(1, 1024), "assumed; ATTILA bGPU.ini SLInputRequestQueueSize = 128"]
-            {estimate: Ignored("without effect where fetch.reuse_until is not assembled"), relax: Never},
+            {estimate: Ignored("without effect where fetch.reuse_until is not assembled"), relax: Never, advice: []},
         /// Lines of vertex attributes looked up per cycle.
         lookups_per_cycle: u32 ["lines/cycle", Allowed::Range(1, 32), "assumed: two for each triangle read; ATTILA bGPU.ini SLAttributesCycle = 8 attributes"]
-            {estimate: Used, relax: Rate},
+            {estimate: Used, relax: Rate, advice: []},
         /// Whether only those attributes are fetched that the vertex stage reads; if not, all that the vertex buffers of a draw have.
         skip_attributes: bool ["", Allowed::Switch, "drivers tell the fetch what the compiled shader reads; off shows what that is worth"]
-            {estimate: RefusedUnless(Is(&["true"]), "attributes that no vertex shader reads"), relax: Skip(&[("true", "only attributes that are read")])},
+            {estimate: RefusedUnless(Is(&["true"]), "attributes that no vertex shader reads"), relax: Skip(&[("true", "only attributes that are read")]), advice: []},
         /// Bytes of a line of the attribute cache, which is fetched whole.
         line_bytes: u32 ["bytes", Allowed::PowerOfTwo(64, 256), "assumed: a memory line; ATTILA bGPU.ini SLInputCacheLineSize = 256"]
-            {estimate: RefusedUnless(Is(&["64"]), "longer lines of attributes"), relax: Never},
+            {estimate: RefusedUnless(Is(&["64"]), "longer lines of attributes"), relax: Never, advice: []},
         /// Lines of the attribute cache.
         cache_lines: u32 ["lines", Allowed::PowerOfTwo(2, 65536), "assumed: 256 KB stand for the first-level caches of 16 multiprocessors; ATTILA bGPU.ini SLInputCacheLines = 32 of 256 bytes"]
-            {estimate: RefusedUnless(AtLeast(32), "misses of attributes"), relax: Cache},
+            {estimate: RefusedUnless(AtLeast(32), "misses of attributes"), relax: Cache, advice: [Cache("vertex")]},
         /// Ways of the attribute cache.
         cache_ways: u32 ["ways", Allowed::PowerOfTwo(1, 65536), "fully associative in ATTILA"]
-            {estimate: Ignored("cycles hardly depend on it"), relax: Never},
+            {estimate: Ignored("cycles hardly depend on it"), relax: Never, advice: []},
         /// Requests for lines of attributes in flight.
         misses: u32 ["requests", Allowed::Range(1, 1024), "assumed: covers the latency of memory at the rate of attributes; ATTILA bGPU.ini SLInputRequestQueueSize = 128"]
-            {estimate: RefusedUnless(AtLeast(32), "waits for attributes"), relax: Room},
+            {estimate: RefusedUnless(AtLeast(32), "waits for attributes"), relax: Room, advice: []},
         /// Batches of vertices in flight, from the first index to the last primitive assembled.
         batches: u32 ["batches", Allowed::Range(1, MAX_BATCHES as u64), "assumed: covers the latency of memory at the rate of indices; ATTILA bGPU.ini OutputMemorySize = 512 vertices: 16 batches of 32"]
-            {estimate: Used, relax: Room},
+            {estimate: Used, relax: Room, advice: []},
         /// Batches, runs and marks that have been read and that assembly has not taken.
         announced: u32 ["entries", Allowed::Range(4, 8192), "assumed: three entries for each run of primitives in a few batches"]
-            {estimate: RefusedUnless(AtLeast(64), "short queues in front of assembly"), relax: Never},
+            {estimate: RefusedUnless(AtLeast(64), "short queues in front of assembly"), relax: Never, advice: []},
         /// Cycles without a further vertex after which a batch is started though it is not full. Only where geometry belongs to
         /// pipelines, which get their primitives in runs: elsewhere the end of a draw is known.
         patience: u32 ["cycles", Allowed::Range(1, 4096), "assumed: as that of fragments: short against an access to memory"]
-            {estimate: RefusedUnless(AtMost(64), "vertices that wait for a full warp"), relax: Never},
+            {estimate: RefusedUnless(AtMost(64), "vertices that wait for a full warp"), relax: Never, advice: []},
         /// Which core gets the next batch of vertices.
         deal: VertexDeal ["", Allowed::Choice(VertexDeal::NAMES), "in turn; ATTILA has one pointer for vertices and fragments (FragmentFIFO, TiledShaderDistribution = TRUE)"]
-            {estimate: RefusedUnless(Is(&["round-robin"]), "vertices that are not dealt in turn"), relax: Never},
+            {estimate: RefusedUnless(Is(&["round-robin"]), "vertices that are not dealt in turn"), relax: Never, advice: []},
         /// Warps of vertices and fragments that one core gets, where vertices follow fragments, before the turn goes to the next core.
         deal_warps: u32 ["warps", Allowed::Range(1, 4096), "assumed; ATTILA bGPU.ini ShaderInputBatchSize = 64 invocations: four warps"]
-            {estimate: Ignored("without effect where fetch.deal is round-robin"), relax: Never},
+            {estimate: Ignored("without effect where fetch.deal is round-robin"), relax: Never, advice: []},
         /// Vertices that go to the cores in a cycle; 0: a whole batch.
         vertices_per_cycle: u32 ["vertices/cycle", Allowed::Range(0, 64), "assumed to be no limit; ATTILA bGPU.ini SLIndicesCycle = 2"]
-            {estimate: RefusedUnless(Is(&["0"]), "a rate of vertices to the cores"), relax: Rate},
+            {estimate: RefusedUnless(Is(&["0"]), "a rate of vertices to the cores"), relax: Rate, advice: []},
         /// Cycles from here to the cores.
-        latency: u32 ["cycles", Allowed::Range(1, 64), "assumed: wires and input registers"] {estimate: Used, relax: Latency},
+        latency: u32 ["cycles", Allowed::Range(1, 64), "assumed: wires and input registers"] {estimate: Used, relax: Latency, advice: []},
         /// Batches queued before each core.
         queue: u32 ["batches", Allowed::Range(2, 64), "assumed: two: one arriving, one waiting"]
-            {estimate: Ignored("cycles hardly depend on it"), relax: Room},
+            {estimate: Ignored("cycles hardly depend on it"), relax: Room, advice: []},
     }
 }
 

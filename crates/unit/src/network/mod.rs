@@ -128,28 +128,28 @@ knob::knobs! {
     pub struct NetworkConfig {
         /// What lies between senders and receivers.
         topology: Topology ["", Allowed::Choice(Topology::NAMES), "a crossbar in cards; ring and mesh in processors (Molnar et al. 1994 compare them)"]
-            {estimate: Used, relax: Never},
+            {estimate: Used, relax: Never, advice: []},
         /// Bytes that each link takes per cycle.
         link_bytes: u32 ["bytes/cycle", Allowed::Range(1, 65536), "assumed: a triangle of 144 bytes per cycle: one setup unit at its end"]
-            {estimate: Used, relax: Rate},
+            {estimate: Used, relax: Rate, advice: []},
         /// Cycles on a link between routers, or between an end and a router that is not in its node.
         link_latency: u32 ["cycles", Allowed::Range(1, 256), "assumed: a synchroniser and some millimetres of wire"]
-            {estimate: Used, relax: Latency},
+            {estimate: Used, relax: Latency, advice: []},
         /// Parcels that a link between routers holds, those under way included; as many again in the store behind it.
         queue: u32 ["parcels", Allowed::Range(2, 1024), "assumed: more than the latency, so that the link carries its width"]
-            {estimate: Ignored("cycles hardly depend on it"), relax: Room},
+            {estimate: Ignored("cycles hardly depend on it"), relax: Room, advice: []},
         /// Parcels that a receiver has places for, for each sender.
         receive_queue: u32 ["parcels", Allowed::Range(1, 4096), "assumed: raster engines work on several tiles at a time; ATTILA bGPU.ini SetupFIFOSize = 32"]
-            {estimate: RefusedUnless(AtLeast(16), "short queues behind the network that sorts"), relax: Room},
+            {estimate: RefusedUnless(AtLeast(16), "short queues behind the network that sorts"), relax: Room, advice: []},
         /// Cycles from a receiver that gives places free to the sender that may use them; no matter in a point-to-point network.
         credit_latency: u32 ["cycles", Allowed::Range(2, 256), "assumed: the way back, without queues"]
-            {estimate: Ignored("cycles hardly depend on it"), relax: Latency},
+            {estimate: Ignored("cycles hardly depend on it"), relax: Latency, advice: []},
         /// Which of several inputs an output of a router takes from.
         arbitration: Arbitration ["", Allowed::Choice(Arbitration::NAMES), "round-robin (Dally and Towles 2004, 18.3)"]
-            {estimate: Ignored("cycles hardly depend on it"), relax: Never},
+            {estimate: Ignored("cycles hardly depend on it"), relax: Never, advice: []},
         /// Inputs, and outputs, of a butterfly's switches.
         radix: u32 ["ports", Allowed::PowerOfTwo(2, 8), "assumed: 4: three stages for 64 ends"]
-            {estimate: Ignored("cycles hardly depend on it"), relax: Never},
+            {estimate: Ignored("cycles hardly depend on it"), relax: Never, advice: []},
     }
 }
 

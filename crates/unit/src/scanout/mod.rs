@@ -44,33 +44,33 @@ knob::knobs! {
     pub struct ScanoutConfig {
         /// Whether the shown surface is read once per frame.
         enabled: bool ["", Allowed::Switch, "assumed; ATTILA bGPU.ini DAC RefreshFrame = TRUE"]
-            {estimate: Used, relax: Skip(&[("false", "no scan-out")])},
+            {estimate: Used, relax: Skip(&[("false", "no scan-out")]), advice: [ScanOut]},
         /// Requests to memory in flight.
         misses: u32 ["requests", Allowed::Range(1, 1024), "assumed; ATTILA bGPU.ini DAC BlockRequestQueueSize = 32"]
-            {estimate: Used, relax: Room},
+            {estimate: Used, relax: Room, advice: []},
         /// Whether frames are read as the ROPs have stored them: compressed blocks compressed, and blocks that were cleared by flag not at
         /// all. After frames only.
         compressed: bool ["", Allowed::Switch, "assumed; ATTILA's DAC reads so; most displays had to have frames decompressed"]
-            {estimate: RefusedUnless(Is(&["false"]), "compressed scan-out"), relax: Skip(&[("true", "compressed scan-out")])},
+            {estimate: RefusedUnless(Is(&["false"]), "compressed scan-out"), relax: Skip(&[("true", "compressed scan-out")]), advice: []},
         /// When frames are read for the screen.
         mode: ScanoutMode ["", Allowed::Choice(ScanoutMode::NAMES), "assumed; ATTILA reads a frame when it has been drawn; displays run free"]
-            {estimate: Used, relax: Never},
+            {estimate: Used, relax: Never, advice: []},
         /// Free-running: cycles of a line.
         line_cycles: u32 ["cycles", Allowed::Range(1, 16_777_216), "assumed: 1080 lines and 45 of blank, 60 times a second: at 1,126 MHz 16,681"]
-            {estimate: Used, relax: Never},
+            {estimate: Used, relax: Never, advice: []},
         /// Free-running: lines of the vertical blank. The first line is read in it.
-        blank_lines: u32 ["lines", Allowed::Range(1, 65536), "CEA-861 1080p: 45"] {estimate: Used, relax: Never},
+        blank_lines: u32 ["lines", Allowed::Range(1, 65536), "CEA-861 1080p: 45"] {estimate: Used, relax: Never, advice: []},
         /// Free-running: buffers of frames, that which is shown among them. With one, drawing is shown while it goes on.
-        buffers: u32 ["buffers", Allowed::Range(1, 3), "assumed: double buffering"] {estimate: Used, relax: Never},
+        buffers: u32 ["buffers", Allowed::Range(1, 3), "assumed: double buffering"] {estimate: Used, relax: Never, advice: []},
         /// Free-running: what is done with a finished frame.
         swap: Swap ["", Allowed::Choice(Swap::NAMES), "most programs ask for vertical synchronisation; who times frames switches it off"]
-            {estimate: RefusedUnless(Is(&["immediate"]), "frames that wait for a display or are copied to it"), relax: Never},
+            {estimate: RefusedUnless(Is(&["immediate"]), "frames that wait for a display or are copied to it"), relax: Never, advice: []},
         /// Free-running: whether the run goes on until the last frame has been shown whole. If not, the display is switched off behind it.
         show_last: bool ["", Allowed::Switch, "assumed: who asks for the time of frames stops the clock with the last one"]
-            {estimate: RefusedUnless(Is(&["false"]), "the time that the last frame is shown"), relax: Never},
+            {estimate: RefusedUnless(Is(&["false"]), "the time that the last frame is shown"), relax: Never, advice: []},
         /// Free-running: bytes between memory and the screen.
         fifo: u32 ["bytes", Allowed::Range(512, 16_777_216), "assumed; ATTILA bGPU.ini DAC BlockRequestQueueSize = 32 blocks of 256 bytes"]
-            {estimate: Ignored("cycles hardly depend on it"), relax: Room},
+            {estimate: Ignored("cycles hardly depend on it"), relax: Room, advice: []},
     }
 }
 

@@ -50,63 +50,63 @@ knob::knobs! {
     pub struct TraverseConfig {
         /// Blocks with coverage per cycle.
         blocks_per_cycle: u32 ["blocks/cycle", Allowed::Range(1, 8), "assumed; ATTILA bGPU.ini GenWidth x GenHeight = 8 x 8 per cycle"]
-            {estimate: Used, relax: Rate},
+            {estimate: Used, relax: Rate, advice: []},
         /// Blocks of bounding boxes tested per cycle, those without coverage included; a triangle takes at least one test. Blocks
         /// of a 64x64 tile that the triangle does not touch are thrown away with the tile.
         tests_per_cycle: u32 ["blocks/cycle", Allowed::Range(1, 64), "assumed; ATTILA bGPU.ini ScanWidth x ScanHeight = 16 x 16 pixels of scan tile"]
-            {estimate: Used, relax: Rate},
+            {estimate: Used, relax: Rate, advice: []},
         /// The largest number of waiting triangles that are traversed together: block by block, and in each block triangle by triangle. More
         /// keep blocks longer in the ROP caches. Walk by blocks only.
         triangles: u32 ["triangles", Allowed::Range(1, 64), "assumed; ATTILA bGPU.ini RasterizationBatchSize = 4 where RecursiveMode = TRUE"]
-            {estimate: Ignored("cycles hardly depend on it"), relax: Never},
+            {estimate: Ignored("cycles hardly depend on it"), relax: Never, advice: []},
         /// Traverse batches of `traverse.triangles` consecutive triangles of a draw together. Each batch waits until all of its triangles that
         /// come to this rasteriser are there. Only where distribution sorts triangles.
         gather: bool ["", Allowed::Switch, "triangles are traversed as they come; ATTILA waits until it has RasterizationBatchSize (TriangleTraversal)"]
-            {estimate: RefusedUnless(Is(&["false"]), "triangles that wait for others"), relax: Never},
+            {estimate: RefusedUnless(Is(&["false"]), "triangles that wait for others"), relax: Never, advice: []},
         /// What of a triangle is tested for coverage. Walks other than by blocks test single pixels.
         walk: Walk ["", Allowed::Choice(Walk::NAMES), "assumed; ATTILA scans tiles"]
-            {estimate: RefusedUnless(Is(&["blocks"]), "walks that test single pixels"), relax: Never},
+            {estimate: RefusedUnless(Is(&["blocks"]), "walks that test single pixels"), relax: Never, advice: []},
         /// Rows and pixels tested per cycle by walks other than by blocks; a triangle takes at least one test.
         pixel_tests_per_cycle: u32 ["tests/cycle", Allowed::Range(1, 4096), "assumed: as many pixels as four blocks have, 16 x 16: what the walk by blocks tests"]
-            {estimate: Ignored("without effect where traverse.walk is blocks"), relax: Rate},
+            {estimate: Ignored("without effect where traverse.walk is blocks"), relax: Rate, advice: []},
         /// Quads sent on per cycle.
         quads_per_cycle: u32 ["quads/cycle", Allowed::Range(1, 16), "assumed; ATTILA bGPU.ini StampsPerCycle = 4"]
-            {estimate: Used, relax: Rate},
+            {estimate: Used, relax: Rate, advice: []},
         /// Quads of draws without a fragment stage sent on per cycle.
         depth_quads_per_cycle: u32 ["quads/cycle", Allowed::Range(1, 16), "assumed: twice the rate with colours; GF100 and Cypress reach 80 to 90 % of theirs (Beyond3D 2010)"]
-            {estimate: Used, relax: Rate},
+            {estimate: Used, relax: Rate, advice: []},
         /// Cycles that sending `quads_per_cycle` quads takes, for rates below one quad per cycle.
         interval: u32 ["cycles", Allowed::Range(1, 64), "pipelined; 2 where a core shades two fragments per cycle (Mali-G57, Arm GPU Datasheet v7)"]
-            {estimate: Used, relax: Never},
+            {estimate: Used, relax: Never, advice: []},
         /// Cycles from here to the early depth test.
         latency: u32 ["cycles", Allowed::Range(1, 64), "assumed; ATTILA bGPU.ini HZAccessLatency = 5, HZUpdateLatency = 4"]
-            {estimate: Used, relax: Latency},
+            {estimate: Used, relax: Latency, advice: []},
         /// Groups of quads queued before the early depth test.
         queue: u32 ["groups", Allowed::Range(2, 4096), "assumed; ATTILA bGPU.ini EarlyZQueueSize = 256 stamps"]
-            {estimate: RefusedUnless(AtLeast(8), "short queues behind traversal"), relax: Room},
+            {estimate: RefusedUnless(AtLeast(8), "short queues behind traversal"), relax: Room, advice: []},
         /// Whether blocks are tested against the hierarchical Z buffer.
         hierarchical_z: bool ["", Allowed::Switch, "assumed; ATTILA bGPU.ini DisableHZ = FALSE"]
-            {estimate: Used, relax: Skip(&[("true", "hierarchical Z")])},
+            {estimate: Used, relax: Skip(&[("true", "hierarchical Z")]), advice: [NothingHidden]},
         /// Whether blocks that are certain to pass are passed on the strength of it. What is then written whole is not read from
         /// memory, nor is what is not written at all.
         hierarchical_accept: bool ["", Allowed::Switch, "ATI's HyperZ of 2002 on; off where a card has one bound a block"]
-            {estimate: Ignored("cycles hardly depend on it"), relax: Skip(&[("true", "acceptance by hierarchical Z")])},
+            {estimate: Ignored("cycles hardly depend on it"), relax: Skip(&[("true", "acceptance by hierarchical Z")]), advice: []},
         /// What it throws away at a time.
         hierarchical_test: HierarchicalTest ["", Allowed::Choice(HierarchicalTest::NAMES), "blocks in cards; ATTILA tests stamps"]
-            {estimate: RefusedUnless(Is(&["block"]), "quads that hierarchical Z rejects"), relax: Never},
+            {estimate: RefusedUnless(Is(&["block"]), "quads that hierarchical Z rejects"), relax: Never, advice: []},
         /// Lines of 4x4 blocks in a cache before the hierarchical Z buffer. A line keeps its bounds, whatever the buffer learns, until it
         /// is replaced. Reading one takes no time, but keeps its place for `traverse.latency` cycles. 0: the buffer itself is asked.
         hierarchical_lines: u32 ["lines", Allowed::Range(0, 64), "assumed: on-chip buffers need none; ATTILA bGPU.ini HZCacheLines = 8, HZCacheLineSize = 16"]
-            {estimate: RefusedUnless(Is(&["0"]), "bounds behind a cache"), relax: Never},
+            {estimate: RefusedUnless(Is(&["0"]), "bounds behind a cache"), relax: Never, advice: []},
         /// When the hierarchical Z buffer learns of new depths.
         hierarchical_update: HierarchicalUpdate ["", Allowed::Choice(HierarchicalUpdate::NAMES), "assumed; ATTILA updates it from the Z cache's evicted lines"]
-            {estimate: Ignored("cycles hardly depend on it"), relax: Never},
+            {estimate: Ignored("cycles hardly depend on it"), relax: Never, advice: []},
         /// Cycles from the ROP to the hierarchical Z buffer.
         hierarchical_latency: u32 ["cycles", Allowed::Range(1, 256), "assumed; ATTILA bGPU.ini HZUpdateLatency = 4"]
-            {estimate: RefusedUnless(AtMost(64), "waits for hierarchical Z"), relax: Latency},
+            {estimate: RefusedUnless(AtMost(64), "waits for hierarchical Z"), relax: Latency, advice: []},
         /// Updates queued before the hierarchical Z buffer.
         hierarchical_queue: u32 ["updates", Allowed::Range(2, 1024), "assumed: enough never to hold up the ROP"]
-            {estimate: Ignored("cycles hardly depend on it"), relax: Room},
+            {estimate: Ignored("cycles hardly depend on it"), relax: Room, advice: []},
     }
 }
 
