@@ -43,13 +43,13 @@ enum TableName {
 }
 
 pub fn run(arguments: &Arguments) -> Result<Verdict> {
+    let config = arguments.machine.load()?;
     if arguments.list {
         for skip in SKIPS {
-            println!("{}: {}\n  {}", skip.name, skip.what, skip.switch);
+            println!("{}: {}\n  {}", skip.name, skip.what, skip.switch(&config)?);
         }
         return Ok(Verdict::Done);
     }
-    let config = arguments.machine.load()?;
     let is_timed = arguments.table.is_empty() || arguments.table.contains(&TableName::Host);
     let turns = if is_timed {
         Turns { least: 3, time: Duration::try_from_secs_f64(arguments.seconds.unwrap_or(1.0)).context("--seconds")? }

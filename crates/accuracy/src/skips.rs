@@ -2,9 +2,10 @@
 
 use std::time::Duration;
 
-use anyhow::Result;
+use anyhow::{Result, ensure};
 
 use super::measure::{self, Measure};
+use knob::{Allowed, Relax, Setting};
 use machine::Config;
 use render::{self, Skips};
 use run::host::Stopwatch;
@@ -17,12 +18,17 @@ use work::{Event, FUNNEL, Funnel, RenderKey};
 /// How a skip is switched off.
 #[derive(Clone, Copy, Debug)]
 enum Switch {
-    /// In the renderer: saves host time only.
-    Renderer(fn(&mut Skips)),
-    /// In the machine, by settings on top of others.
-    Machine { base: &'static [&'static str], off: &'static [&'static str] },
+    /// In the renderer, by a field of [`Skips`]: saves host time only.
+    Renderer(&'static str, fn(&mut Skips)),
+    /// In the machine, by a knob whose declaration says that this value leaves work out ([`Relax::Skip`]). The settings come before it.
+    Knob { base: &'static [&'static str], path: &'static str, value: &'static str },
     /// The clock: saves host time only.
     Clock,
+}
+
+/// A skip by a switch of the baseline, which has it on.
+const fn by(path: &'static str) -> Switch {
+    Switch::Knob { base: &[], path, value: "true" }
 }
 
 /// A skip.
@@ -32,8 +38,6 @@ pub struct Skip {
     pub name: &'static str,
     /// What is left out.
     pub what: &'static str,
-    /// The switch, as a user turns it.
-    pub switch: &'static str,
     how: Switch,
     /// Removes from the counters what the skip changes by definition, both with the skip and without it, so that the rest can be
     /// compared.
@@ -54,6 +58,23 @@ enum Work {
 }
 
 impl Skip {
+    /// The switch, as a user of a machine turns it.
+    ///
+    /// # Errors
+    /// If the knob is not declared as a skip.
+    pub fn switch(&self, config: &Config) -> Result<String> {
+        let options =
+            |settings: &[String]| settings.iter().map(|setting| format!("--set {setting}")).collect::<Vec<_>>().join(" ");
+        Ok(match self.how {
+            Switch::Renderer(field, _) => format!("Skips::{field}"),
+            Switch::Clock => "--clock every-cycle".to_owned(),
+            Switch::Knob { base, path, value } => match settings(config, base, path, value)? {
+                [on, off] if on.is_empty() => options(&off),
+                [on, _] => format!("{} turns it on", options(&on)),
+            },
+        })
+    }
+
     /// What it saves, as a machine counts it.
     fn measure(&self) -> Option<Measure> {
         if let Work::Machine(measure) = self.work { Some(measure) } else { None }
@@ -73,12 +94,11 @@ impl Skip {
 fn nothing(_: &mut Funnel) {}
 
 /// A cull of geometry: without it triangles go on that end in setup or traversal.
-const fn culled(name: &'static str, what: &'static str, switch: &'static str, off: &'static [&'static str]) -> Skip {
+const fn culled(name: &'static str, what: &'static str, path: &'static str) -> Skip {
     Skip {
         name,
         what,
-        switch,
-        how: Switch::Machine { base: &[], off },
+        how: by(path),
         changes: |funnel| funnel.triangles_setup = 0,
         work: Work::Machine(measure::TRIANGLES_SET_UP),
     }
@@ -89,8 +109,7 @@ pub const SKIPS: &[Skip] = &[
     Skip {
         name: "early Z",
         what: "hidden quads are not shaded",
-        switch: "--set depth.early=false",
-        how: Switch::Machine { base: &[], off: &["depth.early=false"] },
+        how: by("depth.early"),
         // Hidden fragments are discarded, too, where they are shaded.
         changes: |funnel| funnel.fragments_discarded = 0,
         work: Work::Machine(measure::FRAGMENTS_SHADED),
@@ -98,32 +117,28 @@ pub const SKIPS: &[Skip] = &[
     Skip {
         name: "hierarchical Z",
         what: "hidden blocks are not cut into quads",
-        switch: "--set traverse.hierarchical_z=false",
-        how: Switch::Machine { base: &[], off: &["traverse.hierarchical_z=false"] },
+        how: by("traverse.hierarchical_z"),
         changes: nothing,
         work: Work::Machine(measure::QUADS_TESTED),
     },
     Skip {
         name: "acceptance",
         what: "depths of blocks are not read where all samples are certain to pass (hierarchical Z with both bounds)",
-        switch: "--set traverse.hierarchical_accept=true",
-        how: Switch::Machine { base: &["traverse.hierarchical_accept=true"], off: &["traverse.hierarchical_accept=false"] },
+        how: by("traverse.hierarchical_accept"),
         changes: nothing,
         work: Work::Machine(measure::DEPTH_READ),
     },
     Skip {
         name: "fast clear",
         what: "clears set flags instead of memory",
-        switch: "--set color.fast_clear=false",
-        how: Switch::Machine { base: &[], off: &["color.fast_clear=false"] },
+        how: by("color.fast_clear"),
         changes: nothing,
         work: Work::Machine(measure::CLEARED),
     },
     Skip {
         name: "hidden surfaces",
         what: "what a tile hides is not shaded (sort-middle-binned)",
-        switch: "--config sort-middle-binned --set bin.hide=true",
-        how: Switch::Machine { base: &["sort=sort-middle-binned", "bin.hide=true"], off: &["bin.hide=false"] },
+        how: Switch::Knob { base: &["sort=sort-middle-binned"], path: "bin.hide", value: "true" },
         // What is overwritten is not written.
         changes: |funnel| (funnel.fragments_discarded, funnel.fragments_written) = (0, 0),
         work: Work::Machine(measure::FRAGMENTS_SHADED),
@@ -131,11 +146,7 @@ pub const SKIPS: &[Skip] = &[
     Skip {
         name: "rendering elimination",
         what: "a tile that memory has already is not drawn (sort-middle-binned)",
-        switch: "--config sort-middle-binned --set bin.skip_same_tiles=true",
-        how: Switch::Machine {
-            base: &["sort=sort-middle-binned", "bin.skip_same_tiles=true"],
-            off: &["bin.skip_same_tiles=false"],
-        },
+        how: Switch::Knob { base: &["sort=sort-middle-binned"], path: "bin.skip_same_tiles", value: "true" },
         // Nothing of such a tile is set up, tested or written.
         changes: |funnel| (funnel.fragments_covered, funnel.fragments_discarded, funnel.fragments_written) = (0, 0, 0),
         work: Work::Machine(measure::TILES_DRAWN),
@@ -143,67 +154,46 @@ pub const SKIPS: &[Skip] = &[
     Skip {
         name: "empty passes",
         what: "a pass without draws only clears, and no pipeline hears of it",
-        switch: "--set command.skip_empty_passes=false",
-        how: Switch::Machine { base: &[], off: &["command.skip_empty_passes=false"] },
+        how: by("command.skip_empty_passes"),
         changes: nothing,
         work: Work::Machine(measure::PASSES_DRAWN),
     },
     Skip {
         name: "overwritten blocks",
         what: "colours of a block that is overwritten whole are not read before",
-        switch: "--set color.skip_reads=false",
-        how: Switch::Machine { base: &[], off: &["color.skip_reads=false"] },
+        how: by("color.skip_reads"),
         changes: nothing,
         work: Work::Machine(measure::COLOR_READ),
     },
-    culled("facing", "triangles that face away are not set up", "--set clip.cull_facing=false", &["clip.cull_facing=false"]),
-    culled(
-        "frustum",
-        "what lies outside the view volume is not set up",
-        "--set clip.cull_frustum=false",
-        &["clip.cull_frustum=false"],
-    ),
-    culled(
-        "scissor",
-        "what lies outside the scissor rectangle is neither set up nor looked for",
-        "--set clip.cull_scissor=false",
-        &["clip.cull_scissor=false"],
-    ),
-    culled(
-        "no sample",
-        "what has no area or covers no sample is neither set up nor looked for",
-        "--set clip.cull_no_sample=false",
-        &["clip.cull_no_sample=false"],
-    ),
+    culled("facing", "triangles that face away are not set up", "clip.cull_facing"),
+    culled("frustum", "what lies outside the view volume is not set up", "clip.cull_frustum"),
+    culled("scissor", "what lies outside the scissor rectangle is neither set up nor looked for", "clip.cull_scissor"),
+    culled("no sample", "what has no area or covers no sample is neither set up nor looked for", "clip.cull_no_sample"),
     Skip {
         name: "unread attributes",
         what: "attributes of vertex buffers that the vertex stage does not read are not fetched",
-        switch: "--set fetch.skip_attributes=false",
-        how: Switch::Machine { base: &[], off: &["fetch.skip_attributes=false"] },
+        how: by("fetch.skip_attributes"),
         changes: nothing,
         work: Work::Machine(measure::ATTRIBUTE_LOOKUPS),
     },
     Skip {
         name: "unread varyings",
         what: "what the fragment stage does not read is neither computed nor interpolated",
-        switch: "--set interpolate.skip_varyings=false",
-        how: Switch::Machine { base: &[], off: &["interpolate.skip_varyings=false"] },
+        how: by("interpolate.skip_varyings"),
         changes: nothing,
         work: Work::Machine(measure::INSTRUCTIONS),
     },
     Skip {
         name: "unread levels",
         what: "texels of a level that has no weight are not read",
-        switch: "--set texture.skip_levels=false",
-        how: Switch::Machine { base: &[], off: &["texture.skip_levels=false"] },
+        how: by("texture.skip_levels"),
         changes: nothing,
         work: Work::Machine(measure::TEXTURE_LOOKUPS),
     },
     Skip {
         name: "draws out of view",
         what: "vertices of a draw whose bounds lie outside the view volume are neither read nor shaded",
-        switch: "--set command.cull=draws turns it on",
-        how: Switch::Machine { base: &["command.cull=draws"], off: &["command.cull=none"] },
+        how: Switch::Knob { base: &[], path: "command.cull", value: "draws" },
         // What is left out is not assembled, and so not found outside (`command.primitives_culled` has it).
         changes: |funnel| (funnel.primitives_in, funnel.culled_frustum) = (0, 0),
         work: Work::Machine(measure::VERTICES_SHADED),
@@ -211,15 +201,13 @@ pub const SKIPS: &[Skip] = &[
     Skip {
         name: "instances out of view",
         what: "the same for each instance of a draw, beside whole draws",
-        switch: "--set command.cull=instances turns it on",
-        how: Switch::Machine { base: &["command.cull=instances"], off: &["command.cull=draws"] },
+        how: Switch::Knob { base: &[], path: "command.cull", value: "instances" },
         changes: |funnel| (funnel.primitives_in, funnel.culled_frustum) = (0, 0),
         work: Work::Machine(measure::VERTICES_SHADED),
     },
     Skip {
         name: "idle cycles",
         what: "cycles in which nothing can move",
-        switch: "--clock every-cycle",
         how: Switch::Clock,
         changes: nothing,
         work: Work::Uncounted,
@@ -227,24 +215,21 @@ pub const SKIPS: &[Skip] = &[
     Skip {
         name: "full blocks",
         what: "samples of blocks that lie inside of all edges are not tested",
-        switch: "Skips::full_blocks",
-        how: Switch::Renderer(|skips| skips.full_blocks = false),
+        how: Switch::Renderer("full_blocks", |skips| skips.full_blocks = false),
         changes: nothing,
         work: Work::Uncounted,
     },
     Skip {
         name: "overwritten colours",
         what: "colours of a tile that a later opaque triangle covers whole are not computed",
-        switch: "Skips::overwritten",
-        how: Switch::Renderer(|skips| skips.overwritten = false),
+        how: Switch::Renderer("overwritten", |skips| skips.overwritten = false),
         changes: nothing,
         work: Work::Colors,
     },
     Skip {
         name: "repeated colours",
         what: "colours of a triangle whose inputs are the same everywhere are computed once in a tile",
-        switch: "Skips::repeated",
-        how: Switch::Renderer(|skips| skips.repeated = false),
+        how: Switch::Renderer("repeated", |skips| skips.repeated = false),
         changes: nothing,
         work: Work::Uncounted,
     },
@@ -379,18 +364,45 @@ pub(super) fn rendered(trace: &Trace, skips: Skips) -> Result<Rendered> {
     Ok(Rendered { pictures, funnel, colors, time: watch.clock() })
 }
 
+/// The value of a knob without a skip: the other one of a switch, or the name before that of the skip, which leaves less out.
+fn without(allowed: Allowed, value: &str) -> Setting {
+    match allowed {
+        Allowed::Choice(names) => {
+            let at = names.iter().position(|&name| name == value).unwrap_or(0);
+            Setting::Name(names[at.saturating_sub(1)].to_owned())
+        }
+        _ => Setting::Switch(value != "true"),
+    }
+}
+
+/// The settings of a skip by a knob, with it and without, on top of a machine. With it there is none for a knob that has the value.
+fn settings(config: &Config, base: &[&str], path: &str, value: &str) -> Result<[Vec<String>; 2]> {
+    let (knob, now) = config.knob("a skip", path)?;
+    ensure!(
+        matches!(knob.relax, Relax::Skip(values) if values.iter().any(|&(own, _)| own == value)),
+        "{path}={value} is not declared as a skip"
+    );
+    let base = || base.iter().map(|&setting| setting.to_owned());
+    let on = (now != Setting::from(value)).then(|| format!("{path}={value}"));
+    let off = match without(knob.allowed, value) {
+        Setting::Name(name) => name,
+        other => other.to_string(),
+    };
+    Ok([base().chain(on).collect(), base().chain([format!("{path}={off}")]).collect()])
+}
+
 /// A machine by its settings on top of others, and its clock.
-type Timed = (Vec<&'static str>, Clock);
+type Timed = (Vec<String>, Clock);
 
 /// The machines of a skip, with it and without; none for a skip of the renderer's.
-fn sides(skip: &Skip) -> Option<[Timed; 2]> {
-    match skip.how {
-        Switch::Renderer(_) => None,
-        Switch::Machine { base, off } => {
-            Some([base.to_vec(), [base, off].concat()].map(|settings| (settings, Clock::SkipIdle)))
+fn sides(skip: &Skip, config: &Config) -> Result<Option<[Timed; 2]>> {
+    Ok(match skip.how {
+        Switch::Renderer(..) => None,
+        Switch::Knob { base, path, value } => {
+            Some(settings(config, base, path, value)?.map(|settings| (settings, Clock::SkipIdle)))
         }
         Switch::Clock => Some([Clock::SkipIdle, Clock::EveryCycle].map(|clock| (Vec::new(), clock))),
-    }
+    })
 }
 
 /// Every skip on a trace, on and off. Machines are run behind one rendering, each once however many skips need it, and again for their host
@@ -406,7 +418,8 @@ pub fn savings(trace: &Trace, config: &Config, turns: Turns) -> Result<Vec<Savin
             timed.len() - 1
         })
     };
-    let places: Vec<Option<[usize; 2]>> = SKIPS.iter().map(|skip| sides(skip).map(|sides| sides.map(&mut place))).collect();
+    let sides = SKIPS.iter().map(|skip| sides(skip, config)).collect::<Result<Vec<_>>>()?;
+    let places: Vec<Option<[usize; 2]>> = sides.into_iter().map(|sides| sides.map(|sides| sides.map(&mut place))).collect();
     let set = |(settings, clock): &Timed| -> Result<(Config, Clock)> {
         let mut config = config.clone();
         settings.iter().try_for_each(|setting| config.set(setting))?;
@@ -438,7 +451,7 @@ pub fn savings(trace: &Trace, config: &Config, turns: Turns) -> Result<Vec<Savin
     let mut found = Vec::new();
     for (skip, places) in SKIPS.iter().zip(places) {
         let saving = match (skip.how, places) {
-            (Switch::Renderer(off), _) => {
+            (Switch::Renderer(_, off), _) => {
                 let mut skips = [Skips::default(); 2];
                 off(&mut skips[1]);
                 let (on, off) = (&plain_render, rendered(trace, skips[1])?);
@@ -508,7 +521,7 @@ pub fn across(what: Saved, traces: &[(String, Vec<Saving>)]) -> String {
     for (at, skip) in SKIPS.iter().enumerate() {
         // A skip of the host's alone saves no work of the card and no cycles.
         let is_there = |saving: &Saving| match what {
-            Saved::Work => saving.work.is_some() && !matches!(skip.how, Switch::Renderer(_)),
+            Saved::Work => saving.work.is_some() && !matches!(skip.how, Switch::Renderer(..)),
             Saved::Cycles => saving.cycles.is_some(),
             Saved::Host => true,
         };
