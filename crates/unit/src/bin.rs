@@ -78,7 +78,7 @@ knob::knobs! {
             {estimate: RefusedUnless(AtLeast(32), "vertices that tiles read again"), relax: Cache, advice: []},
         /// Triangles read ahead of their setup, in each pipeline.
         fifo: u32 ["triangles", Allowed::Range(1, 1024), "assumed: covers the latency of memory"]
-            {estimate: RefusedUnless(Between(128, 255), "the time that few reads of lists in flight take"), relax: Room, advice: []},
+            {estimate: Used, relax: Room, advice: []},
     }
 }
 

@@ -4,7 +4,7 @@ use super::Builder;
 use gfx::stage::Stage;
 use sim::Link;
 use unit::constant::Constant;
-use unit::core::{Core, CoreConfig, CorePorts};
+use unit::core::{Core, CorePorts};
 use unit::texture::{Texture, TextureUser};
 use work::Service;
 
@@ -56,8 +56,7 @@ impl Builder<'_> {
             let unit = Constant::new(config.constant.clone(), n / per_pipeline, input, output, memory);
             self.made.constant.push(unit);
         }
-        let vertex_config =
-            CoreConfig { warps: config.core.vertex_warps, issue: config.core.vertex_issue, ..config.core.clone() };
+        let vertex_config = config.core.of_vertices();
         for n in 0..id.vertex_core.len() {
             let stages = [(Stage::Vertex, Some((vertex.take(n), vertex_done.take(n))))];
             let services = [(Service::Texture, Some((vertex_ask.take(n), vertex_answer.take(n))))];

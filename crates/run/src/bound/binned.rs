@@ -238,9 +238,10 @@ impl Bound<'_> {
         let units = [("bin", taken.max(entries / f64::from(bin.entries_per_cycle))), ("bin port", bytes / port)];
         units.into_iter().for_each(|(unit, cycles)| roofs[0].add(unit, cycles));
         let binning = units[0].1.max(units[1].1);
-        // 2. Reading, line by line, with `bin.misses` requests on their way.
+        // 2. Reading, line by line, with `bin.misses` requests on their way, for `bin.fifo` triangles at most.
         let entry = (lists.triangle / LINE as f64 * latency / f64::from(bin.misses)).max(lists.triangle / port)
             + lists.entry / CHUNK * latency / f64::from(bin.misses);
+        let entry = entry.max((latency + lists.triangle / port) / f64::from(bin.fifo));
         // 3. At the end of a tile its blocks leave one per cycle, and over the port; meanwhile nothing goes on.
         let subtiles = f64::from((TILE / bin.tile).pow(2));
         let leave = |attachment: &AttachmentProfile, codec: Option<Codec>| {

@@ -37,6 +37,7 @@ use mem::REQUEST_BYTES;
 use num::Cycle;
 use unit::block_cache::PLACE;
 use unit::compression::Codec;
+use unit::core::CoreConfig;
 use unit::phase::{Phase, PhaseKind};
 use unit::scanout::ScanoutMode;
 use work::profile::{AttachmentProfile, FrameProfile, PhaseProfile, Sampled, Touch, Toucher};
@@ -121,6 +122,8 @@ pub struct Bound<'c> {
     /// Whether sorted triangles wait in bins until the pass is complete.
     binned: bool,
     pipelines: f64,
+    /// The core that shades vertices.
+    vertex_core: CoreConfig,
     /// Cycles of an access that the second-level cache has, and of one that it has not, unloaded.
     hit_latency: f64,
     memory_latency: f64,
@@ -214,6 +217,7 @@ impl<'c> Bound<'c> {
             sorted: class.sorted,
             binned: class.one_place,
             pipelines,
+            vertex_core: config.core.of_vertices(),
             hit_latency,
             memory_latency,
             dram_rate,
@@ -321,7 +325,7 @@ impl<'c> Bound<'c> {
                     line: misses.min(1.0),
                     port: LINE as f64 / f64::from(self.config.memory.port_width),
                 };
-                let shading = self.shading(cost, 4.0, *registers, &requests);
+                let shading = self.shading(&self.config.core, cost, 4.0, *registers, &requests);
                 roofs.add("core", shading.core * cost.runs as f64 / cores);
                 roofs.add("texture", shading.texture * cost.runs as f64 / cores);
                 textures = [(cost.texture_lines + cost.access_lines) as f64, *lines as f64];

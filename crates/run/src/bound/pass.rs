@@ -364,6 +364,7 @@ impl Bound<'_> {
         let attribute_lines = (bytes as f64 / LINE as f64).max(draw.attributes.min(1) as f64);
         let lookups = vertices * attribute_lines / f64::from(c.fetch.lookups_per_cycle);
         let shading = self.shading(
+            &self.vertex_core,
             &draw.costs[Stage::Vertex],
             1.0,
             draw.registers[Stage::Vertex],
@@ -385,7 +386,17 @@ impl Bound<'_> {
         let stream = all * trip / lines;
         let clipping = per(draw.primitives, c.clip.primitives_per_cycle) * f64::from(c.clip.interval)
             + (draw.clipped * u64::from(c.clip.clip_cycles)) as f64;
-        let fragment = self.shading(&draw.costs[Stage::Fragment], 4.0, draw.registers[Stage::Fragment], requests);
+        let fragment = self.shading(&c.core, &draw.costs[Stage::Fragment], 4.0, draw.registers[Stage::Fragment], requests);
+        // Vertex cores shade in front of assembly, the cores of pipelines beside fragments.
+        let unified = c.core.unified;
+        let cores = if unified {
+            self.pipelines / fronts * f64::from(c.core.per_pipeline)
+        } else {
+            f64::from(c.core.vertex_cores) / fronts
+        };
+        let [core, texture] = [shading.core * invocations / cores, shading.texture * asking / cores];
+        let separate = [("vertex core", core), ("vertex texture", texture)];
+        let separate = if unified { &[] } else { &separate[..] };
         // A segment has its place until the last of it is written.
         let held = draw.segments as f64 * (shading.latency + fragment.latency + fill);
         let held = held / f64::from(c.command.segments);
@@ -400,11 +411,11 @@ impl Bound<'_> {
         ];
         // Where primitives are routed it is not known here how many come to which.
         let shares = if self.sorted == Sorted::Primitives { 0.0 } else { 1.0 / fronts };
-        geometry.iter().for_each(|&(unit, cycles)| roofs.add(unit, cycles * shares));
+        let geometry = || geometry.iter().chain(separate);
+        geometry().for_each(|&(unit, cycles)| roofs.add(unit, cycles * shares));
         roofs.add("command", if own { held } else { 0.0 });
-        let slowest = geometry.iter().map(|unit| unit.1).fold(0.0, f64::max);
+        let slowest = geometry().map(|unit| unit.1).fold(0.0, f64::max);
         let primitives = (draw.primitives.max(1)) as f64;
-        let cores = self.pipelines / fronts * f64::from(c.core.per_pipeline);
 
         // Rasterisers.
         let turns = draw.varyings.div_ceil(u64::from(c.interpolate.words_per_cycle)).max(1);
@@ -423,8 +434,8 @@ impl Bound<'_> {
         Rates {
             route: route / primitives,
             geometry: slowest / primitives,
-            vertex_core: shading.core * invocations / cores / primitives,
-            vertex_texture: shading.texture * asking / cores / primitives,
+            vertex_core: if unified { core / primitives } else { 0.0 },
+            vertex_texture: if unified { texture / primitives } else { 0.0 },
             latency: shading.latency + fragment.latency,
             shaded: fragment.latency,
             setup: apart(c.setup.triangles_per_cycle, c.setup.interval).max(self.link()),

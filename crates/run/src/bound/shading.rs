@@ -1,6 +1,7 @@
 //! The time that shaders take in cores and texture units.
 
 use super::Bound;
+use unit::core::CoreConfig;
 use work::Class;
 use work::profile::{PIECE, ShaderProfile};
 
@@ -34,23 +35,30 @@ fn behind(rate: f64, latency: f64) -> f64 {
 }
 
 impl Bound<'_> {
-    /// Warps that a core has under way, at most.
+    /// Warps that a core of a pipeline has under way, at most.
     pub(super) fn resident(&self, registers: u32) -> f64 {
         f64::from(self.config.core.resident_warps(registers.max(1)))
     }
 
     /// Cycles that a run of a shader takes of a core and of its texture unit where all its requests hit.
     pub(crate) fn of_run(&self, cost: &ShaderProfile, invocations: f64, registers: u32) -> [f64; 2] {
-        let Shading { core, texture, .. } = self.shading(cost, invocations, registers, &Requests::default());
+        let Shading { core, texture, .. } = self.shading(&self.config.core, cost, invocations, registers, &Requests::default());
         [core, texture]
     }
 
-    /// The cost of shader runs (quads, vertices, packets of four invocations).
-    pub(super) fn shading(&self, cost: &ShaderProfile, invocations: f64, registers: u32, requests: &Requests) -> Shading {
+    /// The cost of shader runs (quads, vertices, packets of four invocations) in a core.
+    pub(super) fn shading(
+        &self,
+        core: &CoreConfig,
+        cost: &ShaderProfile,
+        invocations: f64,
+        registers: u32,
+        requests: &Requests,
+    ) -> Shading {
         if cost.runs == 0 {
             return Shading::default();
         }
-        let (core, texture, constant) = (&self.config.core, &self.config.texture, &self.config.constant);
+        let (texture, constant) = (&self.config.texture, &self.config.constant);
         let cost = &if constant.enabled { *cost } else { cost.without_constants() };
         let lanes =
             [core.float_lanes, core.integer_lanes, core.special_lanes, core.control_lanes, core.multiply_lanes].map(f64::from);
@@ -76,7 +84,7 @@ impl Bound<'_> {
         } else {
             waits(instructions)
         };
-        let resident = self.resident(registers);
+        let resident = f64::from(core.resident_warps(registers.max(1)));
 
         // The texture unit, a warp.
         let asked = each(cost.textures + cost.accesses);

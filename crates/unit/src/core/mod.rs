@@ -47,16 +47,16 @@ knob::knobs! {
             {estimate: Used, relax: Units("twice the cores, each with its texture unit"), advice: []},
         /// Whether these cores also shade vertices; if not, there are vertex cores.
         unified: bool ["", Allowed::Switch, "unified since 2006"]
-            {estimate: RefusedUnless(Is(&["true"]), "cores for vertices alone"), relax: Never, advice: []},
+            {estimate: Used, relax: Never, advice: []},
         /// Vertex cores, where they are separate.
         vertex_cores: u32 ["cores", Allowed::Range(1, 32), "assumed; ATTILA bGPU.ini NumVertexShaders = 8"]
-            {estimate: Ignored("without effect where core.unified is true"), relax: Never, advice: []},
+            {estimate: Used, relax: Never, advice: []},
         /// Warps that a vertex core holds.
         vertex_warps: u32 ["warps", Allowed::Range(1, 64), "assumed; ATTILA bGPU.ini VERTEXSHADER ExecutableThreads = 12"]
-            {estimate: Ignored("without effect where core.unified is true"), relax: Room, advice: []},
+            {estimate: UsedBy("core.of_vertices"), relax: Room, advice: []},
         /// Warp instructions that a vertex core issues per cycle.
         vertex_issue: u32 ["instructions/cycle", Allowed::Range(1, 8), "assumed; ATTILA bGPU.ini VERTEXSHADER FetchRate = 1"]
-            {estimate: Ignored("without effect where core.unified is true"), relax: Rate, advice: []},
+            {estimate: UsedBy("core.of_vertices"), relax: Rate, advice: []},
         /// Invocations of a warp.
         warp_width: u32 ["invocations", Allowed::PowerOfTwo(4, 64), "NVIDIA 32, AMD 64 or 32, Intel 8 to 32, ATTILA 64 (VectorLength 16 of stamps)"]
             {estimate: Used, relax: Never, advice: []},
@@ -140,6 +140,12 @@ knob::knobs! {
 }
 
 impl CoreConfig {
+    /// The core that shades vertices: a vertex core, where they are separate.
+    pub fn of_vertices(&self) -> CoreConfig {
+        let own = if self.unified { (self.warps, self.issue) } else { (self.vertex_warps, self.vertex_issue) };
+        CoreConfig { warps: own.0, issue: own.1, ..self.clone() }
+    }
+
     /// Invocations executed per cycle, by class.
     pub fn lanes(&self) -> [u32; Class::COUNT] {
         [self.float_lanes, self.integer_lanes, self.special_lanes, self.control_lanes, self.multiply_lanes]
