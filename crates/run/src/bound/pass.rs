@@ -397,6 +397,13 @@ impl Bound<'_> {
         let [core, texture] = [shading.core * invocations / cores, shading.texture * asking / cores];
         let separate = [("vertex core", core), ("vertex texture", texture)];
         let separate = if unified { &[] } else { &separate[..] };
+        // Warps of a core issue in turn, so that the first is held up by those that come while it runs, at most by all that the core holds.
+        let each = shading.core * f64::from(c.core.warp_width);
+        let held =
+            batches.min(cores * f64::from(self.vertex_core.resident_warps(draw.registers[Stage::Vertex].max(1)))) / cores;
+        let between = per(draw.indices, c.fetch.indices_per_cycle).max(lookups).max(stream) / batches.max(1.0) * cores;
+        let first = (between * (libm::exp(each / between.max(1e-3)) - 1.0)).min(held * each);
+        let vertex_latency = if unified { shading.latency } else { shading.latency.max(first) };
         // A segment has its place until the last of it is written.
         let held = draw.segments as f64 * (shading.latency + fragment.latency + fill);
         let held = held / f64::from(c.command.segments);
@@ -436,7 +443,7 @@ impl Bound<'_> {
             geometry: slowest / primitives,
             vertex_core: if unified { core / primitives } else { 0.0 },
             vertex_texture: if unified { texture / primitives } else { 0.0 },
-            latency: shading.latency + fragment.latency,
+            latency: vertex_latency + fragment.latency,
             shaded: fragment.latency,
             setup: apart(c.setup.triangles_per_cycle, c.setup.interval).max(self.link()),
             test: 1.0 / f64::from(c.traverse.tests_per_cycle),
