@@ -3,7 +3,7 @@
 use anyhow::{Context, Result};
 
 use super::threads::MOST;
-use super::{Verdict, attila, card, estimates, knobs, pareto, runs, scenes, shortcuts, skips};
+use super::{Verdict, attila, builds, card, estimates, knobs, pareto, runs, scenes, shortcuts, skips};
 use crate::accuracy::{self, Setting, Size, Target, TargetResult};
 
 /// Measure what a correct model must reproduce: identities, rules of specifications, closed forms
@@ -47,6 +47,7 @@ pub struct Arguments {
 #[derive(clap::Subcommand)]
 enum Command {
     Attila(attila::Arguments),
+    Builds(builds::Arguments),
     Card(card::Arguments),
     Estimates(estimates::Arguments),
     Knobs(knobs::Arguments),
@@ -70,6 +71,7 @@ enum SizeName {
 pub fn run(arguments: &Arguments) -> Result<Verdict> {
     match &arguments.command {
         Some(Command::Attila(arguments)) => return attila::run(arguments),
+        Some(Command::Builds(arguments)) => return builds::run(arguments),
         Some(Command::Card(arguments)) => return card::run(arguments),
         Some(Command::Estimates(arguments)) => return estimates::run(arguments),
         Some(Command::Knobs(arguments)) => return knobs::run(arguments),

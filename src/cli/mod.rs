@@ -25,7 +25,9 @@ mod accuracy;
 #[cfg(feature = "accuracy")]
 mod attila;
 #[cfg(feature = "accuracy")]
+#[cfg(feature = "accuracy")]
 mod beside;
+mod builds;
 mod card;
 mod compare;
 mod configs;

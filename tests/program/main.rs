@@ -2,6 +2,7 @@
 
 mod accuracy;
 mod attila;
+mod builds;
 mod card;
 mod cli;
 mod commands;
