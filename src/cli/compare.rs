@@ -9,7 +9,6 @@ use serde_json::{Map, Value, json};
 use super::beside::{Replayed, of_sweep};
 use super::reading::Limiting;
 use super::{Verdict, configs};
-use crate::accuracy::references::{Manifest, Standing, TOLERANCE as TOLERANCE_OF_REFERENCES};
 use crate::host;
 use crate::host::{Links, one_line};
 use crate::machine::Config;
@@ -21,6 +20,7 @@ use crate::report::compare::{self, Banks, KnobDifference, Leaves, Size, Statisti
 use crate::report::files::changed_json;
 use crate::report::html as pages;
 use crate::report::owned::check_replaceable;
+use crate::report::references::{Manifest, Standing, TOLERANCE as TOLERANCE_OF_REFERENCES};
 
 /// Bytes of a statistics file at most: hours of frames.
 const TEXT_MAX: u64 = 1 << 30;

@@ -32,7 +32,6 @@ mod page;
 pub mod pareto;
 mod raster;
 mod rates;
-pub mod references;
 pub mod runs;
 pub mod scenes;
 pub mod sequences;

@@ -6,11 +6,11 @@ use std::path::{Path, PathBuf};
 use anyhow::{Context, Result, bail};
 use serde::Deserialize;
 
-use host::{self, Links};
-use import;
-use machine::Config;
-use run::picture::{self, picture};
-use run::replay::{Fidelity, Options, replay};
+use crate::host::{self, Links};
+use crate::import;
+use crate::machine::Config;
+use crate::picture::{self, picture};
+use crate::run::replay::{Fidelity, Options, replay};
 
 /// Bytes of a manifest at most.
 const TEXT_MAX: u64 = 1 << 20;
