@@ -56,7 +56,7 @@
 //! | 9 | [`cli`] |
 //!
 //! Without the default feature `cli` the floors from 7 on, and the packages that they need, are left out; without `accuracy`, the checks of the
-//! model.
+//! model; without `opengl` or `wgpu`, the importer of such traces.
 
 #[cfg(feature = "accuracy")]
 pub use accuracy;

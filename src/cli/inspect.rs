@@ -6,7 +6,7 @@ use anyhow::{Result, bail};
 
 use super::Verdict;
 use crate::import;
-use crate::import::gl::Report;
+use crate::import::Report;
 use crate::render::{Frames, Image, Inspection, inspect};
 use crate::report::summary::{bytes, grouped};
 use crate::trace::command::{Command, ShaderSource};

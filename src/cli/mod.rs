@@ -24,10 +24,10 @@ macro_rules! eprintln {
 mod accuracy;
 #[cfg(feature = "accuracy")]
 mod attila;
-#[cfg(feature = "accuracy")]
-#[cfg(feature = "accuracy")]
 mod beside;
+#[cfg(feature = "accuracy")]
 mod builds;
+#[cfg(feature = "accuracy")]
 mod card;
 mod compare;
 mod configs;

@@ -7,8 +7,7 @@ use std::path::Path;
 use anyhow::{Result, anyhow};
 
 use super::Verdict;
-use crate::import::gl::Report;
-use crate::import::{self, TraceKind};
+use crate::import::{self, TraceKind, Report};
 use crate::num::Limits;
 use crate::trace::{self, Origin, Trace};
 
@@ -97,7 +96,7 @@ impl Reading {
     fn supported(&self, path: &Path, (trace, _): (Trace, Option<Report>)) -> Result<Trace> {
         let origin = trace.origin();
         match &origin.left_out {
-            Some(refusal) if !self.lenient => Err(import::gl::unsupported(path, refusal).into()),
+            Some(refusal) if !self.lenient => Err(import::unsupported(path, refusal).into()),
             _ => {
                 say(path, &origin);
                 Ok(trace)

@@ -2,7 +2,8 @@
 
 use std::path::Path;
 
-use fillrate::import::gl::{Report, import_frames};
+use fillrate::import::Report;
+use fillrate::import::gl::import_frames;
 use fillrate::machine::Config;
 use fillrate::picture::picture;
 use fillrate::run::replay::{Fidelity, Options, replay};

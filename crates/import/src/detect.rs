@@ -30,6 +30,17 @@ impl fmt::Display for TraceKind {
     }
 }
 
+impl TraceKind {
+    /// The feature of this package that reads such traces. None if every build reads them.
+    pub fn feature(self) -> Option<&'static str> {
+        match self {
+            TraceKind::Native => None,
+            TraceKind::Wgpu => Some("wgpu"),
+            TraceKind::Apitrace | TraceKind::GlInterceptor => Some("opengl"),
+        }
+    }
+}
+
 /// A trace that was found.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct FoundTrace {
@@ -105,9 +116,52 @@ fn kind_of_file(file: &Path, links: Links) -> io::Result<Option<TraceKind>> {
     } else if name.ends_with(".ron") {
         // A wgpu trace is a list of actions, a native one a single struct. What is neither gets the native reader's message.
         let text = String::from_utf8_lossy(&start);
-        let first = text[super::wgpu::trivia(&text)..].chars().next();
+        let first = text[trivia(&text)..].chars().next();
         Some(if first == Some('[') { TraceKind::Wgpu } else { TraceKind::Native })
     } else {
         None
     })
+}
+
+/// Length of the white space and comments at the beginning of a RON text. A comment that does not end is not counted.
+pub fn trivia(text: &str) -> usize {
+    let mut at = 0;
+    loop {
+        let rest = &text[at..];
+        let blank = rest.len() - rest.trim_start().len();
+        at += blank;
+        let rest = &rest[blank..];
+        let comment = if rest.starts_with("//") {
+            rest.find('\n').unwrap_or(rest.len())
+        } else if rest.starts_with("/*") {
+            block_comment(rest).unwrap_or(0)
+        } else {
+            0
+        };
+        if comment == 0 {
+            return at;
+        }
+        at += comment;
+    }
+}
+
+/// Length of the block comment at the beginning, which may hold others.
+pub fn block_comment(text: &str) -> Option<usize> {
+    let bytes = text.as_bytes();
+    let (mut at, mut depth) = (0, 0u32);
+    while at + 1 < bytes.len() {
+        match &bytes[at..at + 2] {
+            b"/*" => depth += 1,
+            b"*/" => depth -= 1,
+            _ => {
+                at += 1;
+                continue;
+            }
+        }
+        at += 2;
+        if depth == 0 {
+            return Some(at);
+        }
+    }
+    None
 }

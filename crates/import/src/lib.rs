@@ -1,7 +1,8 @@
 //! Floor 2: foreign traces → trace.
 //!
 //! [`open`] takes any trace, native or foreign, and answers the same [`Trace`] for all of them: a foreign one with its commands
-//! translated in memory and its blobs where they are. [`wgpu`] reads API traces of wgpu, [`gl`] recorded OpenGL programs.
+//! translated in memory and its blobs where they are. [`wgpu`] reads API traces of wgpu, [`gl`] recorded OpenGL programs. Each is a feature of
+//! the package; without it, [`open`] refuses such traces.
 //!
 //! ```
 //! use gfx::format::Format;
@@ -17,15 +18,18 @@
 //! card.save(folder.path())?;
 //!
 //! let found = import::detect(folder.path()).expect("a trace");
-//! assert_eq!(found.kind, import::Kind::Native);
+//! assert_eq!(found.kind, import::TraceKind::Native);
 //! assert_eq!(trace::check(&import::open(folder.path())?)?.frames, 1);
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
 
+#[cfg(feature = "opengl")]
 pub mod gl;
+#[cfg(feature = "wgpu")]
 pub mod wgpu;
 
 mod detect;
+mod report;
 
 use std::ops::Range;
 use std::path::Path;
@@ -34,7 +38,7 @@ use host::Links;
 use trace::{Reading, Trace, TraceError};
 
 pub use detect::{FoundTrace, TraceKind, detect};
-use gl::Survey;
+pub use report::{ContextFacts, Count, Counts, Report, Survey, WindowFacts, unsupported};
 
 /// Opens a trace of any kind. Errors name the file, and the place in it where there is one.
 pub fn open(path: impl AsRef<Path>) -> Result<Trace, TraceError> {
@@ -47,22 +51,18 @@ pub fn open_with(path: impl AsRef<Path>, reading: &Reading) -> Result<Trace, Tra
 }
 
 /// As [`open_with`], with what is known of a recorded OpenGL program. What it asks for and is not supported is no error here.
-pub fn open_reported(path: &Path, reading: &Reading) -> Result<(Trace, Option<gl::Report>), TraceError> {
+pub fn open_reported(path: &Path, reading: &Reading) -> Result<(Trace, Option<Report>), TraceError> {
     open_as(path, reading, 0..u64::MAX, Survey::Whole)
 }
 
 /// As [`open_reported`]. Of a recorded OpenGL program only these frames are translated, and what they need of the ones before; other traces
 /// are whole. A long one is not read to its end first: then there is no report, and [`gl::open`] says what becomes of what is not supported.
-pub fn open_frames(path: &Path, reading: &Reading, frames: Range<u64>) -> Result<(Trace, Option<gl::Report>), TraceError> {
+pub fn open_frames(path: &Path, reading: &Reading, frames: Range<u64>) -> Result<(Trace, Option<Report>), TraceError> {
     open_as(path, reading, frames, Survey::Start)
 }
 
-fn open_as(
-    path: &Path,
-    reading: &Reading,
-    frames: Range<u64>,
-    survey: Survey,
-) -> Result<(Trace, Option<gl::Report>), TraceError> {
+#[cfg_attr(not(feature = "opengl"), allow(unused_variables, reason = "recorded OpenGL programs alone are read in part"))]
+fn open_as(path: &Path, reading: &Reading, frames: Range<u64>, survey: Survey) -> Result<(Trace, Option<Report>), TraceError> {
     // The path is the user's own; files that are found in a folder are the trace's.
     let in_folder = std::fs::metadata(path).map_err(|error| TraceError::new(path, error))?.is_dir();
     let links = if in_folder { reading.links() } else { Links::Follow };
@@ -71,9 +71,19 @@ fn open_as(
             Some(folder) if in_folder => Trace::open_with(folder, reading),
             _ => Trace::open_with(file, reading),
         },
+        #[cfg(feature = "wgpu")]
         Some(FoundTrace { kind: TraceKind::Wgpu, path: file }) => wgpu::open_linked(&file, links, reading),
+        #[cfg(feature = "opengl")]
         Some(FoundTrace { kind: kind @ (TraceKind::Apitrace | TraceKind::GlInterceptor), path }) => {
             return gl::open(&path, kind == TraceKind::Apitrace, links, reading, frames, survey);
+        }
+        #[cfg(not(all(feature = "opengl", feature = "wgpu")))]
+        Some(FoundTrace { kind, path }) => {
+            let feature = kind.feature().unwrap_or_default();
+            Err(TraceError::new(
+                path,
+                format!("is a {kind} trace, which this build cannot read: build with the feature `{feature}`"),
+            ))
         }
         None => Err(TraceError::new(
             path,
@@ -87,7 +97,7 @@ fn open_as(
 fn open_path(path: &Path, reading: &Reading) -> Result<Trace, TraceError> {
     let (trace, report) = open_reported(path, reading)?;
     match report.and_then(|report| report.refusal()) {
-        Some(refusal) if !reading.lenient => Err(gl::unsupported(path, &refusal)),
+        Some(refusal) if !reading.lenient => Err(unsupported(path, &refusal)),
         _ => Ok(trace),
     }
 }

@@ -5,7 +5,8 @@ use std::path::Path;
 
 use anyhow::{Context, Result, anyhow, ensure};
 
-use import::gl::{Report, import_bytes};
+use import::Report;
+use import::gl::import_bytes;
 use machine::Config;
 use run::picture::picture;
 use run::replay::{Fidelity, Frame, Options, replay};

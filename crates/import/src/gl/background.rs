@@ -8,8 +8,8 @@ use std::thread::{Builder, JoinHandle};
 
 use trace::{CommandChunk, Origin, Stream, Trace, TraceError};
 
-use crate::gl::recording::{Delivery, Recording, Survey, described};
-use crate::gl::report::Report;
+use crate::gl::recording::{Delivery, Recording, described};
+use crate::report::{Report, Survey};
 
 /// What [`Recording::import`] answers.
 type Imported = Result<(Option<Trace>, Option<Report>), TraceError>;

@@ -9,7 +9,7 @@ use num::{Limits, NameMap};
 
 use crate::gl::call::{Call, Function, GlResult, INVALID_OPERATION, Shape};
 use crate::gl::card::device::Card;
-use crate::gl::report::Log;
+use crate::gl::log::Log;
 use crate::gl::state::arb::{MATRIX0, ProgramTexts};
 use crate::gl::state::buffers::Renames;
 use crate::gl::state::contexts::{Context, Contexts, Objects};

@@ -32,7 +32,7 @@
 //!   that they write drops them.
 //! * The window has no alpha unless the program asks for it: alpha stays 1.
 //! * A call that raises an OpenGL error has no effect.
-//! * Unsupported features are counted by name, with the first call ([`Report`]); they never give a wrong picture without a message.
+//! * Unsupported features are counted by name, with the first call ([`Report`](crate::Report)); they never give a wrong picture without a message.
 
 mod background;
 mod call;
@@ -42,19 +42,16 @@ mod dispatch;
 mod draw;
 mod elements;
 mod geometry;
+mod log;
 mod machine;
 mod matrix;
 mod names;
 mod open;
 mod reader;
 mod recording;
-mod report;
 mod state;
 mod table;
 mod texels;
 
-pub use card::windows::WindowFacts;
 pub use open::open;
-pub use recording::{Survey, import_bytes, import_frames, unsupported};
-pub use report::{Count, Counts, Report};
-pub use state::contexts::ContextFacts;
+pub use recording::{import_bytes, import_frames};

@@ -7,8 +7,8 @@ use host::Links;
 use trace::{Reading, Trace, TraceError};
 
 use crate::gl::background;
-use crate::gl::recording::{Delivery, Recording, Survey, described};
-use crate::gl::report::Report;
+use crate::gl::recording::{Delivery, Recording, described};
+use crate::report::{Report, Survey};
 
 /// Opens a recording of apitrace or GLInterceptor, with the wanted frames. The recording is read up to the last of them. Of earlier frames,
 /// only results that later frames can read are kept. The commands of a long recording are generated again at each reading

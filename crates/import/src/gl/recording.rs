@@ -18,7 +18,7 @@ use crate::gl::reader::Reader;
 use crate::gl::reader::apitrace::Apitrace;
 use crate::gl::reader::chunks::{Input, ReadError};
 use crate::gl::reader::gli::{GliText, Memory};
-use crate::gl::report::Report;
+use crate::report::{Report, Survey, unsupported};
 
 /// Bytes of GLInterceptor's memory file at most.
 const MEMORY_MAX: u64 = 2 << 30;
@@ -30,15 +30,6 @@ const PARTS: u64 = 16;
 /// The bytes of one part of a stream, where at most `most` bytes of the stream may stay in memory.
 fn part_of(most: u64) -> u64 {
     (most / PARTS).max(1 << 10)
-}
-
-/// How much is known of a recording before its first command.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Survey {
-    /// All: the recording is read to its end.
-    Whole,
-    /// Only facts from its start: a long recording is not read to its end before its first command.
-    Start,
 }
 
 /// A trace with what is known of its recording.
@@ -297,11 +288,6 @@ fn import(
     }
     let trace = gl.finish().map_err(|fault| TraceError::new(path, format!("{fault:?}")))?;
     Ok((kept.then(|| trace.with_limits(reading.limits)), Some(report)))
-}
-
-/// The error of a recording that uses unsupported features.
-pub fn unsupported(path: &Path, refusal: &str) -> TraceError {
-    TraceError::unsupported(path, format!("not supported: {refusal}; --lenient leaves it out"))
 }
 
 /// The memory file that accompanies a text recording, if there is one.

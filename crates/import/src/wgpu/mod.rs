@@ -34,8 +34,6 @@ use trace::{Reading, TextLocation, Trace, TraceError, read_commands_file};
 use reader::{Cut, Step};
 use translate::Stop;
 
-pub(super) use reader::trivia;
-
 /// Opens the wgpu trace whose `trace.ron` this is.
 pub fn open(file: &Path) -> Result<Trace, TraceError> {
     open_with(file, &Reading::default())

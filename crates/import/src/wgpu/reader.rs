@@ -9,6 +9,7 @@ use num::nearest;
 use trace::{TextLocation, TraceError};
 
 use super::schema::{self, Action, Wrong};
+use crate::detect::{block_comment, trivia};
 
 /// Reads actions.
 pub struct Reader<'a> {
@@ -226,47 +227,4 @@ fn advance(place: TextLocation, text: &str) -> TextLocation {
             TextLocation { line: place.line + lines, column: text[last + 1..].chars().count() + 1 }
         }
     }
-}
-
-/// Length of the white space and comments at the beginning of a RON text. A comment that does not end is not counted.
-pub fn trivia(text: &str) -> usize {
-    let mut at = 0;
-    loop {
-        let rest = &text[at..];
-        let blank = rest.len() - rest.trim_start().len();
-        at += blank;
-        let rest = &rest[blank..];
-        let comment = if rest.starts_with("//") {
-            rest.find('\n').unwrap_or(rest.len())
-        } else if rest.starts_with("/*") {
-            block_comment(rest).unwrap_or(0)
-        } else {
-            0
-        };
-        if comment == 0 {
-            return at;
-        }
-        at += comment;
-    }
-}
-
-/// Length of the block comment at the beginning, which may hold others.
-fn block_comment(text: &str) -> Option<usize> {
-    let bytes = text.as_bytes();
-    let (mut at, mut depth) = (0, 0u32);
-    while at + 1 < bytes.len() {
-        match &bytes[at..at + 2] {
-            b"/*" => depth += 1,
-            b"*/" => depth -= 1,
-            _ => {
-                at += 1;
-                continue;
-            }
-        }
-        at += 2;
-        if depth == 0 {
-            return Some(at);
-        }
-    }
-    None
 }

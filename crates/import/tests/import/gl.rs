@@ -2,7 +2,8 @@
 
 use std::path::Path;
 
-use import::gl::{Report, import_bytes};
+use import::Report;
+use import::gl::import_bytes;
 use proptest::prelude::*;
 use trace::command::{Command, ShaderSource};
 use trace::{Reading, Trace, TraceError, check};

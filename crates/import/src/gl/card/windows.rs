@@ -4,6 +4,7 @@ use num::NumberMap;
 
 use crate::gl::call::{Fault, GlResult};
 use crate::gl::card::pass::Surface;
+use crate::report::WindowFacts;
 
 /// Maximum number of drawables of a recording.
 const WINDOWS_MAX: usize = 1 << 12;
@@ -39,17 +40,6 @@ pub struct Window {
     pub front_lacks: bool,
     /// Whether the program has destroyed it.
     pub doomed: bool,
-}
-
-/// Facts about a window or another drawable.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct WindowFacts {
-    /// Width and height in pixels; zeros if nothing was drawn to it.
-    pub size: [u32; 2],
-    /// How often its buffers were swapped.
-    pub swaps: u64,
-    /// Whether it is a pixel buffer, which is never on a screen.
-    pub off_screen: bool,
 }
 
 /// All drawables of a recording, by number: in the order in which the recording first uses them.
@@ -201,22 +191,5 @@ impl Windows {
             all.push(format!("and {} others", self.list.len() - NAMED_MAX));
         }
         Some(format!("window {chosen} {reason}; the recording has {}", all.join(", ")))
-    }
-}
-
-impl std::fmt::Display for WindowFacts {
-    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        match self.size {
-            [0, 0] => f.write_str("never drawn to")?,
-            [width, height] => write!(f, "{width} x {height}")?,
-        }
-        if self.off_screen {
-            f.write_str(", off screen")?;
-        }
-        match self.swaps {
-            0 => f.write_str(", no swap"),
-            1 => f.write_str(", 1 swap"),
-            swaps => write!(f, ", {swaps} swaps"),
-        }
     }
 }

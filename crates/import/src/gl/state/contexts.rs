@@ -29,6 +29,7 @@ use crate::gl::state::texture::{SamplerBindings, Texture};
 use crate::gl::state::transform::Matrices;
 use crate::gl::texels::transfer::PixelMaps;
 use crate::gl::texels::unpack::PixelStore;
+use crate::report::ContextFacts;
 
 /// Maximum number of contexts of a recording.
 const CONTEXTS_MAX: usize = 1 << 16;
@@ -119,15 +120,6 @@ impl Current {
     pub const NONE: Current = Current { context: None, draw: None, read: None };
     /// The context and the window that a recording need not make.
     const UNMADE: Current = Current { context: Some(0), draw: Some(0), read: Some(0) };
-}
-
-/// Facts about a context that the recording makes.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct ContextFacts {
-    /// The call that makes it; of a context whose creation was not recorded, the first call that names it.
-    pub call: u64,
-    /// The number of an earlier context whose objects it shares.
-    pub shares: Option<usize>,
 }
 
 /// A context. While it is current, its state is in the machine.

@@ -1,10 +1,9 @@
-//! Facts about a recording.
+//! Facts about a recorded program.
+
+use std::path::Path;
 
 use num::NameMap;
-use trace::Origin;
-
-use crate::gl::card::windows::WindowFacts;
-use crate::gl::state::contexts::ContextFacts;
+use trace::{Origin, TraceError};
 
 /// How often something occurred, and where it first occurred.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -17,33 +16,6 @@ pub struct Count {
 
 /// Counts by name.
 pub type Counts = NameMap<Count>;
-
-/// Facts that a machine collects about its recording.
-#[derive(Default)]
-pub struct Log {
-    /// What is not supported.
-    pub unsupported: Counts,
-    /// Calls that raise an error.
-    pub errors: Counts,
-    /// Versions of contexts, as the recorded driver has called them.
-    pub versions: NameMap<()>,
-    /// Uses of occlusion queries.
-    pub queries: u64,
-    /// The number of the call that runs.
-    pub number: u64,
-}
-
-impl Log {
-    /// Counts a feature that is not supported.
-    pub fn refuse(&mut self, what: String) {
-        self.unsupported.get_or_insert_with(&what, || Count { times: 0, first: self.number }).times += 1;
-    }
-
-    /// Counts an OpenGL error of the call that runs.
-    pub fn note_error(&mut self, what: &str) {
-        self.errors.get_or_insert_with(what, || Count { times: 0, first: self.number }).times += 1;
-    }
-}
 
 /// Facts about a recording.
 #[derive(Clone, Debug, Default)]
@@ -103,4 +75,55 @@ impl Report {
         (origin.left_out, origin.cut, origin.notes) = (self.refusal(), self.cut.as_ref().map(missing), notes);
         origin
     }
+}
+
+/// How much is known of a recording before its first command.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Survey {
+    /// All: the recording is read to its end.
+    Whole,
+    /// Only facts from its start: a long recording is not read to its end before its first command.
+    Start,
+}
+
+/// The error of a recording that uses unsupported features.
+pub fn unsupported(path: &Path, refusal: &str) -> TraceError {
+    TraceError::unsupported(path, format!("not supported: {refusal}; --lenient leaves it out"))
+}
+
+/// Facts about a window or another drawable.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct WindowFacts {
+    /// Width and height in pixels; zeros if nothing was drawn to it.
+    pub size: [u32; 2],
+    /// How often its buffers were swapped.
+    pub swaps: u64,
+    /// Whether it is a pixel buffer, which is never on a screen.
+    pub off_screen: bool,
+}
+
+impl std::fmt::Display for WindowFacts {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        match self.size {
+            [0, 0] => f.write_str("never drawn to")?,
+            [width, height] => write!(f, "{width} x {height}")?,
+        }
+        if self.off_screen {
+            f.write_str(", off screen")?;
+        }
+        match self.swaps {
+            0 => f.write_str(", no swap"),
+            1 => f.write_str(", 1 swap"),
+            swaps => write!(f, ", {swaps} swaps"),
+        }
+    }
+}
+
+/// Facts about a context that the recording makes.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct ContextFacts {
+    /// The call that makes it; of a context whose creation was not recorded, the first call that names it.
+    pub call: u64,
+    /// The number of an earlier context whose objects it shares.
+    pub shares: Option<usize>,
 }
