@@ -45,22 +45,22 @@ use work::{Cull, CulledLate, RenderKey, Shade};
 
 /// The configurations that are built in: name and text.
 pub const BUILT_IN: &[(&str, &str)] = &[
-    ("baseline", include_str!("../../../../configs/baseline.ron")),
-    ("four-pipelines", include_str!("../../../../configs/four-pipelines.ron")),
-    ("tiny", include_str!("../../../../configs/tiny.ron")),
-    ("attila", include_str!("../../../../configs/attila.ron")),
-    ("wide", include_str!("../../../../configs/wide.ron")),
-    ("sort-first", include_str!("../../../../configs/sort-first.ron")),
-    ("sort-middle", include_str!("../../../../configs/sort-middle.ron")),
-    ("sort-middle-binned", include_str!("../../../../configs/sort-middle-binned.ron")),
-    ("sort-last-fragment", include_str!("../../../../configs/sort-last-fragment.ron")),
-    ("sort-last-image", include_str!("../../../../configs/sort-last-image.ron")),
-    ("geforce2-ultra", include_str!("../../../../configs/geforce2-ultra.ron")),
-    ("gtx-titan", include_str!("../../../../configs/gtx-titan.ron")),
-    ("gtx-980", include_str!("../../../../configs/gtx-980.ron")),
-    ("rx-5700-xt", include_str!("../../../../configs/rx-5700-xt.ron")),
-    ("mali-g57-mc2", include_str!("../../../../configs/mali-g57-mc2.ron")),
-    ("radeon-x700-xt", include_str!("../../../../configs/radeon-x700-xt.ron")),
+    ("baseline", include_str!("../../configs/baseline.ron")),
+    ("four-pipelines", include_str!("../../configs/four-pipelines.ron")),
+    ("tiny", include_str!("../../configs/tiny.ron")),
+    ("attila", include_str!("../../configs/attila.ron")),
+    ("wide", include_str!("../../configs/wide.ron")),
+    ("sort-first", include_str!("../../configs/sort-first.ron")),
+    ("sort-middle", include_str!("../../configs/sort-middle.ron")),
+    ("sort-middle-binned", include_str!("../../configs/sort-middle-binned.ron")),
+    ("sort-last-fragment", include_str!("../../configs/sort-last-fragment.ron")),
+    ("sort-last-image", include_str!("../../configs/sort-last-image.ron")),
+    ("geforce2-ultra", include_str!("../../configs/geforce2-ultra.ron")),
+    ("gtx-titan", include_str!("../../configs/gtx-titan.ron")),
+    ("gtx-980", include_str!("../../configs/gtx-980.ron")),
+    ("rx-5700-xt", include_str!("../../configs/rx-5700-xt.ron")),
+    ("mali-g57-mc2", include_str!("../../configs/mali-g57-mc2.ron")),
+    ("radeon-x700-xt", include_str!("../../configs/radeon-x700-xt.ron")),
 ];
 
 /// What a message about a configuration that is not there ends with: the nearest name, and all names.
