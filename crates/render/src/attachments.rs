@@ -6,9 +6,11 @@ use gfx::texel;
 use num::TextureId;
 use work::{Aspects, Contents, Event, Surface, SurfaceKey};
 
-use super::execute::{Fault, Renderer};
+use super::execute::Renderer;
+use super::fault::Fault;
 use super::ledger::Claim;
 use super::resources::{ImageState, Resources};
+use super::state::StateError;
 use super::surface::{ALL, Shape, TileSurface};
 
 /// Where an attachment's image is.
@@ -58,14 +60,14 @@ pub(super) fn place_of(renderer: &Renderer<'_, '_>, view: u32, slice: Option<u32
     let view = renderer.res.views.get(view)?;
     let texture = renderer.res.textures.get(view.texture.0)?;
     let layer = match texture.image.dimension {
-        TextureDimension::D3 => slice.ok_or("a 3D attachment without a depth slice")?,
+        TextureDimension::D3 => slice.ok_or(StateError::NoSlice)?,
         _ => view.range.base_layer,
     };
     if layer >= texture.image.level_size(view.range.base_level)[2] {
-        return Err(format!("slice {layer} of texture {} is not there", view.texture.0).into());
+        return Err(StateError::Slice { slice: layer, texture: view.texture.0 }.into());
     }
     if view.range.levels != 1 || view.range.layers != 1 && texture.image.dimension != TextureDimension::D3 {
-        return Err(format!("an attachment of {} levels and {} layers", view.range.levels, view.range.layers).into());
+        return Err(StateError::AttachmentParts { levels: view.range.levels, layers: view.range.layers }.into());
     }
     Ok((Subresource { texture: view.texture, level: view.range.base_level, layer }, view.range.format))
 }

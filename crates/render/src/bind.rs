@@ -10,7 +10,8 @@ use trace::command::BoundResource;
 use work::{Extent, Reach};
 
 use super::draw::Signer;
-use super::resources::Resources;
+use super::fault::Reason;
+use super::resources::{NoObject, Resources};
 use super::state::Bindings;
 
 /// One bound object, kept alive for the length of a draw.
@@ -67,7 +68,7 @@ impl ResolvedBindings {
     ///
     /// # Errors
     /// If something is missing, of the wrong kind, or too small.
-    pub fn new(res: &mut Resources, interface: &Interface, bound: &Bindings) -> Result<ResolvedBindings, String> {
+    pub fn new(res: &mut Resources, interface: &Interface, bound: &Bindings) -> Result<ResolvedBindings, Reason> {
         let mut resolved = ResolvedBindings::default();
         resolved.resolve(res, interface, bound)?;
         Ok(resolved)
@@ -77,11 +78,11 @@ impl ResolvedBindings {
     ///
     /// # Errors
     /// As there.
-    pub fn resolve(&mut self, res: &mut Resources, interface: &Interface, bound: &Bindings) -> Result<(), String> {
+    pub fn resolve(&mut self, res: &mut Resources, interface: &Interface, bound: &Bindings) -> Result<(), Reason> {
         self.clear();
         self.held.reserve(interface.bindings.len());
         for (number, binding) in interface.bindings.iter().enumerate() {
-            resolve(res, binding, bound, &mut self.held).map_err(|reason| missing(interface, binding, &reason))?;
+            resolve(res, binding, bound, &mut self.held).map_err(|reason| missing(interface, binding, reason))?;
             let single = self.ends.is_empty() && self.held.len() == number + 1;
             if !single {
                 if self.ends.is_empty() {
@@ -184,7 +185,7 @@ impl ResolvedBindings {
     ///
     /// # Errors
     /// If a texture or buffer is gone.
-    pub fn note_writes(&self, res: &mut Resources, interface: &Interface) -> Result<(), String> {
+    pub fn note_writes(&self, res: &mut Resources, interface: &Interface) -> Result<(), NoObject> {
         for (_, elements) in interface.bindings.iter().zip(self.bindings()).filter(|(binding, _)| binding.written) {
             for held in elements {
                 match held {
@@ -218,19 +219,31 @@ impl BoundObject {
     }
 }
 
-const NO_SUCH_BINDING: &str = "the bind group has no such binding";
+/// A program needs a resource that is not bound as it needs it.
+#[derive(Clone, Debug, thiserror::Error)]
+#[allow(missing_docs, reason = "the message explains each variant")]
+pub enum BindError {
+    #[error("the bind group has no such binding")]
+    NoBinding,
+    #[error("no bind group is set at index {0}")]
+    NoGroup(u32),
+    #[error("{0} dynamic offsets are given")]
+    DynamicOffsets(usize),
+    #[error("the shader wants {kind:?}, bound is {resource:?}")]
+    Kind { kind: BindingKind, resource: BoundResource },
+    #[error("{size} bytes of buffer {buffer} are bound, the shader needs {least}")]
+    TooSmall { size: u64, buffer: u32, least: u64 },
+    #[error("entry point {entry}, group {group}, binding {binding}: {reason}")]
+    Missing { entry: String, group: u32, binding: u32, reason: Box<Reason> },
+}
 
 /// The bind group that has a binding, as it is set and as it was made.
 fn group_of<'b>(
     res: &'b Resources,
     binding: &Binding,
     bound: &'b Bindings,
-) -> Result<(&'b super::state::BoundGroup, &'b super::resources::BindGroup), String> {
-    let group = bound
-        .groups
-        .get(binding.group as usize)
-        .and_then(Option::as_ref)
-        .ok_or_else(|| format!("no bind group is set at index {}", binding.group))?;
+) -> Result<(&'b super::state::BoundGroup, &'b super::resources::BindGroup), Reason> {
+    let group = bound.groups.get(binding.group as usize).and_then(Option::as_ref).ok_or(BindError::NoGroup(binding.group))?;
     Ok((group, res.bind_groups.get(group.group.0)?))
 }
 
@@ -238,23 +251,22 @@ fn group_of<'b>(
 ///
 /// # Errors
 /// If nothing is.
-pub(super) fn bound<'b>(res: &'b Resources, binding: &Binding, bound: &'b Bindings) -> Result<&'b BoundResource, String> {
-    Ok(group_of(res, binding, bound)?.1.find(binding.binding).ok_or(NO_SUCH_BINDING)?)
+pub(super) fn bound<'b>(res: &'b Resources, binding: &Binding, bound: &'b Bindings) -> Result<&'b BoundResource, Reason> {
+    Ok(group_of(res, binding, bound)?.1.find(binding.binding).ok_or(BindError::NoBinding)?)
 }
 
 /// Why a binding of a program is not there.
-pub(super) fn missing(interface: &Interface, binding: &Binding, reason: &str) -> String {
-    format!("entry point {}, group {}, binding {}: {reason}", interface.entry, binding.group, binding.binding)
+pub(super) fn missing(interface: &Interface, binding: &Binding, reason: Reason) -> BindError {
+    let &Binding { group, binding, .. } = binding;
+    BindError::Missing { entry: interface.entry.clone(), group, binding, reason: Box::new(reason) }
 }
 
 /// Appends the objects of a binding.
-fn resolve(res: &mut Resources, binding: &Binding, bound: &Bindings, held: &mut Vec<BoundObject>) -> Result<(), String> {
+fn resolve(res: &mut Resources, binding: &Binding, bound: &Bindings, held: &mut Vec<BoundObject>) -> Result<(), Reason> {
     let (group, bind_group) = group_of(res, binding, bound)?;
-    let resource = bind_group.find(binding.binding).ok_or(NO_SUCH_BINDING)?.clone();
+    let resource = bind_group.find(binding.binding).ok_or(BindError::NoBinding)?.clone();
     let dynamic = match bind_group.dynamic.binary_search(&binding.binding) {
-        Ok(at) => {
-            u64::from(*group.offsets.get(at).ok_or_else(|| format!("{} dynamic offsets are given", group.offsets.len()))?)
-        }
+        Ok(at) => u64::from(*group.offsets.get(at).ok_or(BindError::DynamicOffsets(group.offsets.len()))?),
         Err(_) => 0,
     };
     match (binding.kind, resource) {
@@ -287,7 +299,7 @@ fn resolve(res: &mut Resources, binding: &Binding, bound: &Bindings, held: &mut 
                 held.push(BoundObject::Sampler(res.samplers.get(sampler.0)?.clone()));
             }
         }
-        (kind, resource) => return Err(format!("the shader wants {kind:?}, bound is {resource:?}")),
+        (kind, resource) => return Err(BindError::Kind { kind, resource }.into()),
     }
     Ok(())
 }
@@ -299,7 +311,7 @@ fn hold_buffer(
     offset: u64,
     size: Option<u64>,
     dynamic: u64,
-) -> Result<BoundObject, String> {
+) -> Result<BoundObject, Reason> {
     let buffer = res.buffers.get(id.0)?;
     let (offset, size) = match size {
         Some(size) => buffer.range(id, offset + dynamic, Some(size))?,
@@ -314,19 +326,19 @@ fn hold_buffer(
         _ => 0,
     };
     if size < least {
-        return Err(format!("{size} bytes of buffer {} are bound, the shader needs {least}", id.0));
+        return Err(BindError::TooSmall { size, buffer: id.0, least }.into());
     }
     Ok(BoundObject::Buffer { words: buffer.words.clone(), offset, size, address: buffer.address + offset, buffer: id })
 }
 
-fn hold_texture(res: &mut Resources, id: ViewId) -> Result<BoundObject, String> {
+fn hold_texture(res: &mut Resources, id: ViewId) -> Result<BoundObject, Reason> {
     let prepared = res.prepare_view(id.0)?;
     let view = res.views.get(id.0)?;
     let texture = res.textures.get(view.texture.0)?;
     Ok(BoundObject::Texture { view: prepared, extent: texture.extent(), version: texture.version, range: view.range })
 }
 
-fn hold_storage(res: &mut Resources, id: ViewId) -> Result<BoundObject, String> {
+fn hold_storage(res: &mut Resources, id: ViewId) -> Result<BoundObject, Reason> {
     let view = res.views.get(id.0)?;
     let (id, range) = (view.texture, view.range);
     let texture = res.flushed(id)?;

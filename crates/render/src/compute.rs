@@ -5,14 +5,15 @@ use std::sync::Arc;
 use gfx::stage::{Stage, StageMap};
 use host::one_line;
 use num::LANES;
-use shader::{self, Executor, Extra, Module, Program, QuadCost, Recorder};
+use shader::{self, Executor, Extra, Module, Program, QuadCost, Recorder, ShaderError};
 use trace::command::{Command, PassTimestamps, StageDesc};
 use work::{Dispatch, Event, Extent, Groups, Packet, Programs, Reach, ShaderShape};
 
 use super::bind::{Lent, ResolvedBindings};
-use super::execute::{Fault, Renderer};
+use super::execute::Renderer;
+use super::fault::Fault;
 use super::ledger::WORKGROUP_STEPS;
-use super::state::Bindings;
+use super::state::{Bindings, StateError};
 
 /// Packets (four invocations each) that one piece of recorded work holds at most, unless a single workgroup has more.
 const PACKETS_A_PIECE: u64 = 1 << 18;
@@ -29,15 +30,25 @@ pub struct ComputePipeline {
     program: Program,
 }
 
+/// A compute pipeline does not compile.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+#[error("compute pipeline `{}`: {error}", one_line(.label))]
+pub struct ComputeError {
+    /// The pipeline's label.
+    pub label: String,
+    /// What is wrong with its shader.
+    pub error: Box<ShaderError>,
+}
+
 impl ComputePipeline {
     /// Compiles a stage.
     ///
     /// # Errors
     /// If it does not compile; the message names the place.
-    pub fn new(stage: &StageDesc, module: &Module, label: &str) -> Result<ComputePipeline, String> {
+    pub fn new(stage: &StageDesc, module: &Module, label: &str) -> Result<ComputePipeline, ComputeError> {
         let options = shader::Options { constants: &stage.constants, outputs: None, ..Default::default() };
         let program = shader::compile(module, Stage::Compute, stage.entry.as_deref(), &options)
-            .map_err(|error| format!("compute pipeline `{}`: {error}", one_line(label)))?;
+            .map_err(|error| ComputeError { label: label.to_owned(), error: Box::new(error) })?;
         Ok(ComputePipeline { label: label.to_owned(), number: 0, program })
     }
 
@@ -95,9 +106,7 @@ impl ActiveCompute {
                 let arguments = renderer.res.buffers.get(buffer.0)?;
                 let (words, extent) = (&arguments.words, Extent::new(arguments.address.saturating_add(offset), 12));
                 if offset.checked_add(12).is_none_or(|end| end > words.len()) {
-                    return Err(
-                        format!("an indirect dispatch at byte {offset} of the {} of buffer {}", words.len(), buffer.0).into()
-                    );
+                    return Err(StateError::IndirectDispatch { offset, bytes: words.len(), buffer: buffer.0 }.into());
                 }
                 let groups = std::array::from_fn(|i| words.u32_at(offset as usize + 4 * i));
                 // WebGPU: a dispatch beyond the limit that only the card sees does nothing.
@@ -108,12 +117,12 @@ impl ActiveCompute {
             &Command::WriteTimestamp { set, index } => renderer.write_timestamp(set, index)?,
             &Command::BeginStatisticsQuery { set, index } => self.open_statistics = Some((set.0, index, 0)),
             Command::EndStatisticsQuery => {
-                let (set, index, invocations) = self.open_statistics.take().ok_or("no pipeline statistics query is open")?;
+                let (set, index, invocations) = self.open_statistics.take().ok_or(StateError::NoStatisticsQuery)?;
                 renderer.res.query_sets.get_mut(set)?.write_statistics(index, &Default::default(), invocations)?;
             }
             Command::PushDebugGroup(_) | Command::PopDebugGroup => renderer.groups.note(command),
             Command::InsertDebugMarker(_) => {}
-            command => return Err(format!("{} is not possible in a compute pass", command.name()).into()),
+            command => return Err(StateError::WrongScope { name: command.name(), scope: "in a compute pass" }.into()),
         }
         Ok(())
     }
@@ -134,7 +143,7 @@ impl ActiveCompute {
         arguments: Option<Extent>,
         needed: bool,
     ) -> Result<(), Fault> {
-        let id = self.pipeline.ok_or("a dispatch without a pipeline")?;
+        let id = self.pipeline.ok_or(StateError::DispatchWithoutPipeline)?;
         let pipeline = renderer.res.compute_pipeline(id)?;
         let number = renderer.dispatches;
         renderer.dispatches += 1;
@@ -195,7 +204,7 @@ impl ActiveCompute {
                 let mut costs = Vec::with_capacity(((end - at) * packets_a_group) as usize);
                 // A piece that has been handed on counts as what it takes itself.
                 growth.restart(ledger.alive());
-                bound.run_groups(at..end, count, Some((&mut recorder, &mut costs))).map_err(|fault| fault.to_string())?;
+                bound.run_groups(at..end, count, Some((&mut recorder, &mut costs)))?;
                 growth.add(recorder.take_bytes());
                 growth.verify()?;
                 let packet =
@@ -208,7 +217,7 @@ impl ActiveCompute {
                 at = end;
             }
         } else {
-            bound.run_groups(0..groups, count, None).map_err(|fault| fault.to_string())?;
+            bound.run_groups(0..groups, count, None)?;
         }
         ledger.steps.add(self.executor.take_steps());
         ledger.steps.verify()?;

@@ -6,8 +6,10 @@ use num::Words;
 use trace::command::*;
 use work::{Event, Transfer, TransferKind};
 
-use super::execute::{Fault, Renderer};
+use super::execute::Renderer;
+use super::fault::Fault;
 use super::resources::View;
+use super::state::StateError;
 use super::transfer::{Region, clear_image, layers_of};
 
 impl Renderer<'_, '_> {
@@ -149,7 +151,7 @@ impl Renderer<'_, '_> {
                 }
                 return Err(Fault::Stop);
             }
-            command => return Err(format!("{} is not possible outside a pass", command.name()).into()),
+            command => return Err(StateError::WrongScope { name: command.name(), scope: "outside a pass" }.into()),
         }
         self.emit(Event::Transfer(moved))
     }

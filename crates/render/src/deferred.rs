@@ -5,7 +5,7 @@
 
 use std::sync::{Arc, Mutex, OnceLock, PoisonError};
 
-use super::execute::{Failure, Fault};
+use super::fault::{Failure, Fault, Reason};
 use super::ledger::Claim;
 
 /// An object that is made when it is first used.
@@ -37,7 +37,7 @@ impl<D, T> Deferred<D, T> {
         if let Some(description) = description {
             let made = match make(description) {
                 Ok((made, claim)) => Ok((Arc::new(made), claim)),
-                Err(Fault::Reason(reason)) => Err(Failure { command: self.command, reason }),
+                Err(Fault::Reason(reason)) => Err(Failure { command: self.command, reason: Box::new(reason) }),
                 Err(Fault::Described(failure)) => Err(failure),
                 Err(other) => return Err(other),
             };
@@ -47,7 +47,7 @@ impl<D, T> Deferred<D, T> {
         match self.made.get() {
             Some(Ok((made, _))) => Ok(made.clone()),
             Some(Err(failure)) => Err(Fault::Described(failure.clone())),
-            None => Err("an object could not be made before".into()),
+            None => Err(Fault::Reason(Reason::NotMade)),
         }
     }
 }

@@ -12,7 +12,8 @@ use work::{EndFrame, Event, Funnel, RenderKey, Segment, Surface, SurfaceKey};
 
 use super::compute::ActiveCompute;
 use super::debug_groups::DebugGroups;
-use super::draw::{Boxes, DrawError, Skips};
+use super::draw::{Boxes, Skips};
+use super::fault::{Failure, Fault};
 use super::ledger::{Claim, ConsumerMemory, Ledger, Watch};
 use super::memory::AddressSpace;
 use super::needs::Needs;
@@ -20,6 +21,7 @@ use super::objects::OpenBundle;
 use super::pass::ActivePass;
 use super::resources::*;
 use super::sprites::Sprites;
+use super::state::StateError;
 
 /// Some of a trace's frames, in ranges.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -113,73 +115,6 @@ pub struct Stop;
 
 /// Takes events in order.
 pub type Sink<'s> = dyn FnMut(Event) -> Result<(), Stop> + 's;
-
-/// A command that could not be run: its number and name, and the reason.
-#[derive(Clone, Debug)]
-pub(super) struct Failure {
-    pub command: (u64, &'static str),
-    pub reason: String,
-}
-
-/// Why a command could not be run.
-pub(super) enum Fault {
-    /// The reason of the failure.
-    Reason(String),
-    /// A blob or text of the trace could not be read; the error names it.
-    Trace(TraceError),
-    /// The command uses an object that an earlier command describes and that cannot be made.
-    Described(Failure),
-    /// The receiver stopped.
-    Stop,
-}
-
-impl From<String> for Fault {
-    fn from(reason: String) -> Fault {
-        Fault::Reason(reason)
-    }
-}
-
-impl From<&str> for Fault {
-    fn from(reason: &str) -> Fault {
-        Fault::Reason(reason.into())
-    }
-}
-
-impl From<TraceError> for Fault {
-    fn from(error: TraceError) -> Fault {
-        Fault::Trace(error)
-    }
-}
-
-impl From<DrawError> for Fault {
-    fn from(error: DrawError) -> Fault {
-        Fault::Reason(error.to_string())
-    }
-}
-
-impl From<LimitExceeded> for Fault {
-    fn from(error: LimitExceeded) -> Fault {
-        Fault::Reason(error.to_string())
-    }
-}
-
-impl From<NoMemory> for Fault {
-    fn from(error: NoMemory) -> Fault {
-        Fault::Reason(error.to_string())
-    }
-}
-
-impl From<LimitOverrun> for Fault {
-    fn from(error: LimitOverrun) -> Fault {
-        Fault::Reason(error.to_string())
-    }
-}
-
-impl From<Stop> for Fault {
-    fn from(_: Stop) -> Fault {
-        Fault::Stop
-    }
-}
 
 /// The outcome of a rendering.
 #[derive(Clone, Debug)]
@@ -369,7 +304,7 @@ impl<'t, 's> Renderer<'t, 's> {
             return Ok(());
         }
         if self.recording() {
-            self.res.holdings.apply(&event).map_err(|wrong| wrong.to_string())?;
+            self.res.holdings.apply(&event)?;
         }
         let piece = match &event {
             // Counts alone are small, and the picture has its own claim.
@@ -509,7 +444,7 @@ impl<'t, 's> Renderer<'t, 's> {
 
     fn finish(&mut self) -> Result<(), Fault> {
         if !matches!(self.scope, Scope::Outside) || self.bundle.is_some() {
-            return Err("the trace ends inside a pass or bundle".into());
+            return Err(StateError::OpenScope.into());
         }
         if self.frame == 0 {
             self.implicit_frame = true;

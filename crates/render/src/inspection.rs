@@ -10,7 +10,8 @@ use trace::check::Summary;
 use trace::command::*;
 use trace::{Trace, TraceError};
 
-use super::execute::{Failure, Fault, Options, Renderer, Step, walk};
+use super::execute::{Options, Renderer, Step, walk};
+use super::fault::{Failure, Fault};
 use super::ledger::Ledger;
 
 /// The contents of a trace, and what a rendering of it would refuse.
@@ -136,7 +137,7 @@ impl Inspector {
         };
         match made {
             Err(Fault::Described(Failure { command: (index, name), reason })) => {
-                let key = (index, name, reason);
+                let key = (index, name, reason.to_string());
                 self.refused.entry(key.clone()).or_insert(false);
                 self.broken[kind].insert(id, key);
                 Ok(())

@@ -101,9 +101,9 @@ impl Ledger {
     ///
     /// # Errors
     /// If they pass the limit; the message says what they are for.
-    pub fn passing(&self, what: &str, bytes: u64) -> Result<(), String> {
+    pub fn passing(&self, what: &'static str, bytes: u64) -> Result<(), TooMuchAlive> {
         let alive = self.alive();
-        let refused = |error| format!("asks for {bytes} bytes for {what} where {alive} are alive: {error}");
+        let refused = |exceeded| TooMuchAlive { bytes, what, alive, exceeded };
         self.memory.check(alive.saturating_add(bytes)).map_err(refused)
     }
 
@@ -111,7 +111,7 @@ impl Ledger {
     ///
     /// # Errors
     /// If it passes the limit; the message says what it is for.
-    pub fn claim(self: &Arc<Ledger>, what: &str, bytes: u64) -> Result<Claim, String> {
+    pub fn claim(self: &Arc<Ledger>, what: &'static str, bytes: u64) -> Result<Claim, TooMuchAlive> {
         self.passing(what, bytes)?;
         self.claim_made(bytes);
         Ok(Claim { ledger: self.clone(), bytes })
@@ -128,6 +128,20 @@ impl Ledger {
     }
 }
 
+/// A command asks for more memory than may be alive.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+#[error("asks for {bytes} bytes for {what} where {alive} are alive: {exceeded}")]
+pub struct TooMuchAlive {
+    /// Bytes that are asked for.
+    pub bytes: u64,
+    /// The purpose of the memory.
+    pub what: &'static str,
+    /// Bytes that are alive.
+    pub alive: u64,
+    /// The limit.
+    pub exceeded: LimitExceeded,
+}
+
 /// Memory that counts as alive.
 #[derive(Debug)]
 pub struct Claim {
@@ -140,7 +154,7 @@ impl Claim {
     ///
     /// # Errors
     /// If it passes the limit.
-    pub fn grow(&mut self, what: &str, bytes: u64) -> Result<(), String> {
+    pub fn grow(&mut self, what: &'static str, bytes: u64) -> Result<(), TooMuchAlive> {
         self.ledger.passing(what, bytes)?;
         self.ledger.claim_made(bytes);
         self.bytes += bytes;
@@ -210,7 +224,7 @@ mod tests {
         limits.memory_bytes = limits.memory_bytes.with(100);
         let ledger = Arc::new(Ledger::new(&limits));
         let mut first = ledger.claim("a buffer", 60).expect("60 of 100");
-        let refused = ledger.claim("a texture", 41).expect_err("101 of 100");
+        let refused = ledger.claim("a texture", 41).expect_err("101 of 100").to_string();
         assert!(refused.starts_with("asks for 41 bytes for a texture where 60 are alive: 101 bytes of memory"), "{refused}");
         assert!(refused.ends_with("the limit of 100; --limit memory.bytes=N allows more"), "{refused}");
         first.grow("a buffer", 40).expect("100 of 100");

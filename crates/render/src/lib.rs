@@ -37,6 +37,7 @@ mod copy;
 mod debug_groups;
 mod deferred;
 mod execute;
+mod fault;
 mod inspection;
 mod ledger;
 mod memory;

@@ -20,6 +20,19 @@ const BUFFER_ALIGN: u64 = 256;
 /// Alignment of textures in bytes: a DRAM row of common parts, and a multiple of every block of texels.
 const TEXTURE_ALIGN: u64 = 4096;
 
+/// A card's addresses do not reach for an object.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+#[error(
+    "{bytes} bytes of addresses where {given} are given out: a card has {ADDRESSES}, and those of what is destroyed are not given out again; \
+     replay fewer frames, or a trace that creates less"
+)]
+pub struct NoAddresses {
+    /// Bytes of the object.
+    pub bytes: u64,
+    /// Bytes that are given out.
+    pub given: u64,
+}
+
 impl AddressSpace {
     /// An empty space. Address 0 is left out, so that it can mean nothing.
     pub fn new() -> AddressSpace {
@@ -30,7 +43,7 @@ impl AddressSpace {
     ///
     /// # Errors
     /// If fewer bytes are left.
-    pub fn buffer(&mut self, bytes: u64) -> Result<u64, String> {
+    pub fn buffer(&mut self, bytes: u64) -> Result<u64, NoAddresses> {
         self.take(bytes, BUFFER_ALIGN)
     }
 
@@ -38,21 +51,18 @@ impl AddressSpace {
     ///
     /// # Errors
     /// If fewer bytes are left.
-    pub fn texture(&mut self, bytes: u64) -> Result<u64, String> {
+    pub fn texture(&mut self, bytes: u64) -> Result<u64, NoAddresses> {
         self.take(bytes, TEXTURE_ALIGN)
     }
 
-    fn take(&mut self, bytes: u64, align: u64) -> Result<u64, String> {
+    fn take(&mut self, bytes: u64, align: u64) -> Result<u64, NoAddresses> {
         let at = self.next.next_multiple_of(align);
         match at.checked_add(bytes.max(1)) {
             Some(end) if end <= ADDRESSES => {
                 self.next = end;
                 Ok(at)
             }
-            _ => Err(format!(
-                "{bytes} bytes of addresses where {at} are given out: a card has {ADDRESSES}, and those of what is destroyed are not given \
-                 out again; replay fewer frames, or a trace that creates less"
-            )),
+            _ => Err(NoAddresses { bytes, given: at }),
         }
     }
 }
@@ -94,7 +104,7 @@ mod tests {
         let mut space = AddressSpace::new();
         let first = space.buffer(ADDRESSES - TEXTURE_ALIGN - BUFFER_ALIGN).unwrap();
         assert_eq!(space.buffer(BUFFER_ALIGN), Ok(first + ADDRESSES - TEXTURE_ALIGN - BUFFER_ALIGN));
-        let refused = space.buffer(1).unwrap_err();
+        let refused = space.buffer(1).unwrap_err().to_string();
         assert!(refused.starts_with(&format!("1 bytes of addresses where {ADDRESSES} are given out")), "{refused}");
         assert!(space.texture(u64::MAX).is_err());
     }

@@ -13,11 +13,13 @@ use work::CulledLate;
 
 use super::compute::ComputePipeline;
 use super::deferred::Deferred;
-use super::execute::{Fault, Renderer};
+use super::execute::Renderer;
+use super::fault::Fault;
 use super::ledger::{Claim, Ledger};
 use super::memory::texture_bytes;
 use super::pipeline::RenderPipeline;
 use super::resources::*;
+use super::state::StateError;
 
 /// Bytes that an object takes beside its contents, about: its entries in tables of the renderer and the checker.
 const OBJECT: u64 = 256;
@@ -97,7 +99,7 @@ impl Shader {
         let module = self.module.get(|ShaderText { title, source, limits, claim: text }| {
             ledger.sources.charge(bytes)?;
             let claim = ledger.claim("a shader", bytes.saturating_mul(MODULE))?;
-            let module = Module::with_limits(&title, source.lend(), &limits).map_err(|error| error.to_string())?;
+            let module = Module::with_limits(&title, source.lend(), &limits)?;
             ledger.sources.charge(module.work() - bytes)?;
             drop((source, text));
             Ok((module, claim))
@@ -254,7 +256,7 @@ impl Renderer<'_, '_> {
                 self.res.query_sets.add(id.0, set, claim)?;
             }
             Command::Destroy(object) => self.destroy(*object)?,
-            command => return Err(format!("{} is about no object", command.name()).into()),
+            command => return Err(StateError::NoObject(command.name()).into()),
         }
         Ok(())
     }
@@ -276,7 +278,7 @@ impl Renderer<'_, '_> {
     }
 
     /// Claims the memory of an object whose contents take `bytes` bytes.
-    pub(super) fn claim(&self, what: &str, bytes: u64) -> Result<Claim, Fault> {
+    pub(super) fn claim(&self, what: &'static str, bytes: u64) -> Result<Claim, Fault> {
         Ok(self.ledger.claim(what, bytes.saturating_add(OBJECT))?)
     }
 

@@ -15,12 +15,13 @@ use super::bind::{Lent, ResolvedBindings};
 use super::draw::{
     BoundStage, BufferRange, DrawCall, Drawn, DynamicState, IndexRange, OpenQueries, PassOptions, RenderPass, Signer,
 };
-use super::execute::{Fault, Renderer, counts};
+use super::execute::{Renderer, counts};
+use super::fault::Fault;
 use super::ledger::{DRAW_STEPS, Ledger, VERTEX_STEPS};
 use super::needs::Need;
 use super::pipeline::{PipelineStage, RenderPipeline};
 use super::resources::Buffer;
-use super::state::{IndexSlot, MAX_VERTEX_BUFFERS, PassState, VertexSlot};
+use super::state::{IndexSlot, MAX_VERTEX_BUFFERS, PassState, StateError, VertexSlot};
 use super::stored::stored_blocks;
 use super::surface::{Shape, TileSurface};
 
@@ -97,7 +98,7 @@ impl ActivePass {
             let this = (surface.width, surface.height, surface.samples);
             match *extent.get_or_insert(this) == this {
                 true => Ok(()),
-                false => Err(format!("attachments of {this:?} and {extent:?} pixels and samples in one pass")),
+                false => Err(StateError::Extents { first: extent, second: this }),
             }
         };
         let mut storage = Vec::new();
@@ -179,7 +180,7 @@ impl ActivePass {
             depth_bound = Some(BoundAttachment { place, format, resolve: None, keeps, read_only });
             depth_attachment = Some(attachment);
         }
-        let (width, height, samples) = extent.ok_or("a render pass without attachments")?;
+        let (width, height, samples) = extent.ok_or(StateError::NoAttachments)?;
         let number = renderer.passes;
         renderer.passes += 1;
         let need = renderer.options.needs.as_ref().map_or(Need::Colors, |needs| needs.pass(number));
@@ -226,7 +227,7 @@ impl ActivePass {
             &Command::SetVertexBuffer { slot, buffer, offset, size } => {
                 let at = slot as usize;
                 if at >= MAX_VERTEX_BUFFERS {
-                    return Err(format!("vertex buffer slot {slot}, the limit is {MAX_VERTEX_BUFFERS}").into());
+                    return Err(StateError::VertexBufferSlot(slot).into());
                 }
                 if state.vertex.len() <= at {
                     state.vertex.resize(at + 1, None);
@@ -243,9 +244,7 @@ impl ActivePass {
             Command::SetScissor(rect) => {
                 let inside = |at: u32, size: u32, all: u32| at.checked_add(size).is_some_and(|end| end <= all);
                 if !inside(rect.x, rect.width, self.width) || !inside(rect.y, rect.height, self.height) {
-                    return Err(
-                        format!("scissor {rect:?} reaches outside the {} x {} attachments", self.width, self.height).into()
-                    );
+                    return Err(StateError::Scissor { rect: *rect, width: self.width, height: self.height }.into());
                 }
                 state.dynamic.scissor = *rect;
             }
@@ -253,20 +252,20 @@ impl ActivePass {
             Command::SetStencilReference(reference) => state.dynamic.stencil_reference = *reference,
             &Command::BeginOcclusionQuery { index } => {
                 if self.occlusion.is_none() {
-                    return Err("an occlusion query in a pass without an occlusion query set".into());
+                    return Err(StateError::OcclusionWithoutSet.into());
                 }
                 self.open_occlusion = Some((index, 0));
             }
             Command::EndOcclusionQuery => {
-                let (index, passed) = self.open_occlusion.take().ok_or("no occlusion query is open")?;
-                let set = self.occlusion.ok_or("no occlusion query set")?;
+                let (index, passed) = self.open_occlusion.take().ok_or(StateError::NoOcclusionQuery)?;
+                let set = self.occlusion.ok_or(StateError::NoOcclusionSet)?;
                 renderer.res.query_sets.get_mut(set.0)?.slot(index)?[0] = passed;
             }
             &Command::BeginStatisticsQuery { set, index } => {
                 self.open_statistics = Some((set, index, Funnel::default()));
             }
             Command::EndStatisticsQuery => {
-                let (set, index, funnel) = self.open_statistics.take().ok_or("no pipeline statistics query is open")?;
+                let (set, index, funnel) = self.open_statistics.take().ok_or(StateError::NoStatisticsQuery)?;
                 renderer.res.query_sets.get_mut(set.0)?.write_statistics(index, &funnel, 0)?;
             }
             &Command::WriteTimestamp { set, index } => renderer.write_timestamp(set, index)?,
@@ -289,7 +288,7 @@ impl ActivePass {
                 Some(Draws::Indirect { buffer, offset, indexed, count, count_buffer }) => {
                     self.draw_indirect(renderer, buffer.0, offset, indexed, count, count_buffer.map(|(b, at)| (b.0, at)))?;
                 }
-                None => return Err(format!("{} is not possible in a render pass", command.name()).into()),
+                None => return Err(StateError::WrongScope { name: command.name(), scope: "in a render pass" }.into()),
             },
         }
         Ok(())
@@ -309,7 +308,7 @@ impl ActivePass {
             Some((id, at)) => {
                 let counts = &renderer.res.buffers.get(id)?.words;
                 if at + 4 > counts.len() {
-                    return Err(format!("a draw count at byte {at} of the {} of buffer {id}", counts.len()).into());
+                    return Err(StateError::DrawCount { offset: at, bytes: counts.len(), buffer: id }.into());
                 }
                 count.min(counts.u32_at(at as usize))
             }
@@ -318,11 +317,7 @@ impl ActivePass {
         let stride = if indexed { 20 } else { 16 };
         let end = u64::from(count).saturating_mul(stride).saturating_add(offset);
         if end > words.len() {
-            return Err(format!(
-                "{count} indirect draws at byte {offset} reach beyond the {} bytes of buffer {buffer}",
-                words.len()
-            )
-            .into());
+            return Err(StateError::IndirectDraws { count, offset, bytes: words.len(), buffer }.into());
         }
         self.arguments.clear();
         self.arguments.push(Extent::new(renderer.res.buffers.get(buffer)?.address + offset, u64::from(count) * stride));
@@ -344,7 +339,7 @@ impl ActivePass {
 
     fn draw(&mut self, renderer: &mut Renderer<'_, '_>, indexed: bool, range: DrawRange) -> Result<(), Fault> {
         let state = &self.state;
-        let id = state.pipeline.ok_or("a draw without a pipeline")?;
+        let id = state.pipeline.ok_or(StateError::DrawWithoutPipeline)?;
         let number = renderer.draws;
         renderer.draws += 1;
         if range.count == 0 || range.instances == 0 || self.need == Need::Nothing {
@@ -372,7 +367,7 @@ impl ActivePass {
         }
         let index = match (indexed, &state.index) {
             (false, _) => None,
-            (true, None) => return Err("an indexed draw without an index buffer".into()),
+            (true, None) => return Err(StateError::NoIndexBuffer.into()),
             (true, Some(slot)) => {
                 let buffer = renderer.res.buffers.get(slot.buffer.0)?;
                 Some(IndexRange { range: range_of(buffer, slot.offset, slot.size), format: slot.format })
@@ -460,7 +455,7 @@ impl ActivePass {
     /// Ends the pass: contents go back to their textures, samples are resolved.
     pub fn end(self, renderer: &mut Renderer<'_, '_>) -> Result<(), Fault> {
         if self.open_occlusion.is_some() || self.open_statistics.is_some() {
-            return Err("the pass ends inside a query".into());
+            return Err(StateError::OpenQuery.into());
         }
         if let Some(funnel) = self.counted {
             renderer.emit(counts(funnel))?;

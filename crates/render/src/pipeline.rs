@@ -10,7 +10,9 @@ use gfx::state::{
 };
 use gfx::vertex::{ComponentKind, component_kind};
 use host::one_line;
-use shader::{self, BuiltIn, Connection, InputRegister, Interface, Interpolation, Module, Program, Sampling, Scalar, Slot};
+use shader::{
+    self, BuiltIn, Connection, InputRegister, Interface, Interpolation, Module, Program, Sampling, Scalar, ShaderError, Slot,
+};
 use trace::command::RenderPipelineDesc;
 use work::{CulledLate, Programs};
 
@@ -161,6 +163,57 @@ impl PipelineStage {
     }
 }
 
+/// A render pipeline cannot be made.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+#[error("render pipeline{}: {why}", labelled(.label))]
+pub struct PipelineError {
+    /// The pipeline's label.
+    pub label: String,
+    /// What does not compile or fit.
+    pub why: Box<Unfit>,
+}
+
+fn labelled(label: &str) -> String {
+    if label.is_empty() { String::new() } else { format!(" `{}`", one_line(label)) }
+}
+
+/// What of a render pipeline does not compile, or does not fit its other parts.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+#[allow(missing_docs, reason = "the message explains each variant")]
+pub enum Unfit {
+    #[error(transparent)]
+    Shader(#[from] ShaderError),
+    #[error("the {} stage's module is missing", .0.name())]
+    NoModule(Stage),
+    #[error("there is no geometry stage")]
+    NoGeometry,
+    #[error("the {} stage writes no position", .0.name())]
+    NoPosition(Stage),
+    #[error("{0} samples per pixel; 1 and 4 are possible")]
+    Samples(u32),
+    #[error("{} is no depth or stencil format", .0.name())]
+    DepthFormat(Format),
+    #[error("no vertex buffer gives @location({0}), which the vertex stage reads")]
+    NoAttribute(u32),
+    #[error("@location({location}) is {} in the vertex buffer and {scalar:?} in the vertex stage", .format.name())]
+    Attribute { location: u32, format: VertexFormat, scalar: Scalar },
+    #[error("the fragment stage reads @location({location}), which the {} stage does not write", .writer.name())]
+    NoVarying { location: u32, writer: Stage },
+    #[error(
+        "@location({location}) is {:?} x {} in the {} stage and {:?} x {} in the fragment stage",
+        from.0, from.1, .writer.name(), to.0, to.1
+    )]
+    Varying { location: u32, from: (Scalar, u32), writer: Stage, to: (Scalar, u32) },
+    #[error("target {location}: {} cannot be rendered to", .format.name())]
+    TargetFormat { location: usize, format: Format },
+    #[error("target {0} is written, and the fragment stage has no such output")]
+    NoOutput(usize),
+    #[error("target {location} is {} and the fragment stage writes {scalar:?}", .format.name())]
+    Output { location: usize, format: Format, scalar: Scalar },
+    #[error("target {0} blends with a second source, and the fragment stage has none")]
+    NoSecondSource(usize),
+}
+
 impl RenderPipeline {
     /// Its number, and what its programs have of instructions.
     pub(super) fn named(&self) -> Programs {
@@ -177,15 +230,8 @@ impl RenderPipeline {
         modules: &StageMap<Option<Arc<Module>>>,
         needless: CulledLate,
         label: &str,
-    ) -> Result<Self, String> {
-        let fail = |message: String| {
-            if label.is_empty() {
-                format!("render pipeline: {message}")
-            } else {
-                format!("render pipeline `{}`: {message}", one_line(label))
-            }
-        };
-        Self::build(desc, modules, needless, label).map_err(fail)
+    ) -> Result<Self, PipelineError> {
+        Self::build(desc, modules, needless, label).map_err(|why| PipelineError { label: label.to_owned(), why: Box::new(why) })
     }
 
     fn build(
@@ -193,7 +239,7 @@ impl RenderPipeline {
         modules: &StageMap<Option<Arc<Module>>>,
         needless: CulledLate,
         label: &str,
-    ) -> Result<Self, String> {
+    ) -> Result<Self, Unfit> {
         let written = |(location, target): (usize, &Option<ColorTarget>)| {
             let coverage = location == 0 && desc.multisample.alpha_to_coverage;
             target.filter(|t| t.write_mask & 15 != 0 || coverage).map(|_| location as u32)
@@ -202,22 +248,21 @@ impl RenderPipeline {
         let mut stages = StageMap::<Option<PipelineStage>>::default();
         let mut read = Vec::new();
         for (kind, stage) in desc.stages().rev() {
-            let module = modules[kind].as_ref().ok_or_else(|| format!("the {} stage's module is missing", kind.name()))?;
+            let module = modules[kind].as_ref().ok_or(Unfit::NoModule(kind))?;
             let outputs = match kind {
                 Stage::Vertex => (!needless.varyings).then_some(read),
                 Stage::Fragment => Some(desc.targets.iter().enumerate().filter_map(written).collect()),
                 Stage::Compute => None,
             };
             let options = shader::Options { constants: &stage.constants, outputs: outputs.as_deref(), ..Default::default() };
-            let program = shader::compile(module, kind, stage.entry.as_deref(), &options).map_err(|e| e.to_string())?;
+            let program = shader::compile(module, kind, stage.entry.as_deref(), &options)?;
             let stage = stages[kind].insert(PipelineStage::new(program));
             read = stage.read_locations();
         }
-        let last = stages.values().flatten().rfind(|stage| stage.kind().is_geometry()).ok_or("there is no geometry stage")?;
+        let last = stages.values().flatten().rfind(|stage| stage.kind().is_geometry()).ok_or(Unfit::NoGeometry)?;
         let (geometry, outputs) = (last.kind(), last.interface());
         let fragment = stages[Stage::Fragment].as_ref();
-        let position =
-            outputs.output(BuiltIn::Position).ok_or_else(|| format!("the {} stage writes no position", geometry.name()))?;
+        let position = outputs.output(BuiltIn::Position).ok_or(Unfit::NoPosition(geometry))?;
         let clip_distances =
             outputs.output(BuiltIn::ClipDistances).map(|slot| (slot, outputs.outputs[slot].components as usize));
         let attributes = match &stages[Stage::Vertex] {
@@ -233,13 +278,13 @@ impl RenderPipeline {
             outputs.outputs.iter().filter(|slot| slot.location().is_some()).map(|slot| slot.components as usize).sum();
         let interpolated = if needless.varyings { written } else { varying_words };
         if !matches!(desc.multisample.count, 1 | 4) {
-            return Err(format!("{} samples per pixel; 1 and 4 are possible", desc.multisample.count));
+            return Err(Unfit::Samples(desc.multisample.count));
         }
         let targets = targets(desc, fragment.map(PipelineStage::interface))?;
         if let Some(state) = &desc.depth_stencil
             && !state.format.is_depth_stencil()
         {
-            return Err(format!("{} is no depth or stencil format", state.format.name()));
+            return Err(Unfit::DepthFormat(state.format));
         }
         Ok(RenderPipeline {
             classes: fragment.map_or_else(Vec::new, |stage| classes(&varyings, &stage.program, desc.multisample.count)),
@@ -297,7 +342,7 @@ impl RenderPipeline {
 }
 
 /// The attributes that the vertex stage reads.
-fn attributes(desc: &RenderPipelineDesc, vertex: &Interface) -> Result<Vec<Attribute>, String> {
+fn attributes(desc: &RenderPipelineDesc, vertex: &Interface) -> Result<Vec<Attribute>, Unfit> {
     let mut out = Vec::new();
     for (input, slot) in vertex.inputs.iter().enumerate() {
         let Some(location) = slot.location() else { continue };
@@ -306,20 +351,14 @@ fn attributes(desc: &RenderPipelineDesc, vertex: &Interface) -> Result<Vec<Attri
             let attribute = layout.attributes.iter().find(|a| a.location == location)?;
             Some((buffer, layout, attribute))
         });
-        let (buffer, layout, attribute) = found
-            .next()
-            .ok_or_else(|| format!("no vertex buffer gives @location({location}), which the vertex stage reads"))?;
+        let (buffer, layout, attribute) = found.next().ok_or(Unfit::NoAttribute(location))?;
         let kind = match component_kind(attribute.format) {
             ComponentKind::Float => Scalar::Float,
             ComponentKind::Uint => Scalar::Uint,
             ComponentKind::Sint => Scalar::Sint,
         };
         if kind != slot.scalar {
-            return Err(format!(
-                "@location({location}) is {} in the vertex buffer and {:?} in the vertex stage",
-                attribute.format.name(),
-                slot.scalar
-            ));
+            return Err(Unfit::Attribute { location, format: attribute.format, scalar: slot.scalar });
         }
         if slot.used {
             out.push(Attribute {
@@ -357,7 +396,7 @@ fn unread(desc: &RenderPipelineDesc, read: &[Attribute]) -> Vec<Attribute> {
 }
 
 /// Matches what the fragment stage reads with what the geometry stage writes.
-fn connect(geometry: &Interface, fragment: &Interface) -> Result<(Vec<Varying>, usize), String> {
+fn connect(geometry: &Interface, fragment: &Interface) -> Result<(Vec<Varying>, usize), Unfit> {
     let (mut varyings, mut words) = (Vec::new(), 0);
     for (input, slot) in fragment.inputs.iter().enumerate() {
         let &Slot { connection: Connection::Location { location, interpolation, sampling, .. }, components, scalar, used } =
@@ -369,16 +408,12 @@ fn connect(geometry: &Interface, fragment: &Interface) -> Result<(Vec<Varying>, 
         if !used {
             continue;
         }
-        let writer = geometry.stage.name();
-        let output = geometry.output_location(location).ok_or_else(|| {
-            format!("the fragment stage reads @location({location}), which the {writer} stage does not write")
-        })?;
+        let writer = geometry.stage;
+        let output = geometry.output_location(location).ok_or(Unfit::NoVarying { location, writer })?;
         let from = &geometry.outputs[output];
         if from.scalar != scalar || from.components < components {
-            return Err(format!(
-                "@location({location}) is {:?} x {} in the {writer} stage and {scalar:?} x {components} in the fragment stage",
-                from.scalar, from.components
-            ));
+            let (from, to) = ((from.scalar, from.components), (scalar, components));
+            return Err(Unfit::Varying { location, from, writer, to });
         }
         let components = components as usize;
         varyings.push(Varying { output, input, word: words, components, interpolation, sampling });
@@ -388,7 +423,7 @@ fn connect(geometry: &Interface, fragment: &Interface) -> Result<(Vec<Varying>, 
 }
 
 /// Checks the fragment outputs against the targets.
-fn targets(desc: &RenderPipelineDesc, fragment: Option<&Interface>) -> Result<Vec<Option<TargetOutput>>, String> {
+fn targets(desc: &RenderPipelineDesc, fragment: Option<&Interface>) -> Result<Vec<Option<TargetOutput>>, Unfit> {
     let mut out = Vec::new();
     for (location, target) in desc.targets.iter().enumerate() {
         let Some(state) = *target else {
@@ -397,7 +432,7 @@ fn targets(desc: &RenderPipelineDesc, fragment: Option<&Interface>) -> Result<Ve
         };
         let format = state.format;
         if format.is_depth_stencil() || format.is_compressed() || matches!(format, Format::Rgb9e5Ufloat) {
-            return Err(format!("target {location}: {} cannot be rendered to", format.name()));
+            return Err(Unfit::TargetFormat { location, format });
         }
         let find = |source: u32| {
             let fragment = fragment?;
@@ -409,7 +444,7 @@ fn targets(desc: &RenderPipelineDesc, fragment: Option<&Interface>) -> Result<Ve
         };
         let Some((output, slot)) = find(0) else {
             if state.write_mask & 15 != 0 && fragment.is_some() {
-                return Err(format!("target {location} is written, and the fragment stage has no such output"));
+                return Err(Unfit::NoOutput(location));
             }
             out.push(Some(TargetOutput { state, output: None, components: 0, second: None }));
             continue;
@@ -420,7 +455,7 @@ fn targets(desc: &RenderPipelineDesc, fragment: Option<&Interface>) -> Result<Ve
             _ => Scalar::Float,
         };
         if slot.scalar != expected {
-            return Err(format!("target {location} is {} and the fragment stage writes {:?}", format.name(), slot.scalar));
+            return Err(Unfit::Output { location, format, scalar: slot.scalar });
         }
         let dual = state.blend.is_some_and(|b| {
             [b.color.src, b.color.dst, b.alpha.src, b.alpha.dst].iter().any(|f| {
@@ -430,7 +465,7 @@ fn targets(desc: &RenderPipelineDesc, fragment: Option<&Interface>) -> Result<Ve
         });
         let second = find(1).map(|(at, slot)| (at, slot.components as usize));
         if dual && second.is_none() {
-            return Err(format!("target {location} blends with a second source, and the fragment stage has none"));
+            return Err(Unfit::NoSecondSource(location));
         }
         out.push(Some(TargetOutput {
             state,

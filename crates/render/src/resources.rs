@@ -3,6 +3,7 @@
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering::Relaxed};
 
+use gfx::format::Format;
 use gfx::image::ImageDesc;
 use gfx::state::{TextureDimension, ViewDimension};
 use gfx::texture::{self, Sampler, ViewRange};
@@ -12,6 +13,7 @@ use trace::command::{BindGroupEntry, BindingKind, BoundResource, Command, Layout
 use work::{Extent, Funnel, Holdings, Surface, SurfaceKey};
 
 use super::deferred::Deferred;
+use super::fault::Reason;
 use super::ledger::{Claim, Ledger};
 use super::memory::{target_offset, texture_bytes};
 use super::objects::{DeferredCompute, DeferredRender, ShaderText};
@@ -35,10 +37,10 @@ impl<T> Table<T> {
     ///
     /// # Errors
     /// If the id is taken.
-    pub fn add(&mut self, id: u32, object: T, claim: Claim) -> Result<(), String> {
+    pub fn add(&mut self, id: u32, object: T, claim: Claim) -> Result<(), ObjectError> {
         match self.objects.insert(id, (object, claim)) {
             None => Ok(()),
-            Some(_) => Err(format!("{} {id} is created twice", self.kind)),
+            Some(_) => Err(ObjectError::CreatedTwice { kind: self.kind, id }),
         }
     }
 
@@ -46,25 +48,25 @@ impl<T> Table<T> {
     ///
     /// # Errors
     /// If there is none.
-    pub fn get(&self, id: u32) -> Result<&T, String> {
-        self.objects.get(id).map(|(object, _)| object).ok_or_else(|| missing(self.kind, id))
+    pub fn get(&self, id: u32) -> Result<&T, NoObject> {
+        self.objects.get(id).map(|(object, _)| object).ok_or(NoObject { kind: self.kind, id })
     }
 
     /// The object of an id, to change.
     ///
     /// # Errors
     /// If there is none.
-    pub fn get_mut(&mut self, id: u32) -> Result<&mut T, String> {
+    pub fn get_mut(&mut self, id: u32) -> Result<&mut T, NoObject> {
         let kind = self.kind;
-        self.objects.get_mut(id).map(|(object, _)| object).ok_or_else(|| missing(kind, id))
+        self.objects.get_mut(id).map(|(object, _)| object).ok_or(NoObject { kind, id })
     }
 
     /// Takes an object out.
     ///
     /// # Errors
     /// If there is none.
-    pub fn remove(&mut self, id: u32) -> Result<T, String> {
-        self.objects.remove(id).map(|(object, _)| object).ok_or_else(|| missing(self.kind, id))
+    pub fn remove(&mut self, id: u32) -> Result<T, NoObject> {
+        self.objects.remove(id).map(|(object, _)| object).ok_or(NoObject { kind: self.kind, id })
     }
 
     /// All of them, by id.
@@ -73,9 +75,42 @@ impl<T> Table<T> {
     }
 }
 
-#[cold]
-fn missing(kind: &str, id: u32) -> String {
-    format!("{kind} {id} does not exist")
+/// An object that a command names does not exist.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
+#[error("{kind} {id} does not exist")]
+pub struct NoObject {
+    /// The kind of the object.
+    pub kind: &'static str,
+    /// Its id.
+    pub id: u32,
+}
+
+/// A command describes an object that cannot be, or reaches outside an object.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+#[allow(missing_docs, reason = "the message explains each variant")]
+pub enum ObjectError {
+    #[error("{kind} {id} is created twice")]
+    CreatedTwice { kind: &'static str, id: u32 },
+    #[error("offset {offset} is beyond the {bytes} bytes of buffer {buffer}")]
+    Offset { offset: u64, bytes: u64, buffer: u32 },
+    #[error("{size} bytes at offset {offset} are beyond the {bytes} bytes of buffer {buffer}")]
+    Range { size: u64, offset: u64, bytes: u64, buffer: u32 },
+    #[error("{what} {base}..+{count} are not inside the {all} of texture {texture}")]
+    ViewRange { what: &'static str, base: u32, count: u32, all: u32, texture: u32 },
+    #[error("a {dimension:?} view of {layers} layers does not fit texture {texture} ({of:?})")]
+    ViewDimension { dimension: ViewDimension, layers: u32, texture: u32, of: TextureDimension },
+    #[error("a view as {} of texture {texture} in {}", .format.name(), .of.name())]
+    ViewFormat { format: Format, texture: u32, of: Format },
+    #[error("binding {0} is given twice")]
+    BindingTwice(u32),
+    #[error("the layout has no binding {0}")]
+    NotInLayout(u32),
+    #[error("binding {binding} is a {kind:?} in the layout, not {resource:?}")]
+    BindingKind { binding: u32, kind: BindingKind, resource: BoundResource },
+    #[error("query {index} of a set of {queries}")]
+    Query { index: u32, queries: usize },
+    #[error("a pipeline statistics query in a set of another kind")]
+    StatisticsKind,
 }
 
 /// A buffer.
@@ -113,17 +148,15 @@ impl Buffer {
     ///
     /// # Errors
     /// If the range is not inside.
-    pub fn range(&self, id: BufferId, offset: u64, size: Option<u64>) -> Result<(u64, u64), String> {
+    pub fn range(&self, id: BufferId, offset: u64, size: Option<u64>) -> Result<(u64, u64), ObjectError> {
         let len = self.words.len();
         let size = match size {
             Some(size) => size,
-            None => len
-                .checked_sub(offset)
-                .ok_or_else(|| format!("offset {offset} is beyond the {len} bytes of buffer {}", id.0))?,
+            None => len.checked_sub(offset).ok_or(ObjectError::Offset { offset, bytes: len, buffer: id.0 })?,
         };
         match offset.checked_add(size) {
             Some(end) if end <= len => Ok((offset, size)),
-            _ => Err(format!("{size} bytes at offset {offset} are beyond the {len} bytes of buffer {}", id.0)),
+            _ => Err(ObjectError::Range { size, offset, bytes: len, buffer: id.0 }),
         }
     }
 }
@@ -241,13 +274,13 @@ impl View {
     ///
     /// # Errors
     /// If it reaches outside the texture, or its format cannot be a view of the texture's.
-    pub fn new(texture: TextureId, image: &ImageDesc, desc: &ViewDesc) -> Result<View, String> {
+    pub fn new(texture: TextureId, image: &ImageDesc, desc: &ViewDesc) -> Result<View, ObjectError> {
         let all_layers = if image.dimension == TextureDimension::D3 { 1 } else { image.size[2] };
-        let range = |what: &str, base: u32, count: Option<u32>, all: u32| {
+        let range = |what: &'static str, base: u32, count: Option<u32>, all: u32| {
             let count = count.unwrap_or_else(|| all.saturating_sub(base));
             match base.checked_add(count) {
                 Some(end) if end <= all && count > 0 => Ok(count),
-                _ => Err(format!("{what} {base}..+{count} are not inside the {all} of texture {}", texture.0)),
+                _ => Err(ObjectError::ViewRange { what, base, count, all, texture: texture.0 }),
             }
         };
         let levels = range("levels", desc.base_level, desc.levels, image.levels)?;
@@ -272,17 +305,14 @@ impl View {
             ViewDimension::D3 => image.dimension == TextureDimension::D3,
         };
         if !fits {
-            return Err(format!(
-                "a {dimension:?} view of {layers} layers does not fit texture {} ({:?})",
-                texture.0, image.dimension
-            ));
+            return Err(ObjectError::ViewDimension { dimension, layers, texture: texture.0, of: image.dimension });
         }
         let format = desc.format.unwrap_or(image.format);
         let compatible = format == image.format
             || format.block_bytes() == image.format.block_bytes() && format.block_dim() == image.format.block_dim()
             || image.format.is_depth_stencil();
         if !compatible {
-            return Err(format!("a view as {} of texture {} in {}", format.name(), texture.0, image.format.name()));
+            return Err(ObjectError::ViewFormat { format, texture: texture.0, of: image.format });
         }
         // A view of one aspect is named by that aspect's format, but its texels are stored in the texture's.
         let format = if image.format.is_depth_stencil() { image.format } else { format };
@@ -314,13 +344,13 @@ impl BindGroup {
     /// # Errors
     /// If a binding is not in the layout, given twice, or of the wrong kind. (One that is missing is an error of the draw that
     /// needs it.)
-    pub fn new(layout: Option<&[LayoutEntry]>, mut entries: Vec<BindGroupEntry>) -> Result<BindGroup, String> {
+    pub fn new(layout: Option<&[LayoutEntry]>, mut entries: Vec<BindGroupEntry>) -> Result<BindGroup, ObjectError> {
         entries.sort_by_key(|entry| entry.binding);
         if let Some(layout) = layout {
             entries.iter().try_for_each(|entry| in_layout(entry, layout))?;
         }
         if let Some(pair) = entries.windows(2).find(|pair| pair[0].binding == pair[1].binding) {
-            return Err(format!("binding {} is given twice", pair[0].binding));
+            return Err(ObjectError::BindingTwice(pair[0].binding));
         }
         let dynamic = |slot: &&LayoutEntry| {
             matches!(
@@ -341,11 +371,8 @@ impl BindGroup {
 }
 
 /// Checks that a layout has the binding of an entry, and of its kind.
-fn in_layout(entry: &BindGroupEntry, layout: &[LayoutEntry]) -> Result<(), String> {
-    let slot = layout
-        .iter()
-        .find(|slot| slot.binding == entry.binding)
-        .ok_or_else(|| format!("the layout has no binding {}", entry.binding))?;
+fn in_layout(entry: &BindGroupEntry, layout: &[LayoutEntry]) -> Result<(), ObjectError> {
+    let slot = layout.iter().find(|slot| slot.binding == entry.binding).ok_or(ObjectError::NotInLayout(entry.binding))?;
     let fits = matches!(
         (slot.kind, &entry.resource),
         (BindingKind::Uniform { .. } | BindingKind::Storage { .. }, BoundResource::Buffer { .. } | BoundResource::Buffers(_))
@@ -353,7 +380,8 @@ fn in_layout(entry: &BindGroupEntry, layout: &[LayoutEntry]) -> Result<(), Strin
             | (BindingKind::Sampler, BoundResource::Sampler(_) | BoundResource::Samplers(_))
     );
     if !fits {
-        return Err(format!("binding {} is a {:?} in the layout, not {:?}", entry.binding, slot.kind, entry.resource));
+        let (binding, kind, resource) = (entry.binding, slot.kind, entry.resource.clone());
+        return Err(ObjectError::BindingKind { binding, kind, resource });
     }
     Ok(())
 }
@@ -380,11 +408,11 @@ impl QuerySet {
     ///
     /// # Errors
     /// If the set has no such query.
-    pub fn slot(&mut self, index: u32) -> Result<&mut [u64], String> {
+    pub fn slot(&mut self, index: u32) -> Result<&mut [u64], ObjectError> {
         let stride = self.stride();
         let queries = self.values.len() / stride.max(1);
         let at = index as usize * stride;
-        self.values.get_mut(at..at + stride).ok_or_else(|| format!("query {index} of a set of {queries}"))
+        self.values.get_mut(at..at + stride).ok_or(ObjectError::Query { index, queries })
     }
 }
 
@@ -394,9 +422,9 @@ impl QuerySet {
     ///
     /// # Errors
     /// If the set is of another kind or has no such query.
-    pub fn write_statistics(&mut self, index: u32, funnel: &Funnel, compute: u64) -> Result<(), String> {
+    pub fn write_statistics(&mut self, index: u32, funnel: &Funnel, compute: u64) -> Result<(), ObjectError> {
         let QueryKind::PipelineStatistics(mask) = self.kind else {
-            return Err("a pipeline statistics query in a set of another kind".into());
+            return Err(ObjectError::StatisticsKind);
         };
         // Primitives inside the view volume leave the clipper, even if culling throws them away afterwards.
         let clipped = funnel.primitives_in - funnel.culled_frustum;
@@ -444,7 +472,7 @@ impl Resources {
     ///
     /// # Errors
     /// If the texture does not exist.
-    pub fn overwritten(&mut self, texture: TextureId, level: u32, layer: u32) -> Result<(), String> {
+    pub fn overwritten(&mut self, texture: TextureId, level: u32, layer: u32) -> Result<(), NoObject> {
         self.textures.get_mut(texture.0)?.overwritten(level, layer);
         self.holdings.forget(SurfaceKey { texture: texture.0, level, layer });
         Ok(())
@@ -454,7 +482,7 @@ impl Resources {
     ///
     /// # Errors
     /// If the texture does not exist.
-    pub fn overwritten_all(&mut self, texture: TextureId) -> Result<(), String> {
+    pub fn overwritten_all(&mut self, texture: TextureId) -> Result<(), NoObject> {
         let of = self.textures.get_mut(texture.0)?;
         of.version += 1;
         for (level, layer) in of.images.keys() {
@@ -484,28 +512,23 @@ impl Resources {
         }
     }
 
-    fn charge(&mut self, bytes: u64) -> Result<(), String> {
-        if bytes > 0 {
-            self.ledger.bytes.charge(bytes).map_err(|error| error.to_string())?;
-        }
-        Ok(())
-    }
-
     /// A texture whose words are up to date with what passes have drawn.
     ///
     /// # Errors
     /// If it does not exist, or too much has been copied.
-    pub fn flushed(&mut self, id: TextureId) -> Result<&mut Texture, String> {
+    pub fn flushed(&mut self, id: TextureId) -> Result<&mut Texture, Reason> {
         let written = self.textures.get_mut(id.0)?.flush();
-        self.charge(written)?;
-        self.textures.get_mut(id.0)
+        if written > 0 {
+            self.ledger.bytes.charge(written)?;
+        }
+        Ok(self.textures.get_mut(id.0)?)
     }
 
     /// The newest contents of a view, ready for sampling; passes' results are flushed into the texture first.
     ///
     /// # Errors
     /// If the view or its texture does not exist.
-    pub fn prepare_view(&mut self, id: u32) -> Result<Arc<texture::View>, String> {
+    pub fn prepare_view(&mut self, id: u32) -> Result<Arc<texture::View>, Reason> {
         let texture = self.views.get(id)?.texture;
         self.flushed(texture)?;
         let view = self.views.get_mut(id)?;
@@ -517,11 +540,11 @@ impl Resources {
         }
         view.prepared = None;
         let bytes = texture::View::bytes(&texture.image, &view.range);
-        self.ledger.bytes.charge(bytes).map_err(|error| error.to_string())?;
+        self.ledger.bytes.charge(bytes)?;
         let claim = self.ledger.claim("a view that is ready for sampling", bytes)?;
         let each = |parts: usize, part: &(dyn Fn(usize) + Sync)| parallel::each_number(parts, parallel::ANY, part);
         let made = texture::View::new_in_parts(&texture.words, &texture.image, &view.range, texture.address, &each);
-        let prepared = Arc::new(made.map_err(|error| error.to_string())?);
+        let prepared = Arc::new(made?);
         view.prepared = Some((texture.version, prepared.clone(), claim));
         Ok(prepared)
     }

@@ -4,8 +4,10 @@ use num::{TextureId, ViewId};
 use trace::command::SPRITES;
 use work::{Event, Sprite, Transfer, TransferKind};
 
-use super::execute::{Fault, Renderer};
-use super::resources::Resources;
+use super::execute::Renderer;
+use super::fault::Fault;
+use super::resources::{NoObject, Resources};
+use super::state::StateError;
 use gfx::format::Format;
 
 /// A sprite as a trace has set it.
@@ -24,8 +26,8 @@ impl Sprites {
     ///
     /// # Errors
     /// If there is no such sprite.
-    pub fn set(&mut self, index: u32, view: Option<ViewId>, at: [i32; 2]) -> Result<(), String> {
-        let sprite = self.0.get_mut(index as usize).ok_or_else(|| format!("sprite {index}: a display has {SPRITES}"))?;
+    pub fn set(&mut self, index: u32, view: Option<ViewId>, at: [i32; 2]) -> Result<(), StateError> {
+        let sprite = self.0.get_mut(index as usize).ok_or(StateError::Sprite(index))?;
         *sprite = view.map(|view| Set { view, at });
         Ok(())
     }
@@ -47,7 +49,7 @@ fn swapped(format: Format) -> bool {
 }
 
 /// The texture of a view, its level and layer, and width and height.
-fn image(res: &Resources, view: ViewId) -> Result<(TextureId, [u32; 2], [u32; 2]), String> {
+fn image(res: &Resources, view: ViewId) -> Result<(TextureId, [u32; 2], [u32; 2]), NoObject> {
     let view = res.views.get(view.0)?;
     let (level, layer) = (view.range.base_level, view.range.base_layer);
     let [width, height, _] = res.textures.get(view.texture.0)?.image.level_size(level);

@@ -1,7 +1,8 @@
 //! State that commands set inside passes and bundles.
 
-use gfx::state::IndexFormat;
+use gfx::state::{IndexFormat, Rect};
 use num::{BindGroupId, BufferId};
+use trace::command::SPRITES;
 
 use super::draw::DynamicState;
 
@@ -56,16 +57,67 @@ pub struct Bindings {
     pub immediates: Vec<u32>,
 }
 
+/// A command sets state that a pass does not have.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+#[allow(missing_docs, reason = "the message explains each variant")]
+pub enum StateError {
+    #[error("bind group index {0}, the limit is {MAX_BIND_GROUPS}")]
+    BindGroupIndex(u32),
+    #[error("{words} words of immediates at byte {offset}: the limit is {MAX_IMMEDIATES} bytes")]
+    Immediates { words: usize, offset: u32 },
+    #[error("vertex buffer slot {0}, the limit is {MAX_VERTEX_BUFFERS}")]
+    VertexBufferSlot(u32),
+    #[error("scissor {rect:?} reaches outside the {width} x {height} attachments")]
+    Scissor { rect: Rect, width: u32, height: u32 },
+    #[error("sprite {0}: a display has {SPRITES}")]
+    Sprite(u32),
+    #[error("attachments of {second:?} and {first:?} pixels and samples in one pass")]
+    Extents { first: Option<(u32, u32, u32)>, second: (u32, u32, u32) },
+    #[error("a render pass without attachments")]
+    NoAttachments,
+    #[error("a 3D attachment without a depth slice")]
+    NoSlice,
+    #[error("slice {slice} of texture {texture} is not there")]
+    Slice { slice: u32, texture: u32 },
+    #[error("an attachment of {levels} levels and {layers} layers")]
+    AttachmentParts { levels: u32, layers: u32 },
+    #[error("{name} is not possible {scope}")]
+    WrongScope { name: &'static str, scope: &'static str },
+    #[error("{0} is about no object")]
+    NoObject(&'static str),
+    #[error("a draw without a pipeline")]
+    DrawWithoutPipeline,
+    #[error("a dispatch without a pipeline")]
+    DispatchWithoutPipeline,
+    #[error("an indexed draw without an index buffer")]
+    NoIndexBuffer,
+    #[error("{count} indirect draws at byte {offset} reach beyond the {bytes} bytes of buffer {buffer}")]
+    IndirectDraws { count: u32, offset: u64, bytes: u64, buffer: u32 },
+    #[error("a draw count at byte {offset} of the {bytes} of buffer {buffer}")]
+    DrawCount { offset: u64, bytes: u64, buffer: u32 },
+    #[error("an indirect dispatch at byte {offset} of the {bytes} of buffer {buffer}")]
+    IndirectDispatch { offset: u64, bytes: u64, buffer: u32 },
+    #[error("an occlusion query in a pass without an occlusion query set")]
+    OcclusionWithoutSet,
+    #[error("no occlusion query set")]
+    NoOcclusionSet,
+    #[error("no occlusion query is open")]
+    NoOcclusionQuery,
+    #[error("no pipeline statistics query is open")]
+    NoStatisticsQuery,
+    #[error("the pass ends inside a query")]
+    OpenQuery,
+    #[error("the trace ends inside a pass or bundle")]
+    OpenScope,
+}
+
 impl Bindings {
     /// Sets or clears a group.
     ///
     /// # Errors
     /// If the index is beyond [`MAX_BIND_GROUPS`].
-    pub fn set(&mut self, index: u32, group: Option<BindGroupId>, offsets: &[u32]) -> Result<(), String> {
-        let slot = self
-            .groups
-            .get_mut(index as usize)
-            .ok_or_else(|| format!("bind group index {index}, the limit is {MAX_BIND_GROUPS}"))?;
+    pub fn set(&mut self, index: u32, group: Option<BindGroupId>, offsets: &[u32]) -> Result<(), StateError> {
+        let slot = self.groups.get_mut(index as usize).ok_or(StateError::BindGroupIndex(index))?;
         match (slot, group) {
             // The room of the offsets is used again: a program may set a group for each draw.
             (Some(bound), Some(group)) => {
@@ -82,10 +134,10 @@ impl Bindings {
     ///
     /// # Errors
     /// If the offset is not a multiple of 4 or the range exceeds [`MAX_IMMEDIATES`].
-    pub fn set_immediates(&mut self, offset: u32, words: &[u32]) -> Result<(), String> {
+    pub fn set_immediates(&mut self, offset: u32, words: &[u32]) -> Result<(), StateError> {
         let first = offset as usize / 4;
         if !offset.is_multiple_of(4) || (first + words.len()) * 4 > MAX_IMMEDIATES {
-            return Err(format!("{} words of immediates at byte {offset}: the limit is {MAX_IMMEDIATES} bytes", words.len()));
+            return Err(StateError::Immediates { words: words.len(), offset });
         }
         if self.immediates.len() < first + words.len() {
             self.immediates.resize(first + words.len(), 0);

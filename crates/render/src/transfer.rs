@@ -6,6 +6,26 @@ use gfx::state::{Aspect, TextureDimension};
 use num::Words;
 use trace::command::{LinearLayout, TextureEnd};
 
+/// A copy that cannot be made.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+#[allow(missing_docs, reason = "the message explains each variant")]
+pub enum CopyError {
+    #[error("the depth of depth24plus-stencil8 cannot be copied alone: its layout is not defined")]
+    Depth24Alone,
+    #[error("level {level} of texture {texture}, which has {levels}")]
+    Level { level: u32, texture: u32, levels: u32 },
+    #[error("texels {origin:?} + {size:?} reach outside level {level} of texture {texture} ({} x {} x {})", all[0], all[1], all[2])]
+    Outside { origin: [u32; 3], size: [u32; 3], level: u32, texture: u32, all: [u32; 3] },
+    #[error("texel {origin:?} is not the first of a {dim}x{dim} block")]
+    InsideBlock { origin: [u32; 3], dim: u32 },
+    #[error("{pitch} bytes a row and {rows} rows an image are less than the {row} and {copied} copied")]
+    Pitch { pitch: u64, rows: u64, row: u64, copied: u32 },
+    #[error("the copy needs {} bytes from offset {offset}, there are {available}", .needed.map_or("too many".into(), |bytes| bytes.to_string()))]
+    Short { needed: Option<u64>, offset: u64, available: u64 },
+    #[error("{:?} blocks of {} bytes cannot be copied to {:?} blocks of {} bytes", from.0, from.1, to.0, to.1)]
+    Shapes { from: ([u32; 3], u64), to: ([u32; 3], u64) },
+}
+
 /// The part of a stored texel that a copy moves.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 struct Element {
@@ -18,7 +38,7 @@ struct Element {
 }
 
 impl Element {
-    fn new(image: &ImageDesc, aspect: Aspect) -> Result<Element, String> {
+    fn new(image: &ImageDesc, aspect: Aspect) -> Result<Element, CopyError> {
         let stride = image.texel_bytes();
         let whole = Element { stride, offset: 0, bytes: stride };
         Ok(match (image.format, aspect) {
@@ -26,7 +46,7 @@ impl Element {
             (Format::Depth32FloatStencil8, Aspect::StencilOnly) => Element { offset: 4, bytes: 1, ..whole },
             (Format::Depth32FloatStencil8, Aspect::DepthOnly) => Element { bytes: 4, ..whole },
             (Format::Depth24PlusStencil8, Aspect::DepthOnly) => {
-                return Err("the depth of depth24plus-stencil8 cannot be copied alone: its layout is not defined".into());
+                return Err(CopyError::Depth24Alone);
             }
             _ => whole,
         })
@@ -50,9 +70,9 @@ impl Region {
     ///
     /// # Errors
     /// If it reaches outside the level, or does not start at a block.
-    pub fn new(image: &ImageDesc, end: &TextureEnd, size: [u32; 3]) -> Result<Region, String> {
+    pub fn new(image: &ImageDesc, end: &TextureEnd, size: [u32; 3]) -> Result<Region, CopyError> {
         if end.level >= image.levels {
-            return Err(format!("level {} of texture {}, which has {}", end.level, end.texture.0, image.levels));
+            return Err(CopyError::Level { level: end.level, texture: end.texture.0, levels: image.levels });
         }
         let dim = image.format.block_dim();
         let mut all = image.level_size(end.level);
@@ -62,14 +82,12 @@ impl Region {
         for axis in 0..3 {
             let fits = end.origin[axis].checked_add(size[axis]).is_some_and(|stop| stop <= all[axis]);
             if !fits {
-                return Err(format!(
-                    "texels {:?} + {:?} reach outside level {} of texture {} ({} x {} x {})",
-                    end.origin, size, end.level, end.texture.0, all[0], all[1], all[2]
-                ));
+                let &TextureEnd { origin, level, texture, .. } = end;
+                return Err(CopyError::Outside { origin, size, level, texture: texture.0, all });
             }
         }
         if !end.origin[0].is_multiple_of(dim) || !end.origin[1].is_multiple_of(dim) {
-            return Err(format!("texel {:?} is not the first of a {dim}x{dim} block", end.origin));
+            return Err(CopyError::InsideBlock { origin: end.origin, dim });
         }
         Ok(Region {
             image: *image,
@@ -103,15 +121,12 @@ impl Region {
     }
 
     /// Resolves a linear layout for this box: (bytes per row, bytes per image), checked against `available` bytes.
-    fn linear(&self, layout: &LinearLayout, available: u64) -> Result<(u64, u64), String> {
+    fn linear(&self, layout: &LinearLayout, available: u64) -> Result<(u64, u64), CopyError> {
         let row = u64::from(self.size[0]) * self.element.bytes;
         let pitch = layout.bytes_per_row.map_or(row, u64::from);
         let rows = layout.rows_per_image.map_or(u64::from(self.size[1]), u64::from);
         if pitch < row && self.size[1] > 1 || rows < u64::from(self.size[1]) && self.size[2] > 1 {
-            return Err(format!(
-                "{pitch} bytes a row and {rows} rows an image are less than the {row} and {} copied",
-                self.size[1]
-            ));
+            return Err(CopyError::Pitch { pitch, rows, row, copied: self.size[1] });
         }
         if self.size.contains(&0) {
             return Ok((pitch, pitch * rows));
@@ -123,11 +138,7 @@ impl Region {
             .and_then(|n| n.checked_add(layout.offset));
         match end {
             Some(end) if end <= available => Ok((pitch, pitch * rows)),
-            _ => Err(format!(
-                "the copy needs {} bytes from offset {}, there are {available}",
-                end.map_or("too many".into(), |end| (end - layout.offset).to_string()),
-                layout.offset
-            )),
+            _ => Err(CopyError::Short { needed: end.map(|end| end - layout.offset), offset: layout.offset, available }),
         }
     }
 
@@ -135,7 +146,7 @@ impl Region {
     ///
     /// # Errors
     /// If the bytes do not reach.
-    pub fn write_from(&self, words: &Words, source: &[u8], layout: &LinearLayout) -> Result<(), String> {
+    pub fn write_from(&self, words: &Words, source: &[u8], layout: &LinearLayout) -> Result<(), CopyError> {
         let (pitch, image_pitch) = self.linear(layout, source.len() as u64)?;
         let row_bytes = self.size[0] as usize * self.element.bytes as usize;
         for layer in 0..self.size[2] {
@@ -151,7 +162,7 @@ impl Region {
     ///
     /// # Errors
     /// If the buffer does not reach.
-    pub fn write_from_buffer(&self, words: &Words, buffer: &Words, layout: &LinearLayout) -> Result<(), String> {
+    pub fn write_from_buffer(&self, words: &Words, buffer: &Words, layout: &LinearLayout) -> Result<(), CopyError> {
         let (pitch, image_pitch) = self.linear(layout, buffer.len())?;
         let mut bytes = vec![0; self.size[0] as usize * self.element.bytes as usize];
         for layer in 0..self.size[2] {
@@ -167,7 +178,7 @@ impl Region {
     ///
     /// # Errors
     /// If the buffer does not reach.
-    pub fn read_to_buffer(&self, words: &Words, buffer: &Words, layout: &LinearLayout) -> Result<(), String> {
+    pub fn read_to_buffer(&self, words: &Words, buffer: &Words, layout: &LinearLayout) -> Result<(), CopyError> {
         let (pitch, image_pitch) = self.linear(layout, buffer.len())?;
         let mut bytes = vec![0; self.size[0] as usize * self.element.bytes as usize];
         for layer in 0..self.size[2] {
@@ -183,12 +194,10 @@ impl Region {
     ///
     /// # Errors
     /// If the boxes or texels differ in size.
-    pub fn copy_to(&self, words: &Words, to: &Region, to_words: &Words) -> Result<(), String> {
+    pub fn copy_to(&self, words: &Words, to: &Region, to_words: &Words) -> Result<(), CopyError> {
         if self.size != to.size || self.element.bytes != to.element.bytes {
-            return Err(format!(
-                "{:?} blocks of {} bytes cannot be copied to {:?} blocks of {} bytes",
-                self.size, self.element.bytes, to.size, to.element.bytes
-            ));
+            let [from, to] = [self, to].map(|region| (region.size, region.element.bytes));
+            return Err(CopyError::Shapes { from, to });
         }
         let row_bytes = self.size[0] as usize * self.element.bytes as usize;
         let mut image = vec![0; row_bytes * self.size[1] as usize];
@@ -297,11 +306,11 @@ mod tests {
     #[test]
     fn what_does_not_fit_is_refused_with_numbers() {
         let image = image(Format::Rgba8Unorm);
-        let reason = Region::new(&image, &end([3, 0, 0], Aspect::All), [3, 1, 1]).unwrap_err();
+        let reason = Region::new(&image, &end([3, 0, 0], Aspect::All), [3, 1, 1]).unwrap_err().to_string();
         assert!(reason.contains("outside level 0 of texture 3"), "{reason}");
         let region = Region::new(&image, &end([0, 0, 0], Aspect::All), [5, 4, 2]).unwrap();
         let layout = LinearLayout { offset: 0, bytes_per_row: Some(256), rows_per_image: Some(4) };
-        let reason = region.write_from(&Words::new(image.bytes()), &[0; 100], &layout).unwrap_err();
+        let reason = region.write_from(&Words::new(image.bytes()), &[0; 100], &layout).unwrap_err().to_string();
         assert!(reason.contains("there are 100"), "{reason}");
     }
 

@@ -84,7 +84,7 @@ pub fn plan(call: &DrawCall<'_>, planner: &mut Planner) -> Result<Culling, DrawE
     if restart.is_some() && index.is_some() && call.topology.is_strip() {
         // At most every other index ends a strip.
         let strips = u64::from(range.count / 2) * STRIP;
-        call.ledger.passing("the strips of a draw", strips).map_err(DrawError::Memory)?;
+        call.ledger.passing("the strips of a draw", strips)?;
     }
     let first = u64::from(range.first_instance);
     let instances = first..first + u64::from(range.instances);
@@ -162,7 +162,7 @@ impl Segments {
             }
             if call.options.record {
                 let bytes = quads.saturating_mul(RECORDED_QUAD);
-                call.ledger.passing("recorded work", bytes).map_err(DrawError::Memory)?;
+                call.ledger.passing("recorded work", bytes)?;
             }
             if quads < SEGMENT_QUADS / 4 {
                 self.limit = self.limit.saturating_mul(2).min(self.most);

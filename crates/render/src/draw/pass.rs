@@ -2,6 +2,7 @@
 
 use std::sync::{Arc, Mutex};
 
+use crate::ledger::TooMuchAlive;
 use crate::pipeline::RenderPipeline;
 use crate::surface::{Shape, TileSurface};
 use gfx::format::Format;
@@ -22,12 +23,12 @@ use super::{DrawCall, Drawn, DynamicState, OpenQueries, PassOptions};
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum DrawError {
     /// Pipeline and pass do not fit each other.
-    #[error("render pipeline `{}`: {message}", one_line(.label))]
+    #[error("render pipeline `{}`: {misfit}", one_line(.label))]
     Pipeline {
         /// The pipeline's label.
         label: String,
         /// What does not fit.
-        message: String,
+        misfit: Misfit,
     },
     /// Too many attachments.
     #[error("{0} colour attachments, at most {MAX_COLORS} are possible")]
@@ -42,14 +43,24 @@ pub enum DrawError {
     #[error(transparent)]
     Overrun(#[from] LimitOverrun),
     /// There is not as much memory as it asks for.
-    #[error("{0}")]
-    Memory(String),
+    #[error(transparent)]
+    Memory(#[from] TooMuchAlive),
 }
 
-impl From<DrawError> for String {
-    fn from(error: DrawError) -> String {
-        error.to_string()
-    }
+/// What of a pipeline does not fit the pass.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+#[allow(missing_docs, reason = "the message explains each variant")]
+pub enum Misfit {
+    #[error("{pipeline} samples per pixel in a pass of {pass}")]
+    Samples { pipeline: u32, pass: u32 },
+    #[error("depth format {} in a pass with {}", .pipeline.name(), .pass.name())]
+    DepthFormat { pipeline: Format, pass: Format },
+    #[error("depth state in a pass without a depth attachment")]
+    NoDepth,
+    #[error("target {0} in a pass without such an attachment")]
+    NoTarget(usize),
+    #[error("target {location} is {} in a pass with {}", .pipeline.name(), .pass.name())]
+    TargetFormat { location: usize, pipeline: Format, pass: Format },
 }
 
 /// Scratch of a draw's stages; what one draw allocated serves the next.

@@ -15,6 +15,7 @@ use shader::{BuiltIn, Extra, Interpolation};
 use work::{RecordedState, Shade};
 
 use super::super::needs::Need;
+use super::pass::Misfit;
 use super::{DrawError, DynamicState, OpenQueries, PassOptions, record};
 
 /// The cost of traversal and tests of a quad, in steps.
@@ -179,18 +180,18 @@ impl DrawState {
         (attachments, &options): (&Attachments, &PassOptions),
     ) -> Result<DrawState, DrawError> {
         let &Attachments { width, height, samples, color: ref colors, depth } = attachments;
-        let misfit = |message: String| DrawError::Pipeline { label: pipeline.label.clone(), message };
+        let misfit = |misfit| DrawError::Pipeline { label: pipeline.label.clone(), misfit };
         if pipeline.samples != samples {
-            return Err(misfit(format!("{} samples per pixel in a pass of {samples}", pipeline.samples)));
+            return Err(misfit(Misfit::Samples { pipeline: pipeline.samples, pass: samples }));
         }
         let viewport = dynamic.viewport;
         let state = match (&pipeline.depth_stencil, depth) {
             (Some(state), Some(Shape { format, .. })) if state.format != format => {
-                return Err(misfit(format!("depth format {} in a pass with {}", state.format.name(), format.name())));
+                return Err(misfit(Misfit::DepthFormat { pipeline: state.format, pass: format }));
             }
             (Some(state), Some(_)) => Some(state),
             (Some(state), None) if state.depth_write || state.depth_compare != Default::default() => {
-                return Err(misfit("depth state in a pass without a depth attachment".into()));
+                return Err(misfit(Misfit::NoDepth));
             }
             _ => None,
         };
@@ -304,19 +305,19 @@ fn targets(
     dynamic: &DynamicState,
     colors: &[Option<(Shape, Format)>],
     depth_payload: usize,
-) -> Result<(Vec<FrameTarget>, usize), String> {
+) -> Result<(Vec<FrameTarget>, usize), Misfit> {
     let mut out = Vec::new();
     let mut payload = 0;
     for (location, target) in pipeline.targets.iter().enumerate() {
         let Some(target) = target else { continue };
         let Some(Some((shape, format))) = colors.get(location) else {
             if target.output.is_some() && target.state.write_mask & 15 != 0 {
-                return Err(format!("target {location} in a pass without such an attachment"));
+                return Err(Misfit::NoTarget(location));
             }
             continue;
         };
         if *format != target.state.format {
-            return Err(format!("target {location} is {} in a pass with {}", target.state.format.name(), format.name()));
+            return Err(Misfit::TargetFormat { location, pipeline: target.state.format, pass: *format });
         }
         let state = ColorState::new(&target.state, dynamic.blend_constant);
         let Some(output) = target.output.filter(|_| !state.is_idle()) else { continue };

@@ -10,11 +10,12 @@ use trace::{Trace, TraceError};
 use super::notes::Notes;
 use super::{Dependencies, Step, StepKind, Thing};
 use crate::bind;
-use crate::execute::{Fault, Options, Renderer, walk};
-use crate::ledger::{Claim, Ledger};
-use crate::resources::Resources;
+use crate::execute::{Options, Renderer, walk};
+use crate::fault::{Fault, Reason};
+use crate::ledger::{Claim, Ledger, TooMuchAlive};
+use crate::resources::{NoObject, Resources};
 use crate::sprites::Sprites;
-use crate::state::Bindings;
+use crate::state::{Bindings, StateError};
 
 /// Takes the notes of a trace, up to a frame.
 pub(super) fn notes(trace: &Trace, end: u32) -> Result<Dependencies, TraceError> {
@@ -59,7 +60,7 @@ struct Walker {
 
 impl Walker {
     /// Counts memory of notes as alive.
-    fn claim(&mut self, ledger: &Arc<Ledger>, bytes: u64) -> Result<(), String> {
+    fn claim(&mut self, ledger: &Arc<Ledger>, bytes: u64) -> Result<(), TooMuchAlive> {
         match &mut self.claim {
             Some(claim) => claim.grow(NOTES, bytes),
             None => {
@@ -73,7 +74,7 @@ impl Walker {
         // A limit of memory is one of temporary files, too.
         let bytes = if self.notes.knows(&step) { 0 } else { step.bytes() };
         self.claim(ledger, bytes + size_of::<u64>() as u64)?;
-        self.notes.add(step).map_err(|error| Fault::Reason(format!("{NOTES} cannot be kept: {error}")))
+        self.notes.add(step).map_err(|error| Fault::Reason(Reason::Notes(Arc::new(error))))
     }
 
     /// The end of a trace: one that shows nothing is a frame.
@@ -191,7 +192,7 @@ impl Walker {
             Command::SetComputePipeline(id) => open.pipeline = Some(id.0),
             Command::SetBindGroup { index, group, offsets } => open.bindings.set(*index, *group, offsets)?,
             Command::Dispatch { .. } | Command::DispatchIndirect { .. } => {
-                let id = open.pipeline.ok_or("a dispatch without a pipeline")?;
+                let id = open.pipeline.ok_or(StateError::DispatchWithoutPipeline)?;
                 let mut step = Step { kind: StepKind::Dispatch, ..Step::default() };
                 if let Command::DispatchIndirect { buffer, .. } = command {
                     step.extent.insert(Thing::Buffer(buffer.0));
@@ -227,7 +228,7 @@ impl Open {
 }
 
 /// Levels of the texture of a view; whether they are all of an image each.
-fn levels(res: &Resources, view: u32) -> Result<(Vec<Thing>, bool), String> {
+fn levels(res: &Resources, view: u32) -> Result<(Vec<Thing>, bool), NoObject> {
     let view = res.views.get(view)?;
     let image = res.textures.get(view.texture.0)?.image;
     let levels = view.range.base_level..view.range.base_level + view.range.levels;
@@ -241,7 +242,7 @@ fn begin(
     step: &mut Step,
     color: &[Option<ColorAttachment>],
     depth: Option<&DepthAttachment>,
-) -> Result<(), String> {
+) -> Result<(), NoObject> {
     for attachment in color.iter().flatten() {
         let (things, whole) = levels(res, attachment.view.0)?;
         if whole && (attachment.clear.is_some() || !attachment.store) {
@@ -324,7 +325,7 @@ fn touched(
         };
         let bound = match bind::bound(res, binding, bindings) {
             Err(_) if amount == Amount::Unknown => continue,
-            bound => bound.map_err(|reason| bind::missing(interface, binding, &reason))?,
+            bound => bound.map_err(|reason| bind::missing(interface, binding, reason))?,
         };
         match bound {
             BoundResource::Buffer { buffer, .. } => add(Thing::Buffer(buffer.0)),
@@ -343,7 +344,7 @@ fn touched(
 }
 
 fn draw((res, ledger): (&Resources, &Ledger), open: &mut Open, indexed: bool, amount: Amount) -> Result<(), Fault> {
-    let id = open.pipeline.ok_or("a draw without a pipeline")?;
+    let id = open.pipeline.ok_or(StateError::DrawWithoutPipeline)?;
     if amount == Amount::Nothing {
         return Ok(());
     }
@@ -365,9 +366,9 @@ fn draw((res, ledger): (&Resources, &Ledger), open: &mut Open, indexed: bool, am
 }
 
 /// An upload, copy or clear; none for what touches nothing that is read.
-fn copy(res: &Resources, command: &Command) -> Result<Option<Step>, String> {
+fn copy(res: &Resources, command: &Command) -> Result<Option<Step>, NoObject> {
     let level = |end: &TextureEnd| Thing::Level(end.texture.0, end.level);
-    let whole = |buffer: num::BufferId, offset: u64, size: u64| -> Result<BTreeSet<Thing>, String> {
+    let whole = |buffer: num::BufferId, offset: u64, size: u64| -> Result<BTreeSet<Thing>, NoObject> {
         let whole = offset == 0 && size == res.buffers.get(buffer.0)?.words.len();
         Ok(whole.then_some(Thing::Buffer(buffer.0)).into_iter().collect())
     };

@@ -252,7 +252,7 @@ fn resolving_takes_the_mean() {
 
 #[test]
 fn mistakes_are_named() {
-    let fail = |scene: &Scene| scene.draw_here(USUAL).map(drop).unwrap_err();
+    let fail = |scene: &Scene| scene.draw_here(USUAL).map(drop).unwrap_err().to_string();
     let mut scene = Scene::new(rectangle(ALL, 0.5, RED));
     scene.state.buffers[0].as_mut().unwrap().attributes.pop();
     assert!(fail(&scene).contains("no vertex buffer gives @location(1)"), "{}", fail(&scene));

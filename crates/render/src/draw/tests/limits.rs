@@ -33,7 +33,7 @@ fn busy() -> Scene {
 
 fn drawn(scene: &Scene, how: How) -> Result<(), String> {
     let pool = rayon::ThreadPoolBuilder::new().num_threads(how.threads).build().expect("threads");
-    pool.install(|| scene.draw_here(how)).map(drop)
+    pool.install(|| scene.draw_here(how)).map(drop).map_err(|reason| reason.to_string())
 }
 
 #[test]

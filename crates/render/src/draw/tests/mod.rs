@@ -9,7 +9,8 @@ mod ways;
 use std::sync::{Arc, Mutex};
 
 use super::*;
-use crate::pipeline::RenderPipeline;
+use crate::fault::Reason;
+use crate::pipeline::{PipelineError, RenderPipeline};
 use crate::surface::{Shape, TileSurface};
 use gfx::format::Format;
 use gfx::state::*;
@@ -167,19 +168,18 @@ impl Scene {
         pool.install(|| self.draw_here(how).unwrap())
     }
 
-    fn draw_here(&self, how: How) -> Result<Image, String> {
+    fn draw_here(&self, how: How) -> Result<Image, Reason> {
         self.draw_with(&self.pipeline()?, how)
     }
 
-    fn pipeline(&self) -> Result<Arc<RenderPipeline>, String> {
-        let module =
-            Module::with_limits("scene", ModuleSource::Wgsl(&self.source), &self.limits).unwrap_or_else(|e| panic!("{e}"));
+    fn pipeline(&self) -> Result<Arc<RenderPipeline>, PipelineError> {
+        let module = Module::with_limits("scene", ModuleSource::Wgsl(&self.source), &self.limits).unwrap_or_else(|e| panic!("{e}"));
         let module = Arc::new(module);
         let modules = StageMap::from_fn(|_| Some(module.clone()));
         RenderPipeline::new(&self.state, &modules, work::CulledLate::NONE, "scene").map(Arc::new)
     }
 
-    fn draw_with(&self, pipeline: &Arc<RenderPipeline>, how: How) -> Result<Image, String> {
+    fn draw_with(&self, pipeline: &Arc<RenderPipeline>, how: How) -> Result<Image, Reason> {
         let bytes: Vec<u8> = self.vertices.iter().flatten().flat_map(|v| v.to_le_bytes()).collect();
         let buffers = [Some(range_of(&bytes))];
         let index = self.indices.as_ref().map(|indices| {
