@@ -1,11 +1,13 @@
 //! What a sort class is: a description of it in a file of its own, and a line in the list below.
 
 use super::blocks::Built;
-use super::config::Config;
+use super::config::{Config, Rule};
 use super::parts::Parts;
+use mem::{MemoryError, ShapeError};
+use num::OUR_FAULT;
 use unit::assembly::Deal;
 use unit::class_state::ClassState;
-use unit::network::SenderCounts;
+use unit::network::{NetworkError, SenderCounts};
 use unit::sorting::{EarlyTest, Keep, SortCounts};
 use work::Shade;
 
@@ -40,7 +42,23 @@ impl Sorted {
 }
 
 /// A rule that knobs break.
-pub(crate) type Refusal = fn(&Config) -> Result<(), String>;
+pub(crate) type Refusal = fn(&Config) -> Result<(), Rule>;
+
+/// Why units cannot be joined to a machine.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+#[allow(missing_docs, reason = "the message explains each variant")]
+pub enum BuildError {
+    #[error(transparent)]
+    Network(#[from] NetworkError),
+    #[error(transparent)]
+    Shape(#[from] ShapeError),
+    #[error(transparent)]
+    Memory(#[from] MemoryError),
+    #[error("a machine has a memory")]
+    NoMemory,
+    #[error("no unit takes an end of {name}[{index}], from {from} to {to}. {OUR_FAULT}")]
+    Untaken { name: &'static str, index: usize, from: String, to: String },
+}
 
 /// A sort class.
 pub struct Class {
@@ -60,7 +78,7 @@ pub struct Class {
     /// The state that it adds to the card.
     pub(crate) state: fn(&Config) -> ClassState,
     /// Joins the units.
-    pub(crate) build: fn(&Config) -> Result<Built, String>,
+    pub(crate) build: fn(&Config) -> Result<Built, BuildError>,
     /// What sorting has cost.
     pub(crate) sorting: fn(&Parts) -> SortCounts,
     /// What each sender of the network that sorts has waited for.
@@ -103,37 +121,30 @@ classes! {
 }
 
 /// Pipelines cannot have one run of a pass each.
-pub(crate) fn no_runs(config: &Config) -> Result<(), String> {
+pub(crate) fn no_runs(config: &Config) -> Result<(), Rule> {
     if config.assembly.deal == Deal::Contiguous {
-        return Err(format!(
-            "assembly.deal is \"contiguous\", and must be another where sort is \"{}\": only sort-last-image gives each pipeline one run \
-             of a pass",
-            config.card.sort.name()
-        ));
+        let sort = config.card.sort.name();
+        let must = format!("another where sort is \"{sort}\": only sort-last-image gives each pipeline one run of a pass");
+        return Err(Rule::must("assembly.deal", "\"contiguous\"", must));
     }
     Ok(())
 }
 
 /// The order of quads is kept everywhere or nowhere.
-pub(crate) fn no_order_where_needed(config: &Config) -> Result<(), String> {
+pub(crate) fn no_order_where_needed(config: &Config) -> Result<(), Rule> {
     if config.order.keep == Keep::WhereNeeded {
-        return Err(format!(
-            "order.keep is {}, which a machine whose sort is {} does not do",
-            config.order.keep.name(),
-            config.card.sort.name()
-        ));
+        return Err(Rule::Order { keep: config.order.keep, sort: config.card.sort });
     }
     Ok(())
 }
 
 /// Pipelines draw no pixels that others own.
-pub(crate) fn no_early_tests(config: &Config) -> Result<(), String> {
+pub(crate) fn no_early_tests(config: &Config) -> Result<(), Rule> {
     if config.order.early != EarlyTest::None {
-        return Err(format!(
-            "order.early is \"{}\", and must be \"none\" where sort is \"{}\": only in sort-last-fragment pipelines draw pixels that others own",
-            config.order.early.name(),
-            config.card.sort.name()
-        ));
+        let sort = config.card.sort.name();
+        let must =
+            format!("\"none\" where sort is \"{sort}\": only in sort-last-fragment pipelines draw pixels that others own");
+        return Err(Rule::must("order.early", format_args!("\"{}\"", config.order.early.name()), must));
     }
     Ok(())
 }

@@ -62,7 +62,7 @@ pub use watch::Watcher;
 use std::collections::VecDeque;
 
 use self::blocks::Built;
-use class::Sorted;
+use class::{BuildError, Sorted};
 use drawing::Drawing;
 use mem::{ClientCounts, Crossbar, requests};
 use num::{Cycle, Limit, LimitOverrun, Limits, NEVER, OUR_FAULT};
@@ -154,7 +154,7 @@ impl Machine {
     /// If knobs do not fit each other.
     pub fn new(config: &Config) -> Result<Machine, ConfigError> {
         config.check()?;
-        let rule = |message| ConfigError::Rule { file: config.name.clone(), message };
+        let rule = |why: BuildError| ConfigError::Rule { file: config.name.clone(), rule: why.into() };
         let class = config.card.sort.class();
         let Built { parts: circuit, clients, network } = (class.build)(config).map_err(rule)?;
         let card = Card::new(

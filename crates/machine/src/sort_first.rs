@@ -2,7 +2,7 @@
 //! pipeline transforms, rasterises and shades for its part of the screen alone.
 
 use super::blocks::{Builder, Built, Shape};
-use super::class::{Class, Sorted, no_early_tests, no_order_where_needed, no_runs};
+use super::class::{BuildError, Class, Sorted, no_early_tests, no_order_where_needed, no_runs};
 use super::config::Config;
 use unit::assembly::Mode;
 use unit::class_state::ClassState;
@@ -29,7 +29,7 @@ pub(super) const CLASS: Class = Class {
 ///
 /// # Errors
 /// If the memory's values do not make one.
-fn build(config: &Config) -> Result<Built, String> {
+fn build(config: &Config) -> Result<Built, BuildError> {
     let pipelines = config.card.pipelines as usize;
     let shape = Shape {
         deal: 1,

@@ -3,7 +3,7 @@
 //! can be thrown away before it is shaded, if a knob says so.
 
 use super::blocks::{Builder, Built, Shape};
-use super::class::{Class, Sorted, no_runs};
+use super::class::{BuildError, Class, Sorted, no_runs};
 use super::config::Config;
 use unit::assembly::Mode;
 use unit::class_state::ClassState;
@@ -32,7 +32,7 @@ pub(super) const CLASS: Class = Class {
 ///
 /// # Errors
 /// If the memory's values do not make one.
-fn build(config: &Config) -> Result<Built, String> {
+fn build(config: &Config) -> Result<Built, BuildError> {
     let pipelines = config.card.pipelines as usize;
     let shape = Shape {
         deal: 1,

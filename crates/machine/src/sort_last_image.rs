@@ -2,7 +2,7 @@
 //! own; when the pass is drawn, the frame buffers are composed into one.
 
 use super::blocks::{Builder, Built, Shape};
-use super::class::{Class, Sorted, no_early_tests, no_order_where_needed};
+use super::class::{BuildError, Class, Sorted, no_early_tests, no_order_where_needed};
 use super::config::Config;
 use unit::assembly::{Deal, Mode};
 use unit::class_state::ClassState;
@@ -33,7 +33,7 @@ pub(super) const CLASS: Class = Class {
 ///
 /// # Errors
 /// If the memory's values do not make one.
-fn build(config: &Config) -> Result<Built, String> {
+fn build(config: &Config) -> Result<Built, BuildError> {
     let pipelines = config.card.pipelines as usize;
     let shape = Shape {
         deal: 1,

@@ -2,7 +2,7 @@
 //! the pipelines that own the pixels.
 
 use super::blocks::{Builder, Built, Shape};
-use super::class::{Class, Sorted, no_early_tests, no_order_where_needed, no_runs};
+use super::class::{BuildError, Class, Sorted, no_early_tests, no_order_where_needed, no_runs};
 use super::config::Config;
 use unit::assembly::Mode;
 use unit::class_state::ClassState;
@@ -30,7 +30,7 @@ pub(super) const CLASS: Class = Class {
 ///
 /// # Errors
 /// If the memory's values do not make one.
-fn build(config: &Config) -> Result<Built, String> {
+fn build(config: &Config) -> Result<Built, BuildError> {
     let geometry = config.card.geometry_units as usize;
     let pipelines = config.card.pipelines as usize;
     let shape = Shape { fetch: 1, assembly: 1, clip: geometry, distribute: geometry, ..Shape::of(config) };

@@ -2,8 +2,8 @@
 //! then tile after tile is drawn, with its colours and depths on the chip.
 
 use super::blocks::{Builder, Built, Shape};
-use super::class::{Class, Sorted, no_early_tests, no_order_where_needed, no_runs};
-use super::config::Config;
+use super::class::{BuildError, Class, Sorted, no_early_tests, no_order_where_needed, no_runs};
+use super::config::{Config, Rule};
 use unit::assembly::Mode;
 use unit::class_state::ClassState;
 use unit::distribute::Distribute;
@@ -30,7 +30,7 @@ pub(super) const CLASS: Class = Class {
 ///
 /// # Errors
 /// If the memory's values do not make one.
-fn build(config: &Config) -> Result<Built, String> {
+fn build(config: &Config) -> Result<Built, BuildError> {
     let (geometry, pipelines) = (config.card.geometry_units as usize, config.card.pipelines as usize);
     let shape = Shape {
         fetch: 1,
@@ -53,14 +53,12 @@ fn build(config: &Config) -> Result<Built, String> {
 }
 
 /// The caches on the chip must hold a tile.
-fn tile_too_large(config: &Config) -> Result<(), String> {
+fn tile_too_large(config: &Config) -> Result<(), Rule> {
     let blocks = (config.bin.tile / BLOCK).pow(2);
     for (key, has) in [("depth.cache_blocks", config.depth.cache_blocks), ("color.cache_blocks", config.color.cache_blocks)] {
         if has < blocks {
-            return Err(format!(
-                "{key} is {has}, and must be at least {blocks} to hold a tile of bin.tile = {}",
-                config.bin.tile
-            ));
+            let must = format!("at least {blocks} to hold a tile of bin.tile = {}", config.bin.tile);
+            return Err(Rule::must(key, has, must));
         }
     }
     Ok(())

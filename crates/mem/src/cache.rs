@@ -29,21 +29,33 @@ pub struct CacheShape {
     sector: u32,
 }
 
+/// Values that make no cache.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
+#[allow(missing_docs, reason = "the message explains each variant")]
+pub enum ShapeError {
+    #[error("line {line} and sector {sector} must be powers of two, a sector of at least 4 bytes")]
+    Powers { line: u32, sector: u32 },
+    #[error("a line of {line} bytes must have 1 to 8 sectors, not sectors of {sector}")]
+    Sectors { line: u32, sector: u32 },
+    #[error("{lines} lines in {ways} ways make no power of two of sets")]
+    Sets { lines: u32, ways: u32 },
+}
+
 impl CacheShape {
     /// A cache of `lines` lines of `line` bytes in sectors of `sector` bytes, `ways` to a set.
     ///
     /// # Errors
     /// The rule that is broken: lines, line and sector are powers of two, a line has 1 to 8 sectors of at least 4 bytes, and the
     /// sets are a power of two.
-    pub fn new(lines: u32, ways: u32, line: u32, sector: u32) -> Result<CacheShape, String> {
+    pub fn new(lines: u32, ways: u32, line: u32, sector: u32) -> Result<CacheShape, ShapeError> {
         if !line.is_power_of_two() || !sector.is_power_of_two() || sector < 4 {
-            return Err(format!("line {line} and sector {sector} must be powers of two, a sector of at least 4 bytes"));
+            return Err(ShapeError::Powers { line, sector });
         }
         if sector > line || line / sector > 8 {
-            return Err(format!("a line of {line} bytes must have 1 to 8 sectors, not sectors of {sector}"));
+            return Err(ShapeError::Sectors { line, sector });
         }
         if ways == 0 || lines == 0 || !lines.is_multiple_of(ways) || !(lines / ways).is_power_of_two() {
-            return Err(format!("{lines} lines in {ways} ways make no power of two of sets"));
+            return Err(ShapeError::Sets { lines, ways });
         }
         Ok(CacheShape { sets: lines / ways, ways, line, sector })
     }

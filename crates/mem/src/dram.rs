@@ -320,12 +320,24 @@ pub struct Dram {
 /// Most groups of banks.
 const MAX_GROUPS: usize = 16;
 
+/// Values that make no channel.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
+#[allow(missing_docs, reason = "the message explains each variant")]
+pub enum DramError {
+    #[error("{0}")]
+    Rule(&'static str),
+    #[error(
+        "t_refi is {t_refi}, and must be 0 or more than {least}, so that requests are served between refreshes of t_rfc = {t_rfc}"
+    )]
+    Refresh { t_refi: u32, least: u64, t_rfc: u32 },
+}
+
 impl DramConfig {
     /// Whether the values make a channel.
     ///
     /// # Errors
     /// The rule that is broken.
-    pub fn check(&self) -> Result<(), String> {
+    pub fn check(&self) -> Result<(), DramError> {
         let rules = [
             (self.clock >= 1 && self.card_cycles >= 1, "the clock ratio must be positive"),
             ((1..=64).contains(&self.banks), "banks must be 1 to 64"),
@@ -344,13 +356,12 @@ impl DramConfig {
             ),
         ];
         if let Some((_, rule)) = rules.iter().find(|(holds, _)| !holds) {
-            return Err((*rule).to_owned());
+            return Err(DramError::Rule(rule));
         }
         match self.between_refreshes() {
-            least if self.t_refi != 0 && u64::from(self.t_refi) <= least => Err(format!(
-                "t_refi is {}, and must be 0 or more than {least}, so that requests are served between refreshes of t_rfc = {}",
-                self.t_refi, self.t_rfc
-            )),
+            least if self.t_refi != 0 && u64::from(self.t_refi) <= least => {
+                Err(DramError::Refresh { t_refi: self.t_refi, least, t_rfc: self.t_rfc })
+            }
             _ => Ok(()),
         }
     }

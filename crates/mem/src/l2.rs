@@ -2,7 +2,7 @@
 
 use std::collections::VecDeque;
 
-use super::cache::{self, CACHES, Cache, CacheShape};
+use super::cache::{self, CACHES, Cache, CacheShape, ShapeError};
 use super::misses::Misses;
 use super::port::{AccessKind, DramAnswer, DramRequest, SliceAnswer, SliceRequest};
 use super::system::ChannelShare;
@@ -57,7 +57,7 @@ impl L2Config {
     ///
     /// # Errors
     /// If they make no cache.
-    pub fn shape(&self) -> Result<CacheShape, String> {
+    pub fn shape(&self) -> Result<CacheShape, ShapeError> {
         CacheShape::new(self.lines, self.ways, self.line_bytes, self.sector_bytes)
     }
 }

@@ -37,9 +37,9 @@ mod port;
 mod system;
 mod tlb;
 
-pub use cache::{CACHES, Cache, CacheCounts, CacheShape, CacheSlot};
+pub use cache::{CACHES, Cache, CacheCounts, CacheShape, CacheSlot, ShapeError};
 pub use crossbar::{CLIENTS, ClientCounts, Crossbar, ReturnPath};
-pub use dram::{BUSY_CYCLES, DRAM, Dram, DramConfig, DramCounts, PagePolicy, RefreshScope};
+pub use dram::{BUSY_CYCLES, DRAM, Dram, DramConfig, DramCounts, DramError, PagePolicy, RefreshScope};
 pub use ideal::{Ideal, IdealConfig};
 pub use l2::{L2Config, L2Counts, L2Slice, SLICES};
 pub use misses::Misses;
@@ -48,8 +48,8 @@ pub use port::{
     requests,
 };
 pub use system::{
-    ChannelShare, Interleave, Memory, MemoryConfig, MemoryCounts, MemoryIds, MemoryKind, MemoryKnobs, MemoryPlan, MemoryUnits,
-    PortShape,
+    ChannelShare, Interleave, Memory, MemoryConfig, MemoryCounts, MemoryError, MemoryIds, MemoryKind, MemoryKnobs, MemoryPlan,
+    MemoryUnits, PortShape,
 };
 pub use tlb::{TLB, TlbConfig, TlbCounts};
 #[cfg(test)]

@@ -1,7 +1,8 @@
 //! Putting a memory behind clients.
 
+use super::cache::ShapeError;
 use super::crossbar::{CLIENTS, ClientCounts, Crossbar, ReturnPath};
-use super::dram::{BUSY_CYCLES, DRAM, Dram, DramConfig, DramCounts};
+use super::dram::{BUSY_CYCLES, DRAM, Dram, DramConfig, DramCounts, DramError};
 use super::ideal::{Ideal, IdealConfig};
 use super::l2::{L2Config, L2Slice};
 use super::port::{Answer, DramAnswer, DramRequest, MemoryPort, REQUEST_BYTES, Request, SliceAnswer, SliceRequest};
@@ -18,16 +19,30 @@ pub struct Interleave {
     shift: u32,
 }
 
+/// Values that make no memory.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
+#[allow(missing_docs, reason = "the message explains each variant")]
+pub enum MemoryError {
+    #[error("{slices} slices interleaved at {bytes} bytes: at least 1 and a power of two from {REQUEST_BYTES}")]
+    Interleave { slices: u32, bytes: u32 },
+    #[error("an ideal memory moves at least 1 byte a cycle")]
+    Ideal,
+    #[error("{channels} channels do not share {slices} slices evenly")]
+    Channels { channels: u32, slices: u32 },
+    #[error(transparent)]
+    Shape(#[from] ShapeError),
+    #[error(transparent)]
+    Dram(#[from] DramError),
+}
+
 impl Interleave {
     /// Runs of `bytes` bytes go to one of `slices` slices in turn, with upper address bits folded in.
     ///
     /// # Errors
     /// If `bytes` is no power of two or less than [`REQUEST_BYTES`], or there is no slice.
-    pub fn new(slices: u32, bytes: u32) -> Result<Interleave, String> {
+    pub fn new(slices: u32, bytes: u32) -> Result<Interleave, MemoryError> {
         if slices == 0 || !bytes.is_power_of_two() || u64::from(bytes) < REQUEST_BYTES {
-            return Err(format!(
-                "{slices} slices interleaved at {bytes} bytes: at least 1 and a power of two from {REQUEST_BYTES}"
-            ));
+            return Err(MemoryError::Interleave { slices, bytes });
         }
         Ok(Interleave { slices, shift: bytes.trailing_zeros() })
     }
@@ -161,7 +176,7 @@ impl MemoryConfig {
     ///
     /// # Errors
     /// If a slice's cache has no shape.
-    pub fn new(knobs: &MemoryKnobs, l2: L2Config, dram: DramConfig) -> Result<MemoryConfig, String> {
+    pub fn new(knobs: &MemoryKnobs, l2: L2Config, dram: DramConfig) -> Result<MemoryConfig, ShapeError> {
         if knobs.kind == MemoryKind::Ideal {
             let ideal = IdealConfig { latency: knobs.ideal_latency, bytes_per_cycle: knobs.ideal_bytes_per_cycle };
             return Ok(MemoryConfig::Ideal(ideal));
@@ -255,7 +270,7 @@ impl MemoryPlan {
     ///
     /// # Errors
     /// If the slices cannot be interleaved as asked, or the channels do not share them evenly, or a channel's values are wrong.
-    pub fn declare(config: MemoryConfig, wiring: &mut Wiring) -> Result<MemoryPlan, String> {
+    pub fn declare(config: MemoryConfig, wiring: &mut Wiring) -> Result<MemoryPlan, MemoryError> {
         let ids = match config.units() {
             MemoryUnits { ideal: 1, .. } => {
                 let ideal = wiring.unit("ideal", 0);
@@ -275,11 +290,11 @@ impl MemoryPlan {
     ///
     /// # Errors
     /// If the slices cannot be interleaved as asked, or the channels do not share them evenly, or a channel's values are wrong.
-    pub fn new(config: MemoryConfig, ids: MemoryIds) -> Result<MemoryPlan, String> {
+    pub fn new(config: MemoryConfig, ids: MemoryIds) -> Result<MemoryPlan, MemoryError> {
         let interleave = match config {
             MemoryConfig::Ideal(ideal) => {
                 if ideal.bytes_per_cycle == 0 {
-                    return Err("an ideal memory moves at least 1 byte a cycle".to_owned());
+                    return Err(MemoryError::Ideal);
                 }
                 Interleave::new(1, REQUEST_BYTES as u32)?
             }
@@ -287,7 +302,7 @@ impl MemoryPlan {
                 let interleave = Interleave::new(l2.slices, l2.interleave)?;
                 let (slices, channels) = (l2.slices, dram.channels);
                 if channels == 0 || slices % channels != 0 {
-                    return Err(format!("{channels} channels do not share {slices} slices evenly"));
+                    return Err(MemoryError::Channels { channels, slices });
                 }
                 l2.shape()?;
                 dram.check()?;

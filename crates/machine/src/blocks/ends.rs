@@ -4,7 +4,7 @@ use std::cell::RefCell;
 use std::ops::Range;
 use std::rc::Rc;
 
-use num::OUR_FAULT;
+use crate::class::BuildError;
 use sim::{UnitId, Wiring};
 
 /// A channel, by its name and number, and the units that it joins.
@@ -19,11 +19,11 @@ pub(super) struct Joint {
 /// Channels that have an end which nobody has taken.
 pub(super) type Untaken = Rc<RefCell<Vec<Joint>>>;
 
-/// The message about the first channel that has an end which nobody has taken, if there is one.
-pub(super) fn complaint(untaken: &Untaken, wiring: &Wiring) -> Option<String> {
+/// The error of the first channel that has an end which nobody has taken, if there is one.
+pub(super) fn complaint(untaken: &Untaken, wiring: &Wiring) -> Option<BuildError> {
     let &Joint { name, index, from, to } = untaken.borrow().first()?;
     let [from, to] = [from, to].map(|unit| wiring.label(unit));
-    Some(format!("no unit takes an end of {name}[{index}], from {from} to {to}. {OUR_FAULT}"))
+    Some(BuildError::Untaken { name, index, from, to })
 }
 
 /// The ends of some channels at one side. Each is taken once, by its number; those that are left are reported to the builder.
@@ -107,7 +107,10 @@ mod tests {
         assert_eq!(complaint(&untaken, &wiring), None);
         ends(2).take(0);
         let complaint = complaint(&untaken, &wiring).expect("an end is left");
-        assert!(complaint.starts_with("no unit takes an end of tested_late[1], from depth[0] to color[0]"), "{complaint}");
+        assert!(
+            complaint.to_string().starts_with("no unit takes an end of tested_late[1], from depth[0] to color[0]"),
+            "{complaint}"
+        );
     }
 
     #[test]

@@ -8,7 +8,7 @@ mod pixels;
 
 use std::rc::Rc;
 
-use super::class::Sorted;
+use super::class::{BuildError, Sorted};
 use super::config::Config;
 pub(super) use super::parts::Shape;
 use super::parts::{Banks, Ids, Parts, PipelineSection};
@@ -93,7 +93,7 @@ impl<'a> Builder<'a> {
     ///
     /// # Errors
     /// If the memory's values do not make one.
-    pub fn new(config: &'a Config, mut shape: Shape, network: (usize, usize)) -> Result<Builder<'a>, String> {
+    pub fn new(config: &'a Config, mut shape: Shape, network: (usize, usize)) -> Result<Builder<'a>, BuildError> {
         let network = NetworkPlan::new(&config.network, Names::SORT, network.0, network.1)?;
         shape.router = network.routers();
         shape.credit_return = usize::from(shape.router > 0);
@@ -104,7 +104,7 @@ impl<'a> Builder<'a> {
         let id = Rc::new(Ids::declare(&shape, &mut wiring));
         let network = network.at(id.router.clone(), id.credit_return.first().copied());
         let (front, back) = (id.crossbar.first().or(id.ideal.first()), id.return_path.first().or(id.ideal.first()));
-        let (Some(&front), Some(&back)) = (front, back) else { return Err("a machine has a memory".to_owned()) };
+        let (Some(&front), Some(&back)) = (front, back) else { return Err(BuildError::NoMemory) };
         let ids = MemoryIds { front, l2: id.l2.clone(), dram: id.dram.clone(), back };
         let memory = MemoryPlan::new(memory, ids)?.translating(config.tlb);
         let (made, open, untaken) = (Banks::default(), Open::default(), Untaken::default());
@@ -231,7 +231,7 @@ impl<'a> Builder<'a> {
     ///
     /// # Errors
     /// If a channel has an end that no unit has taken.
-    pub fn finish(mut self) -> Result<Built, String> {
+    pub fn finish(mut self) -> Result<Built, BuildError> {
         let config = self.config;
         self.cores();
         for (n, ports) in std::mem::take(&mut self.open.color).into_iter().enumerate() {

@@ -3,7 +3,7 @@
 use super::Config;
 use crate::class::SortClass;
 use knob::Allowed;
-use mem::MemoryConfig;
+use mem::{MemoryConfig, ShapeError};
 
 knob::knobs! {
     /// The card as a whole.
@@ -32,7 +32,7 @@ impl Config {
     ///
     /// # Errors
     /// If its shape is none.
-    pub fn memory(&self) -> Result<MemoryConfig, String> {
+    pub fn memory(&self) -> Result<MemoryConfig, ShapeError> {
         MemoryConfig::new(&self.memory, self.l2, self.dram)
     }
 }

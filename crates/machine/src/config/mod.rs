@@ -13,6 +13,7 @@ pub use super::class::SortClass;
 use super::class::Sorted;
 pub use knobs::CardConfig;
 pub use mem::{DramConfig, L2Config, MemoryKind, MemoryKnobs, TlbConfig};
+pub use rules::Rule;
 pub use text::documentation;
 
 use knob::{Knob, Section, Setting};
@@ -120,12 +121,12 @@ pub enum ConfigError {
         name: String,
     },
     /// Knobs do not fit each other.
-    #[error("{file}: {message}")]
+    #[error("{file}: {rule}")]
     Rule {
         /// The file or name.
         file: String,
-        /// The rule, with keys and values.
-        message: String,
+        /// The rule.
+        rule: Rule,
     },
 }
 
@@ -279,7 +280,7 @@ impl Config {
     /// # Errors
     /// The rule that they break.
     pub fn check(&self) -> Result<(), ConfigError> {
-        rules::check(self).map_err(|message| ConfigError::Rule { file: self.name.clone(), message })
+        rules::check(self).map_err(|rule| ConfigError::Rule { file: self.name.clone(), rule })
     }
 
     /// Whether every picture is that of API order: no pixel may differ from functional rendering.

@@ -1,119 +1,126 @@
 //! The rules between knobs, and what is allowed but hardly meant.
 
+use std::fmt::Display;
+
 use super::{Config, MemoryKind};
-use crate::class::Sorted;
-use mem::{MemoryConfig, PagePolicy};
+use crate::class::{BuildError, SortClass, Sorted};
+use mem::{DramError, MemoryConfig, PagePolicy, ShapeError};
 use unit::fetch::{Reuse, VertexDeal};
 use unit::scanout::{ScanoutMode, Swap};
 use unit::sorting::{EarlyTest, Keep};
 use unit::traverse::Walk;
 use unit::warp::MAX_WIDTH;
 
+/// A rule between knobs that a configuration breaks.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+#[allow(missing_docs, reason = "the message explains each variant")]
+pub enum Rule {
+    #[error("{knob} is {value}, and must be {must}")]
+    Must { knob: &'static str, value: String, must: String },
+    #[error("order.keep is {}, which a machine whose sort is {} does not do", .keep.name(), .sort.name())]
+    Order { keep: Keep, sort: SortClass },
+    #[error("fetch.deal is after-fragments, and core.unified must be true: fragments go to other cores than vertices")]
+    NotUnified,
+    #[error("memory.l2: {0}")]
+    Slice(#[from] ShapeError),
+    #[error("memory.dram: {0}")]
+    Channel(#[from] DramError),
+    #[error(transparent)]
+    Build(#[from] BuildError),
+}
+
+impl Rule {
+    /// A knob that must have another value.
+    pub(crate) fn must(knob: &'static str, value: impl Display, must: impl Into<String>) -> Rule {
+        Rule::Must { knob, value: value.to_string(), must: must.into() }
+    }
+}
+
 /// Rules between knobs.
-pub(super) fn check(config: &Config) -> Result<(), String> {
+pub(super) fn check(config: &Config) -> Result<(), Rule> {
     if config.traverse.triangles > 1 && config.traverse.walk != Walk::Blocks {
-        return Err(format!(
-            "traverse.triangles is {}, and must be 1 where traverse.walk is {}: single pixels are tested of one triangle at a time",
-            config.traverse.triangles,
-            config.traverse.walk.name()
-        ));
+        let walk = config.traverse.walk.name();
+        let must = format!("1 where traverse.walk is {walk}: single pixels are tested of one triangle at a time");
+        return Err(Rule::must("traverse.triangles", config.traverse.triangles, must));
     }
     let (lines, ways) = (config.texture.cache_lines, config.texture.cache_ways);
     if lines > ways && !lines.is_multiple_of(ways) {
-        return Err(format!("texture.cache_lines is {lines}, and must be a multiple of texture.cache_ways, which is {ways}"));
+        return Err(Rule::must("texture.cache_lines", lines, format!("a multiple of texture.cache_ways, which is {ways}")));
     }
     if config.tlb.page_bytes > config.tlb.second_page_bytes {
-        return Err(format!(
-            "memory.tlb.page_bytes is {}, and must be at most memory.tlb.second_page_bytes, which is {}",
-            config.tlb.page_bytes, config.tlb.second_page_bytes
-        ));
+        let must = format!("at most memory.tlb.second_page_bytes, which is {}", config.tlb.second_page_bytes);
+        return Err(Rule::must("memory.tlb.page_bytes", config.tlb.page_bytes, must));
     }
     if config.texture.sector_bytes > config.texture.line_bytes {
-        return Err(format!(
-            "texture.sector_bytes is {}, and must be at most texture.line_bytes, which is {}",
-            config.texture.sector_bytes, config.texture.line_bytes
-        ));
+        let must = format!("at most texture.line_bytes, which is {}", config.texture.line_bytes);
+        return Err(Rule::must("texture.sector_bytes", config.texture.sector_bytes, must));
     }
     let constant = &config.constant;
     let (bytes, line) = (constant.second_bytes, constant.second_line_bytes);
     let lines = bytes / line;
     if !bytes.is_multiple_of(line) || lines > constant.second_ways && !lines.is_multiple_of(constant.second_ways) {
-        return Err(format!(
-            "constant.second_bytes is {bytes}, and must be a multiple of constant.second_line_bytes, which is {line}, times \
-             constant.second_ways, which is {}, or of the former alone where it has fewer lines",
+        let must = format!(
+            "a multiple of constant.second_line_bytes, which is {line}, times constant.second_ways, which is {}, or of the former alone \
+             where it has fewer lines",
             constant.second_ways
-        ));
+        );
+        return Err(Rule::must("constant.second_bytes", bytes, must));
     }
     if config.color.blends_per_cycle > config.color.quads_per_cycle {
-        return Err(format!(
-            "color.blends_per_cycle is {}, and must be at most color.quads_per_cycle, which is {}",
-            config.color.blends_per_cycle, config.color.quads_per_cycle
-        ));
+        let must = format!("at most color.quads_per_cycle, which is {}", config.color.quads_per_cycle);
+        return Err(Rule::must("color.blends_per_cycle", config.color.blends_per_cycle, must));
     }
     let scanout = &config.scanout;
     if scanout.runs_free() {
         if scanout.compressed {
-            return Err("scanout.compressed is true, and must be false where scanout.mode is free-running".into());
+            return Err(Rule::must("scanout.compressed", true, "false where scanout.mode is free-running"));
         }
         if scanout.swap == Swap::Copy && scanout.buffers == 1 {
-            return Err(
-                "scanout.buffers is 1, and must be at least 2 where scanout.swap is copy: a frame is copied to another".into(),
-            );
+            let must = "at least 2 where scanout.swap is copy: a frame is copied to another";
+            return Err(Rule::must("scanout.buffers", 1, must));
         }
     }
     if config.fetch.reuse_until == Reuse::Assembled && config.fetch.reuse == 0 {
-        return Err(
-            "fetch.reuse is 0, and must be at least 1 where fetch.reuse_until is assembled: as many indices are on their way"
-                .into(),
-        );
+        let must = "at least 1 where fetch.reuse_until is assembled: as many indices are on their way";
+        return Err(Rule::must("fetch.reuse", 0, must));
     }
     let issue = [("core.issue", config.core.issue), ("core.vertex_issue", config.core.vertex_issue)];
     if let Some((name, issue)) = issue.into_iter().find(|&(_, issue)| issue > 1 && !config.core.overlap) {
-        return Err(format!("{name} is {issue}, and must be 1 where core.overlap is false: an instruction keeps all lanes"));
+        return Err(Rule::must(name, issue, "1 where core.overlap is false: an instruction keeps all lanes"));
     }
     if config.fetch.deal == VertexDeal::AfterFragments && !config.core.unified {
-        return Err(
-            "fetch.deal is after-fragments, and core.unified must be true: fragments go to other cores than vertices".into()
-        );
+        return Err(Rule::NotUnified);
     }
-    let class = config.card.sort.class();
+    let (sort, class) = (config.card.sort.name(), config.card.sort.class());
     let in_turn = [("command.drain", config.command.drain), ("traverse.gather", config.traverse.gather)];
     if let Some((name, _)) = in_turn.iter().find(|(_, on)| *on && (class.sorted != Sorted::Triangles || class.one_place)) {
-        return Err(format!(
-            "{name} is true, and must be false where sort is {}: only distribution of triangles to rasterisers keeps them in draws",
-            config.card.sort.name()
-        ));
+        let must = format!("false where sort is {sort}: only distribution of triangles to rasterisers keeps them in draws");
+        return Err(Rule::must(name, true, must));
     }
     if class.sorted.own_geometry() && config.fetch.deal == VertexDeal::AfterFragments {
-        return Err(format!(
-            "fetch.deal is after-fragments, and must be another where sort is {}: each pipeline shades its own vertices",
-            config.card.sort.name()
-        ));
+        let must = format!("another where sort is {sort}: each pipeline shades its own vertices");
+        return Err(Rule::must("fetch.deal", "after-fragments", must));
     }
     if class.sorted.own_geometry() && config.fetch.reuse_until == Reuse::Assembled {
-        return Err(format!(
-            "fetch.reuse_until is assembled, and must be replaced where sort is {}: each pipeline gets its primitives in runs",
-            config.card.sort.name()
-        ));
+        let must = format!("replaced where sort is {sort}: each pipeline gets its primitives in runs");
+        return Err(Rule::must("fetch.reuse_until", "assembled", must));
     }
     if class.sorted.own_geometry() && !config.core.unified && !config.core.vertex_cores.is_multiple_of(config.card.pipelines) {
-        return Err(format!(
-            "core.vertex_cores is {}, and must be a multiple of pipelines, which is {}, where sort is {}: each pipeline shades its own vertices",
-            config.core.vertex_cores,
-            config.card.pipelines,
-            config.card.sort.name()
-        ));
+        let pipelines = config.card.pipelines;
+        let must = format!(
+            "a multiple of pipelines, which is {pipelines}, where sort is {sort}: each pipeline shades its own vertices"
+        );
+        return Err(Rule::must("core.vertex_cores", config.core.vertex_cores, must));
     }
     class.refusals.iter().try_for_each(|refusal| refusal(config))?;
     debug_assert!(config.core.warp_width <= MAX_WIDTH);
-    let memory = config.memory().map_err(|message| format!("memory.l2: {message}"))?;
+    let memory = config.memory()?;
     if let MemoryConfig::Dram { l2, dram } = memory {
-        dram.check().map_err(|message| format!("memory.dram: {message}"))?;
+        dram.check()?;
         let (slices, channels) = (l2.slices, dram.channels);
         if slices % channels != 0 {
-            return Err(format!(
-                "memory.l2.slices is {slices}, and must be a multiple of memory.dram.channels, which is {channels}"
-            ));
+            let must = format!("a multiple of memory.dram.channels, which is {channels}");
+            return Err(Rule::must("memory.l2.slices", slices, must));
         }
     }
     Ok(())

@@ -445,6 +445,6 @@ fn wrong_values_are_refused() {
         // One cycle for each row: it would be closed before it is read.
         (DramConfig { t_refi: 1, t_rfc: 0, ..ddr4() }, "t_refi is 1, and must be 0 or more than 111, so that"),
     ] {
-        assert!(config.check().unwrap_err().contains(rule));
+        assert!(config.check().unwrap_err().to_string().contains(rule));
     }
 }

@@ -80,7 +80,7 @@ mod traffic;
 use bytemuck::{Pod, Zeroable};
 
 pub use credit::{Credit, CreditReturn};
-pub use plan::{Names, Network, NetworkPlan};
+pub use plan::{Names, Network, NetworkError, NetworkPlan};
 pub use port::{Receiver, Sender, SenderCounts};
 pub use router::Router;
 pub use stall::Stall;

@@ -94,16 +94,26 @@ impl NetworkConfig {
     }
 }
 
+/// A network cannot have as many ends.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
+#[error("a network of {count} {what}: there must be 1 to {MAX_ENDS}")]
+pub struct NetworkError {
+    /// Ends that are asked for.
+    pub count: usize,
+    /// Their side: senders or receivers.
+    pub what: &'static str,
+}
+
 impl NetworkPlan {
     /// A network whose units are still to be declared: as many routers as [`NetworkPlan::routers`] says, and a way back for credits
     /// if there is one.
     ///
     /// # Errors
     /// If there are no or too many senders or receivers.
-    pub fn new(config: &NetworkConfig, names: Names, senders: usize, receivers: usize) -> Result<NetworkPlan, String> {
+    pub fn new(config: &NetworkConfig, names: Names, senders: usize, receivers: usize) -> Result<NetworkPlan, NetworkError> {
         for (count, what) in [(senders, "senders"), (receivers, "receivers")] {
             if !(1..=MAX_ENDS).contains(&count) {
-                return Err(format!("a network of {count} {what}: there must be 1 to {MAX_ENDS}"));
+                return Err(NetworkError { count, what });
             }
         }
         let plan = Plan::new(config.topology, config.radix, senders, receivers);
@@ -131,7 +141,7 @@ impl NetworkPlan {
         senders: usize,
         receivers: usize,
         wiring: &mut Wiring,
-    ) -> Result<NetworkPlan, String> {
+    ) -> Result<NetworkPlan, NetworkError> {
         let plan = NetworkPlan::new(config, names, senders, receivers)?;
         let routers = wiring.bank(names.router, plan.routers());
         let credit_return = (!routers.is_empty()).then(|| wiring.unit(names.credit_return, 0));

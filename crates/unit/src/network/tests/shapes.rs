@@ -90,7 +90,7 @@ fn networks_of_no_ends_or_too_many_are_refused() {
     for (senders, receivers) in [(0, 1), (1, 0), (MAX_ENDS + 1, 1), (1, MAX_ENDS + 1)] {
         for topology in ALL {
             let plan = NetworkPlan::declare(&config(topology), Names::SORT, senders, receivers, &mut Wiring::new());
-            let message = plan.expect_err("refused");
+            let message = plan.expect_err("refused").to_string();
             assert!(message.contains("there must be 1 to 64"), "{message}");
         }
     }
