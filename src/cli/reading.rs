@@ -7,7 +7,7 @@ use std::path::Path;
 use anyhow::{Result, anyhow};
 
 use super::Verdict;
-use crate::import::{self, TraceKind, Report};
+use crate::import::{self, Report, TraceKind};
 use crate::num::Limits;
 use crate::trace::{self, Origin, Trace};
 

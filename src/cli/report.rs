@@ -13,7 +13,7 @@ use crate::num::Limits;
 use crate::picture;
 use crate::report::counted::{Chosen, counted};
 use crate::report::files::{About, json_head};
-use crate::report::html::data::{Gather, Statistics};
+use crate::report::html::data::{CountedSpan, Gather, Statistics};
 use crate::report::html::replay::{Input, limits, replay};
 use crate::report::html::series::COLUMNS;
 use crate::report::html::{self as pages, plots, word};
@@ -189,9 +189,7 @@ impl Subject {
         let number = self.statistics.number();
         let found = why(trace, config, number..number + 1, false, &told)?;
         bar.finish_and_clear();
-        let mut json = found.json();
-        json["verdict"] = found.verdict().into();
-        Ok(Some(json))
+        Ok(Some(found.json()))
     }
 
     /// Writes the page.
@@ -282,7 +280,10 @@ pub fn run(arguments: &Arguments) -> Result<Verdict> {
     }
     let stated = Path::new(subject.statistics.text("trace"));
     let with_trace = |path: &Path| -> Result<Verdict> {
-        let trace = arguments.reading.open(path)?;
+        // A recording is read for the same frames as the replay has read it for: so its passes have the same numbers.
+        let number = |frame: Option<&CountedSpan>| frame.and_then(|frame| frame.number).unwrap_or(0);
+        let frames = subject.statistics.frames();
+        let trace = arguments.reading.open_frames(path, number(frames.first())..number(frames.last()) + 1)?;
         subject.write(&out, Some(&trace), arguments.why)?;
         Ok(super::reading::verdict(&trace))
     };

@@ -11,6 +11,7 @@ use crate::machine::Config;
 use crate::render::{self, FrameSet};
 use crate::report::owned::check_replaceable;
 use crate::report::summary::grouped;
+use crate::report::verdict::sentence;
 use crate::run::replay::frame_range;
 use crate::run::stored_work::slowest;
 use crate::trace::{Trace, check};
@@ -67,17 +68,21 @@ pub fn run(arguments: &Arguments) -> Result<Verdict> {
         check_replaceable(path, MARK, arguments.force)?;
     }
     let config = arguments.machine.load()?;
-    let trace = arguments.reading.open(&arguments.trace)?;
-    if !trace.presents(1) && check(&trace)?.draws_nothing() {
-        bail!("{}: the trace draws nothing, so that nothing holds a frame back", arguments.trace.display());
-    }
+    // A recording is read for these frames alone, as a replay of them reads it: so its passes have the same numbers and cycles there.
     let frames = match &arguments.frames {
         Some(text) => frame_range(text).map_err(|reason| anyhow::anyhow!("--frames {text}: {reason}"))?,
         None => {
-            let frame = chosen(&trace, &config)?;
+            let trace = arguments.reading.open(&arguments.trace)?;
+            let frame = if trace.presents(1) || !check(&trace)?.draws_nothing() { chosen(&trace, &config)? } else { 0 };
             frame..frame + 1
         }
     };
+    let end = if frames.end == u32::MAX { u64::MAX } else { u64::from(frames.end) };
+    let trace = arguments.reading.open_frames(&arguments.trace, u64::from(frames.start)..end)?;
+    let opened = trace.origin();
+    if !trace.presents(1) && check(&trace)?.draws_nothing() {
+        bail!("{}: the trace draws nothing, so that nothing holds a frame back", arguments.trace.display());
+    }
     let bar = super::progress::bar("{spinner} {elapsed} machines timed: {pos} of {len}, {eta} left");
     let told = |all| {
         bar.set_length(all as u64);
@@ -85,6 +90,7 @@ pub fn run(arguments: &Arguments) -> Result<Verdict> {
     };
     let found = why(&trace, &config, frames.clone(), arguments.scan_out, &told)?;
     bar.finish_and_clear();
+    arguments.reading.say_at_end(&arguments.trace, &trace, &opened);
     if let Some(path) = &arguments.json {
         let mut json = found.json();
         if let Some(json) = json.as_object_mut() {
@@ -115,6 +121,19 @@ pub fn run(arguments: &Arguments) -> Result<Verdict> {
 /// The ranked changes.
 fn table(found: &Diagnosis, rows: usize) -> String {
     let mut out = format!("{}\n\n", found.verdict());
+    for (title, findings) in [("in the frame", found.in_the_frame()), ("on the card", found.on_the_card())] {
+        if !findings.is_empty() {
+            out.push_str(&format!("{title}\n"));
+        }
+        for finding in &findings {
+            out.push_str(&format!("  {}\n", sentence(&finding.sentence)));
+            let draws = finding.draws();
+            for line in [&finding.evidence, &draws].into_iter().filter(|line| !line.is_empty()) {
+                out.push_str(&format!("    {line}\n"));
+            }
+        }
+        out.push_str(if findings.is_empty() { "" } else { "\n" });
+    }
     out.push_str(&format!(
         "  {:<44}{:>14}{:>9}   {}\n",
         "with this change alone", "cycles", "change", "most in: what was seen there without the change"

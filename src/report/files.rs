@@ -82,7 +82,7 @@ mod tests {
             tree.child("funnel").count("quads_shaded", quads);
             tree
         };
-        let phase = Phase { kind: PhaseKind::Pass, number: 7, label: "sky\n}".into(), begin: 0, limit: "" };
+        let phase = Phase { kind: PhaseKind::Pass, number: 7, label: "sky\n}".into(), begin: 0, limit: String::new() };
         let frame = |number, quads| Frame {
             number,
             shown: None,

@@ -17,3 +17,5 @@ pub mod rows;
 pub mod summary;
 pub mod terminal;
 pub mod timeline;
+pub mod verdict;
+pub mod waits;

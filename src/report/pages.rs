@@ -9,6 +9,7 @@ use crate::machine::{
     SORTING_LOSS, SORTING_NETWORK, STAGE, WRONG_PIXELS,
 };
 use crate::mem::{BUSY_CYCLES, CLIENTS, ClientCounts, DRAM, DramCounts};
+use crate::report::rows::{GEOMETRY, TILES};
 use crate::sim::{CAPACITY, CHANNELS, ChannelCounts, Description, MEAN_OCCUPANCY, UNITS, UnitCounts};
 use crate::stats::{Cycles, Declaration, FRAME, FrameCounts, Group, Heading, SECONDS, counter, page};
 use crate::unit::network::{HOT_SPOT, HOTTEST_SHARE, LINKS, LinkCounts, MEAN_SHARE};
@@ -47,7 +48,11 @@ const PHASE: &[Declaration] = &[
     one("kind", "", "`transfers` (uploads, copies and clears outside passes), `pass`, `dispatch` or `scan-out`."),
     one("number", "", "Number of the pass or dispatch in the trace; 0 elsewhere."),
     one("label", "", "Label of the pass, or of the dispatch's pipeline."),
-    one("limit", "", "With `--fidelity bound`, the unit that bounds it; `imbalance` where units and pipelines take turns."),
+    one(
+        "limit",
+        "",
+        "With `--fidelity bound`, the unit that bounds it, or two that do in turn, where none works nearly all the time.",
+    ),
     one("cycles", "cycles", "From its beginning to that of the next; together those of the frame."),
 ];
 
@@ -56,6 +61,8 @@ const DRAW: &[Declaration] = &[
     one("label", "", "Label of its pipeline."),
     one("group", "", "Label of the innermost debug group that it is in."),
     one("cycles", "cycles", "From the retirement before it to its own; together those of the pass."),
+    GEOMETRY,
+    TILES,
 ];
 
 const NETWORK: &[Declaration] =
@@ -109,7 +116,7 @@ fn places() -> Vec<(&'static str, &'static str, Vec<Declaration>)> {
         ),
         (
             "phases[i].draws[i]",
-            "With `--per-draw`, of a pass: its draws in order, in `stats.json` and `draws.csv`, with the counters of phases. The funnel is the draw's own; the others count the cycles from the retirement before it to its own, in which later draws are in the machine too. A machine that bins retires draws when their tiles are drawn.",
+            "With `--per-draw`, of a pass: its draws in order, in `stats.json` and `draws.csv`, with the counters of phases. The funnel is the draw's own; the others count the cycles from the retirement before it to its own, in which later draws are in the machine too. A machine that bins retires draws together, when their tiles are drawn: there `cycles` are shared by work, and the end of the pass has all counters but the funnels.",
             DRAW.to_vec(),
         ),
         here(UNITS, all(Cycles::DECLARATIONS, UnitCounts::DECLARATIONS)),

@@ -104,15 +104,28 @@ pub fn report(done: &ReplayOutcome, seen: &mut ReportedFrames, options: &Options
         let mut text = seen.phases.text(12);
         if seen.phases.limited() {
             text.push_str("  limit: the unit that takes longest by estimate; `fillrate why` proves what holds a frame back\n");
-            if seen.phases.limits("imbalance") {
-                text.push_str("  imbalance: units and pipelines take turns, and none of them works all the time\n");
+            if seen.phases.waits() {
+                text.push_str(
+                    "  waits: no unit works nearly all the time; the unit that waits in most of its cycles, and for what\n",
+                );
             }
         }
         section("Where the cycles went, one phase after another", &text);
+        if options.fidelity.name() != Fidelity::Bound.name() && done.sampled.is_none() {
+            let said: String = seen.phases.counted(&funnel).iter().map(|line| format!("  {line}\n")).collect();
+            if !said.is_empty() {
+                section("What holds it back, as counted", &said);
+            }
+        }
     }
     if !seen.draws.is_empty() {
         let lines: Vec<&str> = seen.draws.iter().map(|draw| draw.line.as_str()).collect();
-        section("The draws that took most, from one retirement to the next", &lines.concat());
+        let title = if options.config.card.sort.class().one_place {
+            "The draws that took most, by their share of the work of all that retired with them"
+        } else {
+            "The draws that took most, from one retirement to the next"
+        };
+        section(title, &lines.concat());
     }
     if options.fidelity.name() != Fidelity::Bound.name() {
         section("What the units did, in shares of the cycles", &summary::units(&done.total));

@@ -32,11 +32,12 @@ impl Frames {
 pub const MARK: &[u8] = br#""generator":"fillrate""#;
 
 /// Tracks of the file, each with its number as a process.
-const TRACKS: [(u32, &str); 4] = [
+const TRACKS: [(u32, &str); 5] = [
     (1, "frames and phases"),
     (2, "units: what most cycles went to"),
     (3, "units: busy cycles"),
     (4, "channels: items inside"),
+    (5, "cores: warps held"),
 ];
 
 /// What most of the cycles of a bank went to.
@@ -44,6 +45,7 @@ fn state(cycles: &Cycles) -> &'static str {
     let states = [
         ("busy", cycles.busy),
         ("waits for memory", cycles.memory),
+        ("waits for instructions", cycles.latency),
         ("blocked", cycles.blocked),
         ("starved", cycles.starved),
         ("idle", cycles.idle),
@@ -150,6 +152,11 @@ fn events(out: &mut dyn Write, frames: &Frames, timeline: &Timeline, mhz: u32) -
             events.slice(track, name, begin, end)?;
         }
         let busy = |cycles: &Cycles| thousandths(100.0 * cycles.busy as f64 / cycles.total().max(1) as f64);
+        let held = |at: usize| {
+            let sample = &timeline.samples[at];
+            thousandths(sample.held[bank] as f64 / ((sample.end - sample.begin) * unit.count as u64) as f64)
+        };
+        counters(&mut events, (5, "warps held"), &times(unit), timeline, held)?;
         counters(&mut events, (3, "% busy"), &times(unit), timeline, |at| busy(&timeline.samples[at].units[bank]))?;
     }
     for (bank, channel) in timeline.channels.iter().enumerate() {
@@ -202,7 +209,7 @@ mod tests {
 
     #[test]
     fn a_bank_is_in_the_state_that_most_of_its_cycles_went_to() {
-        let of = |busy, starved, memory| state(&Cycles { busy, starved, blocked: 0, memory, idle: 0 });
+        let of = |busy, starved, memory| state(&Cycles { busy, starved, memory, ..Cycles::default() });
         assert_eq!([of(5, 3, 2), of(1, 3, 2), of(0, 1, 7), of(2, 2, 2)], ["busy", "starved", "waits for memory", "busy"]);
     }
 }

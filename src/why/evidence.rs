@@ -9,6 +9,8 @@ use crate::machine::{Config, FrameReport, Moved, PhaseReport};
 use crate::mem::{CACHES, CLIENTS, CacheCounts, ClientCounts, DRAM};
 use crate::num::Cycle;
 use crate::report::summary::{bytes, grouped};
+use crate::report::verdict::Draws;
+use crate::report::waits::Waits;
 use crate::sim::UNITS;
 use crate::stats::{Cycles, Heading, Tree};
 use crate::unit::core::{CORES, CoreCounts};
@@ -86,6 +88,23 @@ impl PhaseCounts {
     fn share(&self, unit: &str, of: fn(&Cycles) -> u64) -> f64 {
         let cycles: Cycles = UNITS.sum_of(&self.tree, unit);
         100.0 * of(&cycles) as f64 / cycles.total().max(1) as f64
+    }
+
+    /// Whether a unit is held up in a quarter of its cycles: room for more in flight may help.
+    pub fn is_full(&self, unit: &str) -> bool {
+        self.share(unit, |cycles| cycles.memory + cycles.blocked) >= 25.0
+    }
+
+    /// The counts of all draws, how many there are, and what units wait for.
+    pub fn counted(&self) -> (Funnel, Draws, Waits) {
+        let funnel = self.funnel();
+        let draws = Draws { count: self.draws as u64, vertices: funnel.vertices_in };
+        (funnel, draws, Waits::of(&self.tree))
+    }
+
+    /// Its cycles.
+    pub fn cycles(&self) -> Cycle {
+        self.cycles
     }
 
     /// The names under a heading.
@@ -171,13 +190,14 @@ impl PhaseCounts {
     fn states(&self, unit: &str) -> String {
         let cycles: Cycles = UNITS.sum_of(&self.tree, unit);
         let share = |own: u64| 100.0 * own as f64 / cycles.total().max(1) as f64;
-        let Cycles { busy, memory, blocked, starved, .. } = cycles;
-        if share(busy + memory + blocked) < 1.0 {
+        let Cycles { busy, memory, blocked, latency, starved, .. } = cycles;
+        if share(busy + memory + blocked + latency) < 1.0 {
             return String::new();
         }
         let states = [
             ("is busy in", busy),
             ("waits for memory in", memory),
+            ("for instructions in", latency),
             ("for room behind it in", blocked),
             ("for input in", starved),
         ];

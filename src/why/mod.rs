@@ -13,17 +13,20 @@ use anyhow::{Result, anyhow, bail};
 use serde_json::{Value, json};
 
 use crate::host::one_line;
+use crate::knob::Setting;
 use crate::machine::{Config, FrameReport, Machine};
 use crate::num::Cycle;
 use crate::render::{self, FrameSet};
 use crate::report::order;
+use crate::report::verdict::{self, Cause, Draws, Finding, sentence};
+use crate::report::waits::{Waited, Waits};
 use crate::run::replay::no_frames;
 use crate::run::stored_work::{Timing, time_each};
 use crate::trace::Trace;
 use crate::unit::phase::PhaseKind;
-use crate::work::RenderKey;
+use crate::work::{Funnel, RenderKey};
 use evidence::{PhaseCounts, evidence};
-use relax::{Relaxation, relaxations};
+use relax::{Relaxation, Resource, relaxations};
 
 /// Cycles of a frame, and of what was done in it one after another.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -55,8 +58,44 @@ pub struct Diagnosis {
     /// Relaxations, those that gain most first; one that gives more of several resources comes behind one of a single resource that gains
     /// half as much.
     pub gains: Vec<Gain>,
+    /// What was counted in the frames as the machine is.
+    pub seen: Counted,
     /// Renderings that were made.
     pub renderings: u64,
+}
+
+/// What was counted in the frames as the machine is.
+#[derive(Clone, Debug, Default)]
+pub struct Counted {
+    /// The counts of all draws.
+    pub funnel: Funnel,
+    /// The phase that takes most cycles, what units wait for in it, and its draws.
+    pub phase: String,
+    /// What units wait for in it.
+    pub waits: Waits,
+    /// Its draws.
+    pub draws: Draws,
+    /// By cause, the draws of which nothing is used for that reason.
+    pub concerned: Vec<(Cause, Vec<u32>)>,
+}
+
+impl Counted {
+    fn of(reports: &[FrameReport], phases: &[PhaseCounts], all: &PhaseCounts) -> Counted {
+        let names: Vec<String> = reports
+            .iter()
+            .flat_map(|frame| &frame.phases)
+            .map(|phase| one_line(&phase.phase.to_string()).to_string())
+            .collect();
+        let most = phases.iter().zip(&names).rev().max_by_key(|(phase, _)| phase.cycles());
+        let (funnel, ..) = all.counted();
+        let (_, draws, waits) = most.map_or_else(|| all.counted(), |(phase, _)| phase.counted());
+        let drawn = || reports.iter().flat_map(|frame| &frame.phases).flat_map(|phase| &phase.draws);
+        let concerned = Cause::ALL.map(|cause| {
+            (cause, drawn().filter(|draw| cause.is_all_of(&draw.counts.funnel)).filter_map(|draw| draw.number).collect())
+        });
+        let phase = most.map_or(String::new(), |(_, name)| name.clone());
+        Counted { funnel, phase, waits, draws, concerned: concerned.to_vec() }
+    }
 }
 
 impl Timed {
@@ -90,6 +129,15 @@ fn most<'t>(before: &'t Timed, after: &Timed) -> Option<(usize, &'t str, f64)> {
     let (at, (name, before, after)) = pairs.max_by_key(|(_, (_, before, after))| *before as i64 - *after as i64)?;
     Some((at, name, gain(before, after)))
 }
+
+/// The least share of the cycles that a change must save to be named in the verdict.
+const WORTH: f64 = 0.02;
+
+/// The share below which twice the room gains nothing.
+const LITTLE: f64 = 0.01;
+
+/// Changes of the card that the verdict lists.
+const CARD: usize = 4;
 
 fn gain(before: Cycle, after: Cycle) -> f64 {
     if before == 0 { 0.0 } else { 1.0 - after as f64 / before as f64 }
@@ -168,24 +216,39 @@ pub fn why(
     machines.extend(relaxed.iter().map(|(_, machine)| machine));
     let all = machines.len();
     let told = || progress(all);
-    let (results, renderings) = time(trace, &frames, &machines, &told)?;
+    let (results, mut renderings) = time(trace, &frames, &machines, &told)?;
     let mut results = results.into_iter();
     let first = results.next().unwrap_or_else(|| Ok(Default::default()));
     let (base, reports) = first.map_err(|error| anyhow!("{error}"))?;
     let Some(report) = reports.first() else { bail!("the trace has {}", no_frames(trace, &frames)?) };
     let machine = evidence::MachineShape::of(config, report);
-    let (phases, all): (Vec<PhaseCounts>, PhaseCounts) =
+    let (phases, all_seen): (Vec<PhaseCounts>, PhaseCounts) =
         (reports.iter().flat_map(PhaseCounts::phases).collect(), PhaseCounts::frames(&reports));
     let told = |(relaxation, timed): (Relaxation, Result<Timed, String>)| {
         let place = timed.as_ref().ok().and_then(|timed| most(&base, timed)).map(|(at, ..)| at);
-        let seen = place.and_then(|at| phases.get(at)).unwrap_or(&all);
+        let seen = place.and_then(|at| phases.get(at)).unwrap_or(&all_seen);
         let evidence = evidence(&relaxation, seen, &machine);
         Gain { relaxation, timed, evidence }
     };
-    let timed = results.map(|ran| ran.map(|(timed, _)| timed));
-    let mut gains: Vec<Gain> = relaxed.into_iter().map(|(relaxation, _)| relaxation).zip(timed).map(told).collect();
+    let mut timed: Vec<Result<Timed, String>> = results.map(|ran| ran.map(|(timed, _)| timed)).collect();
+    // Room that gains nothing at twice, of a unit that is held up all the same, is tried at eight times.
+    let again = relaxed.iter().zip(&timed).filter(|((own, _), timed)| {
+        let little = timed.as_ref().is_ok_and(|timed| gain(base.cycles, timed.cycles) < LITTLE);
+        own.resource == Resource::Room && little && all_seen.is_full(bank(own.section))
+    });
+    let again = again.filter_map(|((own, _), _)| own.eightfold(config));
+    let again: Vec<(Relaxation, Config)> = again.filter_map(|own| own.of(config).map(|machine| (own, machine))).collect();
+    if !again.is_empty() {
+        let machines: Vec<&Config> = again.iter().map(|(_, machine)| machine).collect();
+        let (results, own) = time(trace, &frames, &machines, &|| progress(all + again.len()))?;
+        timed.extend(results.into_iter().map(|ran| ran.map(|(timed, _)| timed)));
+        renderings += own;
+    }
+    let relaxed = relaxed.into_iter().chain(again).map(|(relaxation, _)| relaxation);
+    let mut gains: Vec<Gain> = relaxed.zip(timed).map(told).collect();
     gains.sort_by_key(|gain| rank(base.cycles, gain));
-    Ok(Diagnosis { base, gains, renderings })
+    let seen = Counted::of(&reports, &phases, &all_seen);
+    Ok(Diagnosis { base, gains, seen, renderings })
 }
 
 /// The place of a change among all: by its cycles, with half of what it saves taken off where it is [broad](Relaxation::is_broad).
@@ -201,16 +264,6 @@ fn bank(section: &str) -> &str {
     if section == "memory" { "dram" } else { section }
 }
 
-/// Evidence without what has been told before: all of it, or what stands in brackets.
-fn once(evidence: &str, told: &[String]) -> String {
-    let known = |text: &str| told.iter().any(|before| before.contains(text));
-    match evidence.find(" (").zip(evidence.find(')')) {
-        _ if known(evidence) => String::new(),
-        Some((from, to)) if known(&evidence[from..=to]) => [&evidence[..from], &evidence[to + 1..]].concat(),
-        _ => evidence.to_owned(),
-    }
-}
-
 impl Diagnosis {
     /// What is wrong with the pictures of machines that keep the order of the trace: the change of each machine, and the message.
     pub fn faults(&self) -> impl Iterator<Item = (&str, &str)> {
@@ -219,31 +272,89 @@ impl Diagnosis {
         all.filter_map(|(change, timed)| Some((change, timed.fault.as_deref()?)))
     }
 
-    /// The answer in one sentence; only changes that [`matter`](Gain::matters). Each has what was seen of its resource without it.
-    pub fn verdict(&self) -> String {
-        let gains: Vec<&Gain> = self.gains.iter().filter(|gain| gain.matters(&self.base)).collect();
-        let told = |gain: &Gain| {
-            let share = gain.share(&self.base)?;
-            let most = gain.most(&self.base).filter(|_| self.base.phases.len() > 1);
-            let place = most.map_or(String::new(), |(name, share)| format!(", in {} {:+.1} %", one_line(name), -100.0 * share));
-            let knob = gain.relaxation.knob().map_or(String::new(), |knob| format!(" (`{knob}`)"));
-            Some(format!("{}{knob} {:+.1} %{place}", gain.relaxation.title, -100.0 * share))
-        };
-        // Beside the first, what is about another resource.
-        let first = gains.first().map(|gain| (gain.relaxation.section, gain.relaxation.resource));
-        let other = |gain: &&Gain| Some((gain.relaxation.section, gain.relaxation.resource)) != first;
-        let named: Vec<&Gain> =
-            gains.iter().take(1).copied().chain(gains.iter().skip(1).copied().filter(other).take(2)).collect();
-        let mut parts: Vec<String> = Vec::new();
-        for gain in &named {
-            let seen = once(&gain.evidence, &parts);
-            let seen = if seen.is_empty() { seen } else { format!(": {seen}") };
-            parts.extend(told(gain).map(|text| text + &seen));
+    /// The best gain among changes of some knobs, from [`WORTH`] on; and whether any was tried.
+    fn best(&self, knobs: &[&str]) -> (Option<(&Gain, f64)>, bool) {
+        let tried =
+            self.gains.iter().filter(|gain| gain.relaxation.changes.iter().any(|(path, _)| knobs.contains(&path.as_str())));
+        let shares = tried.clone().filter_map(|gain| Some((gain, gain.share(&self.base)?)));
+        let best = shares.max_by(|a, b| a.1.total_cmp(&b.1)).filter(|(_, share)| *share >= WORTH);
+        (best, tried.count() > 0)
+    }
+
+    /// What the program can do in the frame: causes that were counted, each with what its remedy saves where that was timed. A cause whose remedy saves
+    /// nothing is left out.
+    pub fn in_the_frame(&self) -> Vec<Finding> {
+        let Counted { funnel, concerned, .. } = &self.seen;
+        let mut found: Vec<(f64, Finding)> = Vec::new();
+        for cause in Cause::ALL {
+            let Some(text) = cause.share(funnel).map(|share| cause.text(share)) else { continue };
+            let draws = concerned.iter().find(|(known, _)| *known == cause).map_or(Vec::new(), |(_, draws)| draws.clone());
+            match self.best(cause.knobs()) {
+                (Some((gain, share)), _) => {
+                    let sentence = format!("{text}; {} saves {:.0} %", cause.remedy(), 100.0 * share);
+                    let (evidence, set) = (gain.evidence.clone(), gain.relaxation.settings().collect());
+                    found.push((share, Finding { sentence, evidence, set, draws }));
+                }
+                (None, true) => {}
+                (None, false) => found.push((0.0, Finding { sentence: text, draws, ..Finding::default() })),
+            }
         }
-        // Whether cores that are busy limit the frame is what most ask.
-        let cores = gains.iter().copied().find(|gain| gain.relaxation.title == "twice the cores, each with its texture unit");
-        parts.extend(cores.filter(|cores| !named.iter().any(|gain| std::ptr::eq(*gain, *cores))).and_then(told));
-        if parts.is_empty() { "no change alone gains 0.05 % or more".into() } else { parts.join("; ") }
+        found.sort_by(|a, b| b.0.total_cmp(&a.0));
+        let mut found: Vec<Finding> = found.into_iter().map(|(_, finding)| finding).collect();
+        if let Some((Waited::Indices(unit), share)) = self.seen.waits.longest()
+            && let Some(object) = verdict::object(&self.seen.waits, self.seen.draws)
+        {
+            let sentence = format!("{unit} waits for {object}; fewer and larger draws wait less");
+            let evidence = format!("{unit} waits for memory in {:.0} % of the cycles of {}", 100.0 * share, self.seen.phase);
+            found.push(Finding { sentence, evidence, ..Finding::default() });
+        }
+        found
+    }
+
+    /// What a card could do, the best first: changes that save 2 % or more, one for each resource.
+    pub fn on_the_card(&self) -> Vec<Finding> {
+        let in_frame = |gain: &Gain| {
+            let path = |(path, _): &(String, Setting)| Cause::ALL.iter().any(|cause| cause.knobs().contains(&path.as_str()));
+            gain.relaxation.changes.iter().any(path)
+        };
+        let mut named: Vec<&Gain> = Vec::new();
+        for gain in
+            self.gains.iter().filter(|gain| !in_frame(gain) && gain.share(&self.base).is_some_and(|share| share >= WORTH))
+        {
+            let own = (gain.relaxation.section, gain.relaxation.resource);
+            if named.len() < CARD && named.iter().all(|other| (other.relaxation.section, other.relaxation.resource) != own) {
+                named.push(gain);
+            }
+        }
+        let told = |gain: &Gain| {
+            let share = gain.share(&self.base).unwrap_or(0.0);
+            let knob = gain.relaxation.knob().map_or(String::new(), |knob| format!(" (`{knob}`)"));
+            let most = gain.most(&self.base).filter(|_| self.base.phases.len() > 1);
+            let place = most.map_or(String::new(), |(name, share)| format!(", {:.1} % of {}", 100.0 * share, one_line(name)));
+            Finding {
+                sentence: format!("{}{knob} saves {:.1} %{place}", gain.relaxation.title, 100.0 * share),
+                evidence: gain.evidence.clone(),
+                set: gain.relaxation.settings().collect(),
+                draws: Vec::new(),
+            }
+        };
+        named.into_iter().map(told).collect()
+    }
+
+    /// The answer in a few sentences: cause, size and remedy of what the program can do, and what the rest waits for; else what a card could do.
+    pub fn verdict(&self) -> String {
+        let proven = self.in_the_frame().into_iter().find(|finding| !finding.set.is_empty());
+        let rest = verdict::object(&self.seen.waits, self.seen.draws);
+        let mut said = Vec::new();
+        said.extend(proven.as_ref().map(|finding| sentence(&finding.sentence)));
+        said.extend(rest.map(|object| {
+            let who = if proven.is_some() { "the rest" } else { self.seen.phase.as_str() };
+            sentence(&format!("{who} waits for {object}"))
+        }));
+        if proven.is_none() {
+            said.extend(self.on_the_card().first().map(|finding| sentence(&finding.sentence)));
+        }
+        if said.is_empty() { "No change alone saves 2 % or more.".into() } else { said.join(" ") }
     }
 
     /// As JSON.
@@ -269,7 +380,16 @@ impl Diagnosis {
                 })
             })
             .collect();
-        json!({ "version": 1, "cycles": self.base.cycles, "phases": phases(&self.base), "changes": gains })
+        let list = |findings: Vec<Finding>| findings.iter().map(Finding::json).collect::<Vec<_>>();
+        json!({
+            "version": 1,
+            "verdict": self.verdict(),
+            "in_the_frame": list(self.in_the_frame()),
+            "on_the_card": list(self.on_the_card()),
+            "cycles": self.base.cycles,
+            "phases": phases(&self.base),
+            "changes": gains,
+        })
     }
 }
 
@@ -283,7 +403,7 @@ mod tests {
         let relaxation = relaxations(&config, &|_| true).into_iter().next().expect("a change");
         let timed = |fault: Option<&str>| Timed { fault: fault.map(str::to_owned), ..Timed::default() };
         let gain = |timed| Gain { relaxation: relaxation.clone(), timed, evidence: String::new() };
-        let why = |base, gains| Diagnosis { base, gains, renderings: 1 };
+        let why = |base, gains| Diagnosis { base, gains, seen: Counted::default(), renderings: 1 };
         let sound = why(timed(None), vec![gain(Ok(timed(None))), gain(Err("it stopped".into()))]);
         assert_eq!(sound.faults().count(), 0);
         let faulty = why(timed(Some("here")), vec![gain(Ok(timed(None))), gain(Ok(timed(Some("there"))))]);

@@ -54,7 +54,7 @@ impl Relaxation {
     }
 
     /// The changes as `--set` takes them.
-    fn settings(&self) -> impl Iterator<Item = String> {
+    pub fn settings(&self) -> impl Iterator<Item = String> {
         self.changes.iter().map(|(path, setting)| match setting {
             Setting::Name(name) => format!("{path}={name}"),
             other => format!("{path}={other}"),
@@ -64,6 +64,18 @@ impl Relaxation {
     /// The change as the options of a replay.
     pub fn options(&self) -> String {
         self.settings().map(|setting| format!("--set {setting}")).collect::<Vec<_>>().join(" ")
+    }
+
+    /// Eight times as much where this gives twice as much; none where the knobs do not allow more than this.
+    pub fn eightfold(&self, base: &Config) -> Option<Relaxation> {
+        let finder = Finder { base, found: Vec::new() };
+        let more = |(path, setting): &(String, Setting)| {
+            let (knob, _) = base.knob("a relaxation", path).ok()?;
+            Some((path.clone(), finder.times(path, knob, 8).unwrap_or_else(|| setting.clone())))
+        };
+        let changes: Vec<(String, Setting)> = self.changes.iter().map(more).collect::<Option<_>>()?;
+        let title = self.title.replace("twice", "eight times");
+        (changes != self.changes).then(|| Relaxation { title, changes, ..self.clone() })
     }
 
     /// Whether the change gives more of several resources at once, so that it does not name one: a core brings a texture unit and caches, a
@@ -199,6 +211,11 @@ pub fn relaxations(base: &Config, has: &dyn Fn(&str) -> bool) -> Vec<Relaxation>
             });
         }
     }
+    let larger = "cores alone twice as large: lanes, issue, warps and registers";
+    finder.add(larger.into(), "core", Resource::Units, |finder, path, knob| {
+        let own = is_of("core", path) && matches!(knob.relax, Relax::Rate | Relax::Room);
+        if own { finder.times(path, knob, 2) } else { None }
+    });
     finder.add("half the latency of all units".into(), "", Resource::Latency, |finder, path, knob| {
         if knob.relax == Relax::Latency && !is_memory(path) { finder.half(path, knob) } else { None }
     });
@@ -255,7 +272,14 @@ mod tests {
              --set traverse.quads_per_cycle=8 --set traverse.depth_quads_per_cycle=16"
         );
         assert_eq!(options(&list, "texture: twice as large a cache"), "--set texture.cache_lines=512");
-        assert_eq!(options(&list, "twice the cores, each with its texture unit"), "--set core.per_pipeline=2");
+        assert_eq!(options(&list, "twice the cores, texture units and texture caches"), "--set core.per_pipeline=2");
+        let alone = options(&list, "cores alone twice as large: lanes, issue, warps and registers");
+        assert!(alone.contains("core.issue=") && alone.contains("core.registers=") && !alone.contains("texture"), "{alone}");
+        // What is full at twice is tried at eight times.
+        let twice = list.iter().find(|own| own.title == "texture: twice as much in flight").expect("a change");
+        let eight = twice.eightfold(&base).expect("more");
+        assert_eq!(eight.title, "texture: eight times as much in flight");
+        assert!(eight.of(&base).is_some() && eight.changes.iter().zip(&twice.changes).all(|(eight, twice)| eight.0 == twice.0));
         assert_eq!(
             options(&list, "twice the memory bandwidth"),
             "--set memory.dram.burst_cycles=1 --set memory.dram.t_ccd_l=2"

@@ -163,7 +163,7 @@ pub fn accounts_add_up(tree: &Tree) {
         let Node::List(list) = node else { panic!("{name}") };
         for (index, unit) in list.iter().enumerate() {
             let of = |reason: &str| Figures(unit).at(reason);
-            let sum = of("busy") + of("starved") + of("blocked") + of("memory") + of("idle");
+            let sum = of("busy") + of("starved") + of("blocked") + of("memory") + of("latency") + of("idle");
             assert_eq!(sum, cycles, "the account of {name}[{index}]");
             checked += 1;
         }

@@ -157,8 +157,9 @@ fn bounds_of_every_class_are_near_the_cycles_that_they_stand_for() {
                 let few = what == "bytes" && cycle < f64::from(1 << 20);
                 assert!(few || (bound / cycle - 1.0).abs() < allowed, "{class}, {trace}: {bound} {what} for {cycle}");
             }
-            let units =
-                |replay: &Replay| replay.frames.iter().flat_map(|f| &f.phases).map(|p| p.phase.limit).collect::<Vec<_>>();
+            let units = |replay: &Replay| {
+                replay.frames.iter().flat_map(|f| &f.phases).map(|p| p.phase.limit.clone()).collect::<Vec<_>>()
+            };
             assert!(units(&bound).iter().all(|limit| !limit.is_empty()), "{class}, {trace}: a phase has no limit");
         }
     }
@@ -257,8 +258,8 @@ fn bounds_are_near_the_cycles_of_recorded_traces() {
 fn a_bound_moves_with_the_unit_that_bounds_and_with_no_other() {
     let base = cycles(&run("corridor", Fidelity::Bound, &[]));
     let with = |change: &str| cycles(&run("corridor", Fidelity::Bound, &[change]));
-    let limit = |replay: &Replay| replay.frames[0].phases.iter().map(|p| p.phase.limit).collect::<Vec<_>>();
-    assert!(limit(&run("corridor", Fidelity::Bound, &[])).contains(&"core"));
+    let limit = |replay: &Replay| replay.frames[0].phases.iter().map(|p| p.phase.limit.clone()).collect::<Vec<_>>();
+    assert!(limit(&run("corridor", Fidelity::Bound, &[])).contains(&"core".to_owned()));
     // Half the rate of issue takes twice the pass; twice the triangles per cycle takes nothing off.
     assert!(with("core.issue=2") > 1.6 * base);
     assert!((with("setup.triangles_per_cycle=2") / base - 1.0).abs() < 0.01);

@@ -11,13 +11,14 @@ use fillrate::work::{Event, Shade};
 const CLASSES: [&str; 5] = ["sort-first", "sort-middle", "sort-middle-binned", "sort-last-fragment", "sort-last-image"];
 
 /// The parts into which the pipelines' cycles are split.
-const PARTS: [&str; 10] = [
+const PARTS: [&str; 11] = [
     "useful",
     "overlap",
     "imbalance",
     "network",
     "reorder_stalls",
     "memory",
+    "latency",
     "upstream",
     "downstream_backpressure",
     "front_end",

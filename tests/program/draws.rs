@@ -115,6 +115,30 @@ fn draws_add_up_to_their_passes_in_every_file_and_change_nothing_else() {
 }
 
 #[test]
+fn draws_of_a_tiler_share_its_cycles_by_their_work() {
+    let out = tempfile::tempdir().expect("a folder");
+    let (report, json) = replayed(out.path(), &["--per-draw", "--set", "sort=sort-middle-binned"]);
+    assert!(report.contains("by their share of the work of all that retired with them"), "{report}");
+    let pass = &json["frames"][0]["phases"][1];
+    let draws = pass["draws"].as_array().expect("draws");
+    let of = |draw: &Value, path: &str| draw.pointer(path).and_then(Value::as_u64).unwrap_or(0);
+    let sum = |path: &str| draws.iter().map(|draw| of(draw, path)).sum::<u64>();
+    assert_eq!(sum("/cycles"), of(pass, "/cycles"), "draws add up to their pass");
+    assert_eq!(sum("/geometry_cycles") + sum("/tile_cycles"), sum("/cycles"));
+    assert_eq!(sum("/units/core/busy"), of(pass, "/units/core/busy"), "the end of the pass has what no draw has");
+    for draw in draws.iter().filter(|draw| !draw["number"].is_null()) {
+        let drawn = of(draw, "/funnel/triangles_setup") + of(draw, "/funnel/quads_rasterized") > 0;
+        assert!(drawn || of(draw, "/tile_cycles") == 0, "a draw without a triangle costs tiles nothing: {draw}");
+        assert!(draw.get("units").is_none(), "{draw}");
+    }
+    // No draw has the cycles of the others.
+    let most = draws.iter().filter(|draw| !draw["number"].is_null()).map(|draw| of(draw, "/cycles")).max().unwrap_or(0);
+    assert!(most < of(pass, "/cycles") / 4, "{most}");
+    let rows = fs::read_to_string(out.path().join("draws.csv")).expect("a table");
+    assert_eq!(column(&rows, "geometry_cycles") + column(&rows, "tile_cycles"), column(&rows, "cycles"));
+}
+
+#[test]
 fn draws_are_refused_where_no_cycle_is_simulated() {
     let out = tempfile::tempdir().expect("a folder");
     let folder = out.path().display().to_string();

@@ -348,7 +348,7 @@ impl Machine {
                 while circuit.wires().now() >= due
                     && let Some(watcher) = &mut watcher
                 {
-                    watcher.read(circuit.wires().reading_at(due));
+                    watcher.read(circuit.reading_at(due));
                     due = watcher.due();
                 }
                 let now = circuit.wires().now();
@@ -427,7 +427,7 @@ impl Machine {
             if self.circuit.command.frame_over() {
                 let end = self.circuit.command.take_frame();
                 if let Some(watcher) = &mut watcher {
-                    watcher.read(self.circuit.wires().reading());
+                    watcher.read(self.circuit.reading());
                 }
                 let Some((recorder, each)) = &mut recorder else {
                     if let Some(surface) = scanned_out.pop_front().flatten()
@@ -441,7 +441,7 @@ impl Machine {
                 let frame = recorder.frame(self, end);
                 reported = reported.saturating_add(report);
                 if let Some(watcher) = &mut watcher {
-                    watcher.settled(self.circuit.wires().reading());
+                    watcher.settled(self.circuit.reading());
                     due = watcher.due();
                 }
                 each(frame);

@@ -33,6 +33,8 @@ stats::counters! {
         reorder_stalls: "cycles",
         /// Data from memory had not come, to the stage or to the units that fetch for it.
         memory: "cycles",
+        /// Cores held warps, and the instructions that these had issued were not complete.
+        latency: "cycles",
         /// Units upstream in the same pipeline had not done their part yet.
         upstream: "cycles",
         /// Backpressure: units downstream in the same pipeline had no room.
@@ -214,12 +216,22 @@ impl Accounts<'_> {
         // 1. By the state of the probe. What comes after a unit may have no room because the network has none.
         let rested = probes.iter().find_map(|probe| probe.rested(unit.place));
         let [mut left, mut blocked] = rested.expect("a probe watches each unit of a pipeline");
+        let stuck: u64 = blocked.iter().sum();
         for state in [Stall::NetworkFull, Stall::ReceiverFull] {
             left[state as usize] += std::mem::take(&mut blocked[state as usize]);
         }
+        let held = self.cycles - left.iter().chain(&blocked).sum::<u64>();
         let mut rest = UnexplainedCycles { left, pipelines: n };
-        // 2. The unit held something.
-        loss.memory += n * account.memory;
+        // 2. The unit held something. A probe knows less of a core than the core: not what it waits for.
+        let mut waited = held.saturating_sub(account.busy);
+        let mut take = |counted: u64| {
+            let taken = counted.min(waited);
+            waited -= taken;
+            n * taken
+        };
+        loss.memory += take(account.memory);
+        loss.downstream_backpressure += take(account.blocked.saturating_sub(stuck));
+        loss.latency += take(u64::MAX);
         loss.downstream_backpressure += n * blocked.iter().sum::<u64>();
         // 3. There was no pass; pipelines waited for each other to end it; it was composed.
         let [outside, ..] = card.rested(unit.place).expect("the card's probe watches each unit of a pipeline")[0];

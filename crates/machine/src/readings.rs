@@ -67,7 +67,7 @@ impl Readings {
         let circuit = &machine.circuit;
         Readings {
             funnel: machine.card.funnel.total(),
-            wires: circuit.wires().reading(),
+            wires: circuit.reading(),
             sheet: circuit.sheet(),
             memory: MemoryCounts::read(&machine.clients, machine.client_counts(), &circuit.dram, circuit.ideal.as_ref()),
         }

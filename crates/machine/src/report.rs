@@ -246,16 +246,12 @@ fn read(machine: &mut Machine) -> Reading {
 fn waits(machine: &Machine) -> Waits {
     let circuit = &machine.circuit;
     let class = machine.config.card.sort.class();
-    let instructions = circuit.core.iter().map(|core| {
-        let counts = core.counts();
-        (counts.float + counts.integer + counts.special + counts.control, counts.vertex)
-    });
     Waits {
         senders: (class.senders)(circuit),
         order: (class.order)(circuit),
         passes: circuit.command.waits().waited().to_vec(),
         composing: circuit.compose.iter().map(|unit| unit.counts().cycles).collect(),
-        instructions: instructions.collect(),
+        instructions: circuit.core.iter().map(|core| core.instructions()).collect(),
         probes: circuit.wires().stall_probes().collect(),
     }
 }

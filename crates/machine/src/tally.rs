@@ -18,14 +18,16 @@ stats::counters! {
         blocked: "cycles",
         /// A unit waited for data from memory.
         memory: "cycles",
+        /// A core's instructions were not complete.
+        latency: "cycles",
         /// A unit's input was empty, whether or not another item came later.
         starved: "cycles",
     }
 }
 
 impl From<Cycles> for Spent {
-    fn from(Cycles { busy, starved, blocked, memory, idle }: Cycles) -> Spent {
-        Spent { busy, blocked, memory, starved: starved + idle }
+    fn from(Cycles { busy, starved, blocked, memory, latency, idle }: Cycles) -> Spent {
+        Spent { busy, blocked, memory, latency, starved: starved + idle }
     }
 }
 
@@ -47,6 +49,7 @@ const _: () = assert!(
     counter!(Spent, busy).is_named_as(&counter!(Cycles, busy))
         && counter!(Spent, blocked).is_named_as(&counter!(Cycles, blocked))
         && counter!(Spent, memory).is_named_as(&counter!(Cycles, memory))
+        && counter!(Spent, latency).is_named_as(&counter!(Cycles, latency))
         && counter!(Spent, starved).is_named_as(&counter!(Cycles, starved))
         && counter!(Moved, read_bytes).is_named_as(&counter!(DramCounts, read_bytes))
         && counter!(Moved, write_bytes).is_named_as(&counter!(DramCounts, write_bytes))
@@ -168,9 +171,14 @@ pub struct DrawReport {
     pub label: String,
     /// Label of the innermost debug group that it is in, or empty.
     pub group: String,
-    /// Cycles from the retirement before it to its own. Those of a pass add up to the pass.
+    /// Cycles from the retirement before it to its own. Those of a pass add up to the pass. Where tiles are drawn one after another, draws retire
+    /// together: a draw then has a share of their cycles, by its work.
     pub cycles: Cycle,
-    /// What was counted in these cycles; but the funnel is the draw's own, whenever it was counted.
+    /// Where tiles are drawn one after another: its share of the geometry half, by vertices shaded and primitives, and of the tile half, by
+    /// triangles set up and quads. Both add up to its cycles.
+    pub halves: Option<[Cycle; 2]>,
+    /// What was counted in these cycles; but the funnel is the draw's own, whenever it was counted. Draws that retire together have their
+    /// funnels alone, and the end of the pass has all other counts.
     pub counts: Tally,
 }
 
@@ -239,10 +247,14 @@ impl Tallies {
         }
         let mut reports = Vec::with_capacity(records.len());
         let mut readings = readings.into_iter().peekable();
-        for (PhaseRecord { phase, draws: records, funnel, .. }, cycles) in records {
+        for (PhaseRecord { phase, draws: records, flushes, funnel, .. }, cycles) in records {
             let Some((before, retirements)) = readings.next() else { break };
             let after = readings.peek().map_or(&self.start, |(next, _)| next);
-            let draws = draws(&phase, cycles, &records, (&before, &retirements, after));
+            let draws = if machine.config.card.sort.class().one_place {
+                binned_draws(&phase, cycles, &records, &flushes, after.since(&before))
+            } else {
+                draws(&phase, cycles, &records, (&before, &retirements, after))
+            };
             // What its draws have counted is the phase's, whenever they retired.
             let counts = Tally { funnel, ..after.since(&before) };
             reports.push(PhaseReport { phase, cycles, counts: Some(Box::new(counts)), draws });
@@ -272,11 +284,73 @@ fn draws(
         let until = retired.map_or(since, |retired| retired.min(end));
         let counts = Tally { funnel: *funnel, ..reading.since(last) };
         let (label, group) = (draw.label.clone(), draw.group.to_string());
-        reports.push(DrawReport { number: Some(draw.number), label, group, cycles: until - since, counts });
+        let number = Some(draw.number);
+        reports.push(DrawReport { number, label, group, cycles: until - since, halves: None, counts });
         (last, since) = (reading, until);
     }
     let counts = Tally { funnel: Funnel::default(), ..after.since(last) };
     let rest = phase.begin + cycles - since;
-    reports.push(DrawReport { number: None, label: String::new(), group: String::new(), cycles: rest, counts });
+    reports.push(end_of_pass(rest, None, counts));
     reports
+}
+
+/// What follows the last draw of a pass.
+fn end_of_pass(cycles: Cycle, halves: Option<[Cycle; 2]>, counts: Tally) -> DrawReport {
+    DrawReport { number: None, label: String::new(), group: String::new(), cycles, halves, counts }
+}
+
+/// Splits cycles by weights, in whole cycles that add up to them. None go to anybody where all weights are 0.
+fn split(cycles: Cycle, weights: impl Iterator<Item = u64> + Clone) -> impl Iterator<Item = Cycle> {
+    let all = weights.clone().map(u128::from).sum::<u128>().max(1);
+    let (mut sum, mut given) = (0, 0);
+    weights.map(move |weight| {
+        sum += u128::from(weight);
+        let until = (u128::from(cycles) * sum / all) as Cycle;
+        until - std::mem::replace(&mut given, until)
+    })
+}
+
+/// The draws of a phase whose triangles were binned before tiles were drawn: of the draws that went into the same lists, each has a share of
+/// the cycles up to the flush, and of those from then on. `counts` is what was counted in the phase.
+fn binned_draws(phase: &Phase, cycles: Cycle, records: &[DrawRecord], flushes: &[Cycle], counts: Tally) -> Vec<DrawReport> {
+    if records.is_empty() {
+        return Vec::new();
+    }
+    let end = phase.begin + cycles;
+    let nothing = counts.since(&counts);
+    // The flush that a draw's last segment went with: the last before it retired.
+    let flush = |record: &DrawRecord| flushes.partition_point(|&at| at < record.retired.unwrap_or(end)).saturating_sub(1);
+    let (mut reports, mut since) = (Vec::with_capacity(records.len() + 1), phase.begin);
+    for draws in records.chunk_by(|a, b| flush(a) == flush(b)) {
+        let until = draws.iter().filter_map(|draw| draw.retired).max().unwrap_or(since).clamp(since, end);
+        let begun = flushes.get(flush(&draws[0])).copied().unwrap_or(until).clamp(since, until);
+        let binning = draws.iter().map(|draw| draw.funnel.vertices_shaded + draw.funnel.primitives_in);
+        let drawing = draws.iter().map(|draw| draw.funnel.triangles_setup + draw.funnel.quads_rasterized);
+        let shares = split(begun - since, binning).zip(split(until - begun, drawing));
+        for (DrawRecord { draw, funnel, .. }, (geometry, tiles)) in draws.iter().zip(shares) {
+            let (label, group) = (draw.label.clone(), draw.group.to_string());
+            let counts = Tally { funnel: *funnel, ..nothing.clone() };
+            let (number, cycles) = (Some(draw.number), geometry + tiles);
+            reports.push(DrawReport { number, label, group, cycles, halves: Some([geometry, tiles]), counts });
+        }
+        since = until;
+    }
+    let shared: Cycle = reports.iter().map(|draw| draw.cycles).sum();
+    let rest = cycles - shared;
+    reports.push(end_of_pass(rest, Some([0, rest]), Tally { funnel: Funnel::default(), ..counts }));
+    reports
+}
+
+#[cfg(test)]
+mod tests {
+    use super::split;
+
+    #[test]
+    fn cycles_are_split_by_work_and_add_up() {
+        let shares = |cycles, weights: &[u64]| split(cycles, weights.iter().copied()).collect::<Vec<_>>();
+        assert_eq!(shares(10, &[1, 0, 1, 2]), [2, 0, 3, 5]);
+        assert_eq!(shares(7, &[1, 1, 1]), [2, 2, 3]);
+        assert_eq!(shares(7, &[0, 0]), [0, 0]);
+        assert_eq!(shares(u64::MAX, &[u64::MAX, u64::MAX]).iter().sum::<u64>(), u64::MAX);
+    }
 }

@@ -3,6 +3,7 @@
 //! What only a machine knows is noted by one that draws the frame beside that: which of the hidden quads hierarchical Z rejects and which early
 //! Z, which lines miss, and when a block is drawn. Its caches are empty when the frame begins.
 
+use std::collections::BTreeMap;
 use std::sync::Arc;
 
 use anyhow::Result;
@@ -12,10 +13,11 @@ use super::profiles::{Profiled, Reader};
 use super::rendering::{Consumer, Rendering, Work};
 use super::timeline::Timeline;
 use machine::{BlockNotes, Config, Machine, PassNotes};
-use num::Limits;
+use num::{Cycle, Limits};
 use render::{self, ConsumerMemory, FrameSet};
 use sim::Clock;
 use trace::Trace;
+use unit::interleave::Interleave;
 use work::{self, BLOCK, Draw, EndFrame, Event, Funnel, Pass, QUAD_SHADED, RenderKey, Segment, SurfaceKey, TileWork};
 
 /// Cells of a map at most. Larger surfaces have cells of 2x2, 4x4 or more pixels.
@@ -53,6 +55,8 @@ pub enum MapKind {
     Misses,
     /// The time at which it was drawn.
     When,
+    /// The cycles of its tile.
+    Tile,
 }
 
 impl MapKind {
@@ -76,6 +80,7 @@ impl MapKind {
             MapKind::EarlyZ => "early Z rejects",
             MapKind::Misses => "texture misses",
             MapKind::When => "when",
+            MapKind::Tile => "tile cost",
         }
     }
 
@@ -99,6 +104,9 @@ impl MapKind {
                 "Lines that the shaders of the block of 8x8 pixels ask for and that miss the texture cache of this machine."
             }
             MapKind::When => "The cycle of the frame in which the block of 8x8 pixels was written last on this machine.",
+            MapKind::Tile => {
+                "The cycles of the tile on this machine: from the last pixel of the tile before it in its pipeline to its own last, summed over passes."
+            }
             MapKind::Draw => {
                 "The draw whose fragment was shaded last, in the order of the trace. In a quad that is hidden in part, and behind a late depth test, it need not be the one that is seen."
             }
@@ -275,6 +283,41 @@ impl Surface {
         }
     }
 
+    /// Adds the cycles of tiles, of a machine whose pipelines draw them one after another.
+    fn add_tiles(&mut self, notes: &[PassNotes], config: &Config) {
+        let side = (config.bin.tile / BLOCK).max(1);
+        let across = self.width.div_ceil(config.bin.tile);
+        let mut costs = vec![0; (across * self.height.div_ceil(config.bin.tile)) as usize];
+        let mut interleave = Interleave::new(config.distribute.pattern, config.card.pipelines, config.owned_tile());
+        interleave.begin_pass(self.width, self.height);
+        for pass in notes.iter().filter(|of| self.passes.contains(&of.pass)) {
+            // By pipeline, when each tile was drawn: the first and the last of it.
+            let mut drawn: BTreeMap<(u8, u32), [Cycle; 2]> = BTreeMap::new();
+            for (at, block) in (0..).zip(&pass.blocks).filter(|(_, block)| block.drawn > 0) {
+                let [x, y] = [at % pass.across / side, at / pass.across / side];
+                let times = drawn.entry((interleave.owner(x * side, y * side), y * across + x)).or_insert([block.drawn; 2]);
+                *times = [times[0].min(block.drawn), times[1].max(block.drawn)];
+            }
+            let mut tiles: Vec<(u8, [Cycle; 2], u32)> =
+                drawn.into_iter().map(|((owner, tile), at)| (owner, at, tile)).collect();
+            tiles.sort_by_key(|&(owner, [_, last], tile)| (owner, last, tile));
+            let mut before = None;
+            for (owner, [first, last], tile) in tiles {
+                let since = before.filter(|&(known, _)| known == owner).map_or(first, |(_, last)| last);
+                if let Some(cost) = costs.get_mut(tile as usize) {
+                    *cost += last - since;
+                }
+                before = Some((owner, last));
+            }
+        }
+        let at = |cell: u32| {
+            let [x, y] = [cell % self.columns, cell / self.columns].map(|at| at * self.cell / config.bin.tile);
+            costs.get((y * across + x) as usize).map_or(0, |&cost| cost.min(u32::MAX.into()) as u32)
+        };
+        let values = (0..self.columns * self.rows).map(at).collect();
+        self.maps.push(Map { kind: MapKind::Tile, values });
+    }
+
     /// Counts the quads of a draw in a screen tile.
     fn tile(&mut self, tile: &TileWork, draw: &Draw) {
         // The instructions of each cost.
@@ -395,7 +438,12 @@ pub fn details(trace: &Trace, config: &Config, frame: u32, timed: bool) -> Resul
     }
     rendering.run()?;
     if timed {
-        details.maps.surfaces.iter_mut().for_each(|surface| surface.add_notes(&notes.0));
+        for surface in &mut details.maps.surfaces {
+            surface.add_notes(&notes.0);
+            if config.card.sort.class().one_place {
+                surface.add_tiles(&notes.0, config);
+            }
+        }
         details.timeline = notes.1;
     }
     Ok(details)

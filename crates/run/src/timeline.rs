@@ -25,6 +25,8 @@ pub struct Sample {
     pub end: Cycle,
     /// Cycles of the units of each bank.
     pub units: Vec<Cycles>,
+    /// Items that the units of each bank held, summed over the cycles.
+    pub held: Vec<u64>,
     /// Items in the channels of each name, summed over the cycles.
     pub occupancy: Vec<u64>,
 }
@@ -43,6 +45,8 @@ pub struct Bank {
 pub struct Timeline {
     /// Banks of units, in data-flow order.
     pub units: Vec<Bank>,
+    /// Warps that a core holds at most.
+    pub warps: u32,
     /// Names of channels, in the order of declaration.
     pub channels: Vec<Bank>,
     /// Samples in order, without gaps.
@@ -83,6 +87,7 @@ impl Timeline {
         let (fixed, interval) = (interval.is_some(), interval.unwrap_or(FIRST).max(1));
         Ok(Timeline {
             units,
+            warps: config.core.warps,
             channels,
             samples: Vec::new(),
             unit_bank,
@@ -126,6 +131,7 @@ impl Timeline {
             if let Some(other) = samples.next() {
                 one.end = other.end;
                 one.units.iter_mut().zip(other.units).for_each(|(sum, own)| *sum += own);
+                one.held.iter_mut().zip(other.held).for_each(|(sum, own)| *sum += own);
                 one.occupancy.iter_mut().zip(other.occupancy).for_each(|(sum, own)| *sum += own);
             }
             joined.push(one);
@@ -146,11 +152,14 @@ impl Timeline {
             begin,
             end: reading.cycle,
             units: vec![Cycles::default(); self.units.len()],
+            held: vec![0; self.units.len()],
             occupancy: vec![0; self.channels.len()],
         };
         for (at, unit) in reading.units.iter().enumerate() {
             let own = last.as_ref().map_or(*unit, |last| unit.since(&last.units[at]));
             sample.units[self.unit_bank[at]] += own;
+            let before = last.as_ref().map_or(0, |last| last.held[at]);
+            sample.held[self.unit_bank[at]] += reading.held[at] - before;
         }
         for (at, channel) in reading.channels.iter().enumerate() {
             let before = last.as_ref().map_or(0, |last| last.channels[at].occupancy);
@@ -198,7 +207,8 @@ mod tests {
     fn reading(of: &Timeline, cycle: Cycle) -> Reading {
         let units = vec![Cycles { busy: cycle, ..Cycles::default() }; of.unit_bank.len()];
         let channels = vec![ChannelCounts { occupancy: 3 * cycle, ..ChannelCounts::default() }; of.channel_bank.len()];
-        Reading { cycle, channels, units }
+        let held = vec![2 * cycle; of.unit_bank.len()];
+        Reading { cycle, channels, units, held }
     }
 
     #[test]
@@ -215,6 +225,7 @@ mod tests {
         for sample in &own.samples {
             let cycles = sample.end - sample.begin;
             assert!(own.units.iter().zip(&sample.units).all(|(bank, sum)| sum.busy == cycles * bank.count as u64));
+            assert!(own.units.iter().zip(&sample.held).all(|(bank, sum)| *sum == 2 * cycles * bank.count as u64));
             assert!(own.channels.iter().zip(&sample.occupancy).all(|(bank, sum)| *sum == 3 * cycles * bank.count as u64));
         }
         own.check().expect("complete");

@@ -3,9 +3,10 @@
 use super::agenda::GROUP;
 use super::sheet::{Counted, Description, Sheet};
 use super::unit::{Tick, Unit};
-use super::wires::Wires;
+use super::wires::{Reading, Wires};
 use super::wiring::Wiring;
-use stats::Tree;
+use num::Cycle;
+use stats::{Cycles, Tree};
 
 /// A row of units of one kind: what a field of a [`circuit!`](crate::circuit) is. [`One`], `Vec` or `Option`.
 pub trait Bank<C>: Sized {
@@ -24,9 +25,24 @@ pub trait Bank<C>: Sized {
     /// How many units.
     fn count(&self) -> usize;
 
-    /// Appends what each has counted in addition to its items.
-    fn read(&self, sheet: &mut Sheet) {
-        Counted::of::<C>().read(self.units(), sheet);
+    /// Appends what each has counted in addition to its items, before a cycle.
+    fn read(&self, cycle: Cycle, sheet: &mut Sheet) {
+        Counted::of::<C>().read(self.units(), cycle, sheet);
+    }
+
+    /// Lets each attribute its cycles before `cycle` more exactly ([`Unit::account`]). The accounts are those of all units, the bank's first
+    /// ones in front. Appends the items
+    /// that each held, summed over the cycles, and returns the accounts behind the bank's.
+    fn accounts<'a>(&self, cycle: Cycle, accounts: &'a mut [Cycles], held: &mut Vec<u64>) -> &'a mut [Cycles] {
+        let (own, others) = accounts.split_at_mut(self.count());
+        for (unit, account) in self.units().iter().zip(own) {
+            let total = account.total();
+            let (exact, items) = unit.account(*account, cycle);
+            debug_assert_eq!(exact.total(), total, "each cycle is attributed once");
+            *account = exact;
+            held.push(items);
+        }
+        others
     }
 
     /// Appends what the units of such a bank count.
@@ -197,9 +213,18 @@ pub trait Circuit {
     /// The items done by each unit, and the items inside each.
     fn tally(&self) -> (Vec<u64>, Vec<u64>);
 
+    /// The counts of every channel and the account of every unit over the cycles before `cycle`, which lies behind the last that was ticked:
+    /// of the cycles that a clock has jumped over, in which nothing moves, each can be read.
+    fn reading_at(&self, cycle: Cycle) -> Reading;
+
+    /// The same over the cycles gone by.
+    fn reading(&self) -> Reading {
+        self.reading_at(self.wires().now())
+    }
+
     /// The leaves `units` and `channels` of the statistics, over the cycles gone by.
     fn tree(&self) -> Tree {
-        self.wires().tree(&self.wires().reading(), &self.tally().0)
+        self.wires().tree(&self.reading(), &self.tally().0)
     }
 }
 
@@ -418,7 +443,8 @@ macro_rules! circuit {
             /// What the units have counted in addition to their items.
             $vis fn sheet(&self) -> $crate::Sheet {
                 let mut sheet = $crate::Sheet::default();
-                $($crate::Bank::<$context>::read(&self.$field, &mut sheet);)*
+                let cycle = self.wires.now();
+                $($crate::Bank::<$context>::read(&self.$field, cycle, &mut sheet);)*
                 sheet
             }
 
@@ -513,6 +539,14 @@ macro_rules! circuit {
                     )*
                     assert!(number < base, "unit {number} of {base}");
                 }
+            }
+
+            fn reading_at(&self, cycle: $crate::Cycle) -> $crate::Reading {
+                let mut reading = self.wires.reading_at(cycle);
+                let accounts = &mut reading.units[..];
+                $(let accounts = $crate::Bank::<$context>::accounts(&self.$field, cycle, accounts, &mut reading.held);)*
+                debug_assert!(accounts.is_empty(), "each unit belongs to a bank");
+                reading
             }
 
             fn tally(&self) -> (Vec<u64>, Vec<u64>) {

@@ -107,5 +107,9 @@ pub use unit::{Tick, Unit};
 pub use wires::{CAPACITY, CHANNELS, In, MEAN_OCCUPANCY, Out, Reading, Token, UNITS, UnitCounts, UnitId, Wire, Wires};
 pub use wiring::Wiring;
 
+// For the code that `circuit!` makes.
+#[doc(hidden)]
+pub use num::Cycle;
+
 #[cfg(test)]
 mod tests;

@@ -1,6 +1,7 @@
 //! What units count in addition to their items and their cycles.
 
 use super::unit::Unit;
+use num::Cycle;
 use stats::{Declaration, Group, Heading, Tree};
 
 /// What one group of counters of a kind of unit is.
@@ -14,7 +15,7 @@ pub struct Description {
 
 /// Appends the values of a group of a unit whose number in its bank is given; gives the number that it has in the statistics. None: the
 /// unit has no such group.
-type Read<U> = Box<dyn Fn(&U, usize, &mut Vec<u64>) -> Option<usize>>;
+type Read<U> = Box<dyn Fn(&U, (usize, Cycle), &mut Vec<u64>) -> Option<usize>>;
 
 /// The groups of counters of a kind of unit.
 pub struct Counted<U> {
@@ -35,12 +36,17 @@ impl<U: 'static> Counted<U> {
 
     /// A group that each has.
     pub fn group<G: Group>(&mut self, heading: Heading, read: fn(&U) -> G) {
-        self.numbered_if(heading, move |unit, number| Some((number, read(unit))));
+        self.numbered_if(heading, move |unit, (number, _)| Some((number, read(unit))));
     }
 
     /// A group that some do not have.
     pub fn group_if<G: Group>(&mut self, heading: Heading, read: fn(&U) -> Option<G>) {
-        self.numbered_if(heading, move |unit, number| Some((number, read(unit)?)));
+        self.numbered_if(heading, move |unit, (number, _)| Some((number, read(unit)?)));
+    }
+
+    /// A group that some do not have, whose counters go on in cycles in which the unit does not tick. They are read up to a cycle.
+    pub fn timed_if<G: Group>(&mut self, heading: Heading, read: fn(&U, Cycle) -> Option<G>) {
+        self.numbered_if(heading, move |unit, (number, cycle)| Some((number, read(unit, cycle)?)));
     }
 
     /// A group of units that know their numbers, where several banks are of one kind.
@@ -48,9 +54,9 @@ impl<U: 'static> Counted<U> {
         self.numbered_if(heading, move |unit, _| Some(read(unit)));
     }
 
-    fn numbered_if<G: Group>(&mut self, heading: Heading, read: impl Fn(&U, usize) -> Option<(usize, G)> + 'static) {
-        let append = move |unit: &U, number: usize, values: &mut Vec<u64>| {
-            let (number, counts) = read(unit, number)?;
+    fn numbered_if<G: Group>(&mut self, heading: Heading, read: impl Fn(&U, (usize, Cycle)) -> Option<(usize, G)> + 'static) {
+        let append = move |unit: &U, at: (usize, Cycle), values: &mut Vec<u64>| {
+            let (number, counts) = read(unit, at)?;
             values.extend(counts.values());
             Some(number)
         };
@@ -58,10 +64,10 @@ impl<U: 'static> Counted<U> {
         self.reads.push(Box::new(append));
     }
 
-    pub(super) fn read(&self, units: &[U], sheet: &mut Sheet) {
+    pub(super) fn read(&self, units: &[U], cycle: Cycle, sheet: &mut Sheet) {
         for (description, read) in self.descriptions.iter().zip(&self.reads) {
             let before = sheet.numbers.len();
-            let numbers = units.iter().enumerate().filter_map(|(number, unit)| read(unit, number, &mut sheet.values));
+            let numbers = units.iter().enumerate().filter_map(|(number, unit)| read(unit, (number, cycle), &mut sheet.values));
             sheet.numbers.extend(numbers);
             sheet.kinds.push((*description, sheet.numbers.len() - before));
         }

@@ -2,7 +2,8 @@
 
 use super::Wires;
 use super::sheet::Counted;
-use stats::Why;
+use num::Cycle;
+use stats::{Cycles, Why};
 
 /// What a unit did in a cycle. A tick of several stages is the greatest of what they did ([`Tick::or`]).
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
@@ -59,6 +60,13 @@ pub trait Unit<C>: Sized + 'static {
 
     /// Items inside the unit now. When a run ends it must be 0.
     fn resident(&self) -> u64;
+
+    /// The account of the cycles before `cycle`. `account` is the one that the results of its ticks give. A unit that holds items for long
+    /// attributes the cycles in which it held some more exactly here, and gives the number of items held, summed over the cycles. The sum of
+    /// the account stays, and so do the idle cycles.
+    fn account(&self, account: Cycles, _cycle: Cycle) -> (Cycles, u64) {
+        (account, 0)
+    }
 
     /// Its groups of counters, in addition to items and cycles: each is named here and nowhere else.
     fn counted(_: &mut Counted<Self>) {}

@@ -442,22 +442,18 @@ impl Wires {
         }
     }
 
-    /// The counts of every channel and the account of every unit, over the cycles gone by.
-    pub fn reading(&self) -> Reading {
-        self.reading_at(self.now)
-    }
-
-    /// The same over the cycles before `cycle`, which lies behind the last that was ticked: of the cycles that a clock has jumped over, in which
-    /// nothing moves, each can be read.
+    /// [`Circuit::reading_at`](crate::Circuit::reading_at) as the results of ticks give it. For the code that [`circuit!`](crate::circuit) makes.
+    #[doc(hidden)]
     pub fn reading_at(&self, cycle: Cycle) -> Reading {
         Reading {
             cycle,
             channels: self.channels.iter().map(|channel| channel.counts(cycle)).collect(),
             units: self.agenda.accounts().map(|account| account.read(cycle)).collect(),
+            held: Vec::with_capacity(self.units.len()),
         }
     }
 
-    /// The account of every unit over the cycles gone by, in the order of declaration.
+    /// The account of every unit over the cycles gone by, in the order of declaration, as the results of ticks give it.
     pub fn accounts(&self) -> impl Iterator<Item = Cycles> {
         self.agenda.accounts().map(|account| account.read(self.now))
     }
@@ -487,7 +483,7 @@ impl Wires {
 }
 
 /// Where units count.
-pub const UNITS: Heading = Heading::new("units.NAME[i]", "One entry per unit. The five kinds of cycles add up to `cycles`.");
+pub const UNITS: Heading = Heading::new("units.NAME[i]", "One entry per unit. The six kinds of cycles add up to `cycles`.");
 
 /// The mean number of items in a channel.
 pub const MEAN_OCCUPANCY: Declaration = Declaration::new(
@@ -534,6 +530,8 @@ pub struct Reading {
     pub channels: Vec<ChannelCounts>,
     /// By unit, in the order of declaration.
     pub units: Vec<Cycles>,
+    /// By unit, the items that it held, summed over the cycles; 0 for units that do not count this.
+    pub held: Vec<u64>,
 }
 
 impl Reading {
@@ -543,6 +541,7 @@ impl Reading {
             cycle: self.cycle - earlier.cycle,
             channels: self.channels.iter().zip(&earlier.channels).map(|(now, then)| now.since(then)).collect(),
             units: self.units.iter().zip(&earlier.units).map(|(now, then)| now.since(then)).collect(),
+            held: self.held.iter().zip(&earlier.held).map(|(now, then)| now - then).collect(),
         }
     }
 
@@ -551,5 +550,6 @@ impl Reading {
         self.cycle += later.cycle;
         self.channels.iter_mut().zip(&later.channels).for_each(|(sum, own)| *sum += *own);
         self.units.iter_mut().zip(&later.units).for_each(|(sum, own)| *sum += *own);
+        self.held.iter_mut().zip(&later.held).for_each(|(sum, own)| *sum += *own);
     }
 }

@@ -30,6 +30,8 @@ crate::counters! {
         blocked: "cycles",
         /// The unit waited for data from memory.
         memory: "cycles",
+        /// A core held warps, and the instructions that they had issued were not complete. Other units count such cycles as `busy`.
+        latency: "cycles",
         /// Nothing was left to do: the unit's input stayed empty until the end of the frame.
         idle: "cycles",
     }
@@ -50,9 +52,9 @@ crate::counters! {
 }
 
 impl Cycles {
-    /// The sum of all five, which is the number of cycles accounted for.
+    /// The sum of all six, which is the number of cycles accounted for.
     pub fn total(&self) -> u64 {
-        self.busy + self.starved + self.blocked + self.memory + self.idle
+        self.busy + self.starved + self.blocked + self.memory + self.latency + self.idle
     }
 }
 
@@ -113,7 +115,7 @@ impl Account {
         let mut counts = self.counts;
         counts[self.why as usize] += now - self.since;
         let [busy, starved, blocked, memory, idle] = counts;
-        Cycles { busy, starved, blocked, memory, idle }
+        Cycles { busy, starved, blocked, memory, latency: 0, idle }
     }
 }
 
@@ -146,11 +148,11 @@ mod tests {
         account.note(20, Why::Starved);
         account.settle(25);
         let cycles = account.read(25);
-        assert_eq!(cycles, Cycles { busy: 6, starved: 4, blocked: 1, memory: 9, idle: 5 });
+        assert_eq!(cycles, Cycles { busy: 6, starved: 4, blocked: 1, memory: 9, latency: 0, idle: 5 });
         assert_eq!(cycles.total(), 25);
         // The account goes on after the reading: starved cycles of the next frame count as such if an item comes.
         account.note(30, Why::Busy);
         account.settle(31);
-        assert_eq!(account.read(31).since(&cycles), Cycles { busy: 1, starved: 5, blocked: 0, memory: 0, idle: 0 });
+        assert_eq!(account.read(31).since(&cycles), Cycles { busy: 1, starved: 5, ..Cycles::default() });
     }
 }

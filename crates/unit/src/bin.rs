@@ -602,6 +602,9 @@ impl Unit<Card> for Bin {
         did = did.or(self.hand_out(wires, card));
         if self.state == State::Binning {
             did = did.or(self.bin(wires, card));
+            if self.state != State::Binning {
+                card.phases.flush(wires.now());
+            }
         }
         did
     }

@@ -43,8 +43,8 @@ pub struct Phase {
     pub label: String,
     /// When the command processor began it.
     pub begin: Cycle,
-    /// The unit that bounds it, where it was estimated; empty where it was simulated.
-    pub limit: &'static str,
+    /// The unit that bounds it, or two that do in turn, where it was estimated; empty where it was simulated.
+    pub limit: String,
 }
 
 impl fmt::Display for Phase {
@@ -78,6 +78,8 @@ pub struct PhaseRecord {
     pub phase: Phase,
     /// Its draws, where they are recorded.
     pub draws: Vec<DrawRecord>,
+    /// The cycles from which on tiles were drawn whose triangles had been binned, where draws are recorded.
+    pub flushes: Vec<Cycle>,
     /// The counts of its draws' retired segments, in whatever phase they retired.
     pub funnel: Funnel,
     /// The number of its last draw on this machine.
@@ -113,8 +115,14 @@ impl Phases {
         let joins = kind == PhaseKind::Transfers && self.list.last().is_some_and(|last| last.phase.kind == kind);
         if !joins {
             self.marks.push(Mark::Phase);
-            let phase = Phase { kind, number, label: label.to_owned(), begin: now + 1, limit: "" };
-            self.list.push(PhaseRecord { phase, draws: Vec::new(), funnel: Funnel::default(), last: None });
+            let phase = Phase { kind, number, label: label.to_owned(), begin: now + 1, limit: String::new() };
+            self.list.push(PhaseRecord {
+                phase,
+                draws: Vec::new(),
+                flushes: Vec::new(),
+                funnel: Funnel::default(),
+                last: None,
+            });
         }
     }
 
@@ -124,6 +132,13 @@ impl Phases {
         *last = Some(number);
         if self.per_draw {
             draws.push(DrawRecord { draw: draw.clone(), number, funnel: Funnel::default(), retired: None });
+        }
+    }
+
+    /// What is binned begins to be drawn, tile by tile, behind cycle `now`.
+    pub fn flush(&mut self, now: Cycle) {
+        if let Some(record) = self.list.last_mut().filter(|_| self.per_draw) {
+            record.flushes.push(now + 1);
         }
     }
 

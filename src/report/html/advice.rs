@@ -9,8 +9,12 @@ use super::{percent, readable, share};
 use crate::knob::{Advice, Knob, Relax, Setting};
 use crate::machine::{Config, SortOutcome};
 use crate::mem::{CACHES, CacheCounts};
+use crate::report::verdict::Cause;
 use crate::unit::phase::PhaseKind;
 use crate::work::{FUNNEL, Funnel};
+
+/// Beginnings of the advice that a program can follow.
+const IN_THE_FRAME: [&str; 4] = ["Draw meshes", "Test depth", "Draw from front", "Uploads and copies"];
 
 /// One piece of advice.
 struct Proposal {
@@ -20,6 +24,8 @@ struct Proposal {
     evidence: String,
     /// Knobs to try; none where the scene must change.
     set: Vec<String>,
+    /// Whether the program can do it in the frame. Else it is a change of the card.
+    frame: bool,
     /// By which the list is ordered: the share of the frame that is at stake, by a rough measure.
     weight: f64,
 }
@@ -56,7 +62,13 @@ fn proven(why: &Value) -> Vec<Proposal> {
         let evidence = own["evidence"].as_str().unwrap_or("");
         let place = own["most_in"].as_str().map_or(String::new(), |phase| format!(", in {phase}"));
         let set = own["set"].as_object().into_iter().flatten();
+        let frame = own["set"]
+            .as_object()
+            .into_iter()
+            .flatten()
+            .any(|(path, _)| Cause::ALL.iter().any(|cause| cause.knobs().contains(&path.as_str())));
         Proposal {
+            frame,
             what: format!("{}: {} fewer cycles, timed.", own["change"].as_str().unwrap_or(""), percent(gain(own))),
             evidence: if evidence.is_empty() { String::new() } else { format!("Without it{place}: {evidence}.") },
             set: set.map(|(path, value)| format!("{path}={}", value.as_str().unwrap_or("").trim_matches('"'))).collect(),
@@ -82,8 +94,9 @@ fn counted(frame: &CountedSpan, config: Option<&Config>) -> Vec<Proposal> {
             config.into_iter().flat_map(|config| declared(config).map(move |(own, path, knob)| (config, own, path, knob)));
         let own = knobs.filter(|&(_, own, ..)| Some(own) == advice);
         let set: Vec<String> = own.filter_map(|(config, _, path, knob)| setting(config, &path, knob)).collect();
+        let frame = IN_THE_FRAME.iter().any(|own| what.starts_with(own));
         let set = if config.is_some_and(|config| holds(config, &set)) { set } else { Vec::new() };
-        all.push(Proposal { what: what.into(), evidence, set, weight });
+        all.push(Proposal { what: what.into(), evidence, set, frame, weight });
     };
     let [covered, shaded, helpers, late_failed, pixels, early] = [
         funnel.fragments_covered,
@@ -174,13 +187,23 @@ pub fn section(input: &Input<'_>) -> Option<Markup> {
     all.sort_by(|a, b| b.weight.total_cmp(&a.weight));
     Some(html! {
         @if all.is_empty() { p { "No rule applies to this frame." } }
-        ol.advice { @for advice in &all {
-            li {
-                b { (advice.what) }
-                @if !advice.evidence.is_empty() { p.note { (advice.evidence) } }
-                @if !advice.set.is_empty() { pre { (command(input.statistics, "replay", &advice.set)) } }
+        @for (title, frame) in [("In the frame", true), ("On the card", false)] {
+            @if all.iter().any(|advice| advice.frame == frame) {
+                h3 { (title) }
+                ol.advice { @for advice in all.iter().filter(|advice| advice.frame == frame) {
+                    li {
+                        b { (advice.what) }
+                        @if !(advice.evidence.is_empty() && advice.set.is_empty()) {
+                            details {
+                                summary { "Evidence" }
+                                @if !advice.evidence.is_empty() { p.note { (advice.evidence) } }
+                                @if !advice.set.is_empty() { pre { (command(input.statistics, "replay", &advice.set)) } }
+                            }
+                        }
+                    }
+                } }
             }
-        } }
+        }
         @if input.why.is_none() {
             p.note { "These are rules over counters, not proof. Proof times the frame again: " code { (command(input.statistics, "why", &[])) } }
         }

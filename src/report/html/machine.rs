@@ -10,20 +10,22 @@ use crate::machine::{Config, Machine, Moved};
 use crate::mem::DRAM;
 use crate::report::diagram::Diagram;
 use crate::report::plots::{Roofline, roofline as draw_roofline};
+use crate::report::summary::occupancy;
 use crate::sim::{CAPACITY, CHANNELS, ChannelCounts, MEAN_OCCUPANCY, UNITS, UnitCounts};
 use crate::stats::{Cycles, Group, Key, counter};
 use crate::unit::core::{CORES, CoreCounts};
 
 /// What a unit does in a cycle, in the order of [`Cycles`], with the class of its colour.
-pub const STATES: [(&str, &str); 5] = [
+pub const STATES: [(&str, &str); 6] = [
     ("busy", "busy"),
     ("starved", "no input"),
     ("blocked", "no room behind it"),
     ("memory", "waits for memory"),
+    ("latency", "waits for instructions"),
     ("idle", "idle"),
 ];
 
-const CLASSES: [&str; 5] = ["s-busy", "s-starved", "s-blocked", "s-memory", "s-idle"];
+const CLASSES: [&str; 6] = ["s-busy", "s-starved", "s-blocked", "s-memory", "s-latency", "s-idle"];
 
 /// A bank of equal units and the shares of their cycles.
 pub struct Bank<'v> {
@@ -32,7 +34,7 @@ pub struct Bank<'v> {
     /// How many.
     pub count: usize,
     /// Shares of the cycles, by [`STATES`].
-    pub shares: [f64; 5],
+    pub shares: [f64; 6],
     /// Smallest and largest share of busy cycles of one of them.
     pub range: [f64; 2],
 }
@@ -41,7 +43,7 @@ pub struct Bank<'v> {
 pub fn banks(frame: &CountedSpan) -> Vec<Bank<'_>> {
     let mut banks = Vec::new();
     for (name, list) in UNITS.banks(&frame.counts) {
-        let (mut sums, mut range) = ([0.0; 5], [1.0_f64, 0.0_f64]);
+        let (mut sums, mut range) = ([0.0; 6], [1.0_f64, 0.0_f64]);
         for unit in list {
             let own: Cycles = unit.read();
             let busy = share(own.busy as f64, own.total() as f64);
@@ -82,7 +84,7 @@ pub fn units(input: &Input<'_>) -> Option<Markup> {
         div.scroll { table.sortable {
             (heads(&columns))
             tbody { @for bank in &banks {
-                @let parts: Vec<(&str, f64, String)> = (0..5).map(|at| (CLASSES[at], bank.shares[at], format!("{}: {}", STATES[at].1, percent(bank.shares[at])))).collect();
+                @let parts: Vec<(&str, f64, String)> = (0..6).map(|at| (CLASSES[at], bank.shares[at], format!("{}: {}", STATES[at].1, percent(bank.shares[at])))).collect();
                 tr {
                     td.name { (bank.name) (bar("bar", &parts)) }
                     td.n data-value=(bank.count) { (bank.count) }
@@ -91,6 +93,10 @@ pub fn units(input: &Input<'_>) -> Option<Markup> {
                 }
             } }
         } }
+        @let cores: CoreCounts = CORES.sum(&frame.counts);
+        @if cores.slot_cycles > 0 {
+            p { "Cores: " (occupancy(&cores, UNITS.sum_of(&frame.counts, "core")).join("; ")) "." }
+        }
         p.note {
             "A busy unit need not limit the frame. These are sums over the frame; "
             code { "fillrate replay --timeline FILE" } " shows units and channels over time, in Perfetto."

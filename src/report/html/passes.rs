@@ -7,8 +7,10 @@ use super::replay::{Input, Limit};
 use super::{Column, bar, cell, cell_of, cell_share, heads, key, percent, readable, share};
 use crate::machine::{Moved, Spent};
 use crate::mem::{CACHES, CacheCounts, DRAM};
+use crate::report::rows::{GEOMETRY, TILES};
+use crate::report::waits::{Waits, limited};
 use crate::sim::UNITS;
-use crate::stats::{Counter, Key, counter};
+use crate::stats::{Counter, FRAME, Key, counter};
 use crate::unit::phase::PhaseKind;
 use crate::work::{FUNNEL, Funnel};
 
@@ -81,6 +83,16 @@ const COLUMNS: [(Key, &str); 13] = [
     (cached("l2", counter!(CacheCounts, misses)), "L2 misses"),
 ];
 
+/// The two halves of a draw's cycles on a machine that bins, with their headings and what they are.
+const HALVES: [(Key, &str, &str); 2] = [
+    (
+        FRAME.statistic(&GEOMETRY),
+        "geometry half",
+        "Its share of the cycles before tiles are drawn, by vertices shaded and primitives.",
+    ),
+    (FRAME.statistic(&TILES), "tile half", "Its share of the cycles in which tiles are drawn, by triangles set up and quads."),
+];
+
 /// The columns that some of these entries have.
 fn columns(entries: &[&CountedSpan]) -> Vec<(Key, &'static str)> {
     let has = |key: &Key| entries.iter().any(|entry| key.sum(&entry.counts).is_some_and(|value| value != 0.0));
@@ -94,7 +106,7 @@ fn heads_of(columns: &[(Key, &'static str)]) -> Vec<(&'static str, String)> {
 
 /// The unit of a span that was busy in the largest share of its cycles, and that share: how far it is used, not what limits. `frame` tells how
 /// many there are of each.
-pub fn most_used<'v>(entry: &'v CountedSpan, frame: &CountedSpan) -> Option<(&'v str, f64)> {
+fn most_used<'v>(entry: &'v CountedSpan, frame: &CountedSpan) -> Option<(&'v str, f64)> {
     let busy = UNITS.counter(counter!(Spent, busy));
     let units = UNITS.banks(&entry.counts).filter_map(|(name, _)| {
         let count = UNITS.find_of(&frame.counts, name).len().max(1);
@@ -120,10 +132,17 @@ fn estimated<'i>(input: &'i Input<'_>, at: usize, phase: &CountedSpan) -> Option
     input.limits.get(at).filter(|own| own.name == phase.name())
 }
 
-/// The unit that limits a phase, by estimate.
-fn unit_limit<'i>(input: &'i Input<'_>, at: usize, phase: &'i CountedSpan) -> Option<&'i str> {
+/// What limits a phase, by estimate, or what it waits for, as counted, with the word for it.
+pub fn named_limit(input: &Input<'_>, at: usize, phase: &CountedSpan) -> Option<(&'static str, String)> {
     let told = || Some(phase.limit.as_str()).filter(|told| !told.is_empty());
-    estimated(input, at, phase).map(|own| own.unit.as_str()).or_else(told)
+    let limit = estimated(input, at, phase).map(|own| own.unit.as_str()).or_else(told)?;
+    let (word, what) = limited(limit, &Waits::of(&phase.counts));
+    Some((word, what.into_owned()))
+}
+
+/// What limits a phase: the unit, or what is waited for.
+fn unit_limit(input: &Input<'_>, at: usize, phase: &CountedSpan) -> Option<String> {
+    named_limit(input, at, phase).map(|(word, what)| if word == "waits" { format!("waits: {what}") } else { what })
 }
 
 /// What limits a phase, and the evidence.
@@ -132,7 +151,7 @@ fn limit(input: &Input<'_>, at: usize, phase: &CountedSpan) -> Markup {
         td.reason {
             @match estimated(input, at, phase) {
                 Some(own) => {
-                    b { (own.unit) }
+                    b { (unit_limit(input, at, phase).unwrap_or_default()) }
                     @let next = own.next.as_ref().map_or(String::new(), |(unit, cycles)| format!("; next {unit}, {}", readable(cycles.round())));
                     @if own.work > 0.0 { span.note { " about " (readable(own.work.round())) " cycles of work by estimate" (next) } }
                 },
@@ -168,7 +187,7 @@ fn phases(input: &Input<'_>) -> Option<Markup> {
         Column(
             "limited by",
             false,
-            "The unit whose work takes most time by counts and rates; imbalance: units and pipelines take turns, and none works all the time.",
+            "The unit whose work takes most time by counts and rates. Where none works nearly all the time, what the unit that waits most waits for, as counted.",
         ),
     ];
     if counted {
@@ -216,11 +235,20 @@ fn draw_table(input: &Input<'_>) -> Option<Markup> {
     let left = draws.len().saturating_sub(MOST);
     draws.truncate(MOST);
     let more = columns(&draws.iter().map(|(.., draw)| *draw).collect::<Vec<_>>());
+    let halves = draws.iter().any(|(.., draw)| HALVES.iter().any(|(key, ..)| key.sum(&draw.counts).is_some()));
     let mut titles = vec![
         Column("draw", true, "Its number in the trace; what follows the last draw of a pass has none."),
         Column("label", false, "Its pipeline, and the debug groups around it."),
         Column("pass", true, ""),
-        Column("cycles", true, "From its beginning to that of the next."),
+        Column(
+            "cycles",
+            true,
+            if halves {
+                "Its shares of the geometry half and of the tile half."
+            } else {
+                "From the retirement before it to its own."
+            },
+        ),
         Column("share", true, "Of the cycles of all draws."),
         Column(
             "limit of its pass",
@@ -229,6 +257,11 @@ fn draw_table(input: &Input<'_>) -> Option<Markup> {
         ),
         USED,
     ];
+    if halves {
+        for (at, (_, name, about)) in HALVES.into_iter().enumerate() {
+            titles.insert(5 + at, Column(name, true, about));
+        }
+    }
     let named = heads_of(&more);
     titles.extend(named.iter().map(|(name, path)| Column(name, true, path)));
     let label = |draw: &CountedSpan| {
@@ -239,6 +272,7 @@ fn draw_table(input: &Input<'_>) -> Option<Markup> {
         |of: &CountedSpan, base: &str| cell_of(of.number.map(|number| number as f64), &format!("{base}.number"), readable);
     Some(html! {
         h3 { "Draws" }
+        @if halves { p.note { "This machine bins, so that draws retire together: each has a share of the cycles by its work. What cannot be told apart is blank, and the end of the pass has it." } }
         @if left > 0 { p.note { "The " (readable(MOST as f64)) " draws with most cycles; " (readable(left as f64)) " more are in draws.csv." } }
         div.scroll.tall { table.sortable id="draws" {
             (heads(&titles))
@@ -251,9 +285,10 @@ fn draw_table(input: &Input<'_>) -> Option<Markup> {
                     (number(phase, &pass))
                     (cell(draw, &base, &CYCLES))
                     (cell_share(share(draw.cycles(), all)))
+                    @if halves { @for (key, ..) in &HALVES { (cell(draw, &base, key)) } }
                     td.reason { @match unit_limit(input, *at, phase) { Some(unit) => b { (unit) }, None => span.note { "\u{2013}" } } }
                     (used_cell(draw, frame))
-                    @for (key, _) in &more { (counted_cell(draw, &base, key)) }
+                    @for (key, _) in &more { @if halves { (cell(draw, &base, key)) } @else { (counted_cell(draw, &base, key)) } }
                 }
             } }
         } }

@@ -30,7 +30,7 @@ pub fn replay(statistics: &Statistics, config: Option<&Config>) -> Vec<(String, 
     if !banks.is_empty() {
         let row = |bank: &super::machine::Bank<'_>| Stack {
             name: if bank.count > 1 { format!("{} x{}", bank.name, bank.count) } else { bank.name.to_owned() },
-            shares: (0..5)
+            shares: (0..STATES.len())
                 .map(|at| (STATES[at].0, bank.shares[at], format!("{}: {}", STATES[at].1, percent(bank.shares[at]))))
                 .collect(),
             note: percent(bank.shares[0]),

@@ -4,10 +4,12 @@ use maud::{Markup, html};
 use serde_json::{Value, json};
 
 use super::data::{CYCLES, CountedSpan, Statistics};
-use super::{PageSection, advice, inline, machine, maps, page, part, passes, percent, readable, series, share, tables, word};
+use super::{PageSection, advice, inline, machine, maps, page, part, passes, readable, series, share, tables, word};
 use crate::machine::{Config, PhaseReport, SORTING, WRONG_PIXELS};
 use crate::mem::{DRAM, DramCounts};
 use crate::report::summary::bytes;
+use crate::report::verdict::{Draws, counted, numbers, sentence};
+use crate::report::waits::Waits;
 use crate::run::bound::{FrameEstimate, PhaseEstimate};
 use crate::run::maps::Maps;
 use crate::run::timeline::Timeline;
@@ -55,7 +57,7 @@ pub fn limits(estimate: &FrameEstimate) -> Vec<Limit> {
         let work = own.units.iter().find(|(unit, _)| *unit == own.limit).map_or(0.0, |(_, cycles)| *cycles);
         let others = own.units.iter().filter(|(unit, cycles)| *unit != own.limit && *cycles > 0.0);
         let next = others.max_by(|a, b| a.1.total_cmp(&b.1)).map(|(unit, cycles)| ((*unit).to_owned(), *cycles));
-        Limit { name: report.phase.to_string(), unit: own.limit.to_owned(), work, next, cycles: own.cycles }
+        Limit { name: report.phase.to_string(), unit: own.limited(), work, next, cycles: own.cycles }
     };
     estimate.phases.iter().zip(&estimate.phases()).map(limit).collect()
 }
@@ -150,6 +152,46 @@ fn run(input: &Input<'_>, picture: Option<&str>) -> Markup {
     }
 }
 
+/// The two lists of findings, by their titles: what a program can do, and what a card could do.
+pub const LISTS: [(&str, &str); 2] = [("In the frame", "in_the_frame"), ("On the card", "on_the_card")];
+
+/// A finding as a line, with its evidence and the draws concerned folded below it.
+fn finding(own: &Value) -> Markup {
+    let evidence = own["evidence"].as_str().unwrap_or("");
+    let draws: Vec<u32> = own["draws"].as_array().into_iter().flatten().filter_map(Value::as_u64).map(|n| n as u32).collect();
+    let set: Vec<&str> = own["set"].as_array().into_iter().flatten().filter_map(Value::as_str).collect();
+    html! {
+        li {
+            (super::sentence(&sentence(own["sentence"].as_str().unwrap_or(""))))
+            @if !(evidence.is_empty() && draws.is_empty() && set.is_empty()) {
+                details {
+                    summary { "Evidence" }
+                    @if !evidence.is_empty() { p.note { (evidence) } }
+                    @if !draws.is_empty() { p.note { (numbers(&draws)) } }
+                    @if !set.is_empty() { p.note { "Timed with " code { (set.iter().map(|set| format!("--set {set}")).collect::<Vec<_>>().join(" ")) } } }
+                }
+            }
+        }
+    }
+}
+
+/// What counters alone prove of the frame that is shown; `phase` is the place of the phase that takes most.
+fn counted_verdict(input: &Input<'_>, phase: Option<usize>) -> Vec<String> {
+    let frame = input.statistics.frame();
+    let drawn = |at: usize| -> Option<(String, f64, (&'static str, String), Waits)> {
+        let phase = frame.parts.get(at)?;
+        let limit = passes::named_limit(input, at, phase).unwrap_or(("limit", String::new()));
+        Some((phase.name(), share(phase.cycles(), frame.cycles()), limit, Waits::of(&phase.counts)))
+    };
+    let most = phase.and_then(drawn);
+    let draws = phase.and_then(|at| frame.parts.get(at)).map_or(Draws::default(), |phase| {
+        let count = phase.parts.iter().filter(|draw| draw.number.is_some()).count() as u64;
+        Draws { count, vertices: FUNNEL.sum::<Funnel>(&phase.counts).vertices_in }
+    });
+    let most = most.as_ref().map(|(name, share, (word, limit), waits)| (name.as_str(), *share, (*word, limit.as_str()), waits));
+    counted(&FUNNEL.sum(&frame.counts), most, draws)
+}
+
 /// What was found to hold the frame back, in a sentence, with its table.
 fn proven(why: &Value) -> Markup {
     let gains = why["changes"].as_array().map_or(&[][..], Vec::as_slice);
@@ -158,6 +200,13 @@ fn proven(why: &Value) -> Markup {
         gains.iter().partition(|own| gain(own).is_none_or(|gain| gain.abs() >= 0.0005));
     html! {
         p.verdict { (super::sentence(why["verdict"].as_str().unwrap_or(""))) }
+        @for (title, list) in LISTS {
+            @let findings = why[list].as_array().map_or(&[][..], Vec::as_slice);
+            @if !findings.is_empty() {
+                h3 { (title) }
+                ul.findings { @for own in findings { (finding(own)) } }
+            }
+        }
         p.note { "The frame was timed again on " (gains.len()) " machines, each with more of one resource. Caches are cold when the frame begins: " (readable(why["cycles"].as_f64().unwrap_or(0.0))) " cycles." }
         div.scroll.tall { table.sortable id="why" {
             (super::heads(&[super::Column("with this change alone", false, ""), super::Column("cycles", true, ""), super::Column("change", true, ""), super::Column("most in", false, "The phase that saves most cycles."), super::Column("seen there without it", false, "Counted in that phase, or in the frame.")]))
@@ -180,32 +229,19 @@ fn proven(why: &Value) -> Markup {
     }
 }
 
-/// The unit that is used most in a phase, where phases have counters of their own.
-fn most_used_in<'i>(input: &'i Input<'_>, phase: usize) -> Option<(&'i str, f64)> {
-    let frame = input.statistics.frame();
-    passes::most_used(frame.parts.get(phase)?, frame)
-}
-
 /// What holds the frame back: proven, estimated, or how to find out.
 fn verdict(input: &Input<'_>) -> Markup {
     let prove = command(input.statistics, "why", &[]);
     let frame = input.statistics.frame();
-    let all = frame.cycles();
     let cycles = |at: usize| frame.parts.get(at).map_or(0.0, CountedSpan::cycles);
-    let most = (0..input.limits.len()).max_by(|&a, &b| cycles(a).total_cmp(&cycles(b)));
+    let most = (0..frame.parts.len()).max_by(|&a, &b| cycles(a).total_cmp(&cycles(b)));
+    let said = counted_verdict(input, most);
     html! {
-        @match (input.why, most) {
-            (Some(why), _) => (proven(why)),
-            (None, Some(at)) => {
-                @let limit = &input.limits[at];
-                p.verdict { (limit.name) " takes " (percent(share(cycles(at), all))) " of the frame. By counts and rates, " @if limit.unit == "imbalance" { b { "imbalance" } " limits it: units and pipelines take turns, and none works all the time" } @else { b { (limit.unit) } " limits it" } "."
-                    @if let Some((unit, part)) = most_used_in(input, at) { " Most used there is " (unit) ", busy in " (percent(part)) " of the cycles: that is use, not what limits." }
-                }
-                p { "This is an estimate (" code { "--fidelity bound" } "), not proof. The command that proves it times the frame again with more of each resource:" }
-                pre { (prove) }
-            },
-            (None, None) => {
-                p { "Nothing was timed to find out. This command does it:" }
+        @match input.why {
+            Some(why) => (proven(why)),
+            None => {
+                @if !said.is_empty() { p.verdict { (said.join(" ")) } }
+                p { "Counters prove what is off screen or hidden, and what waits. What it costs is proven by timing the frame again with more of each resource:" }
                 pre { (prove) }
             },
         }
@@ -231,6 +267,8 @@ pub fn replay(input: &Input<'_>) -> String {
         part("why", "What holds it back", Some(verdict(input))),
         part("time", "Where the time goes", passes::time(input)),
         part("tables", "Passes and draws", passes::tables(input)),
+        part("sorting", "What sorting cost", tables::sorting(input)),
+        part("bins", "Bins", tables::bins(input)),
         part("units", "Units and channels", machine::units(input)),
         part("timeline", "Over time", series::section(input)),
         part("maps", "Heat maps", Some(heat)),

@@ -50,10 +50,10 @@ fn row(name: &str, about: &str, drawn: &[(&str, Steps)], last: &str) -> Markup {
     }
 }
 
-/// Shares of the cycles of a bank's units in a sample: busy, blocked, waiting for memory.
-fn shares(cycles: &Cycles) -> [f64; 3] {
-    let all = (cycles.busy + cycles.starved + cycles.blocked + cycles.memory + cycles.idle).max(1) as f64;
-    [cycles.busy, cycles.blocked, cycles.memory].map(|own| own as f64 / all)
+/// Shares of the cycles of a bank's units in a sample: busy, blocked, waiting for memory, and for instructions.
+fn shares(cycles: &Cycles) -> [f64; 4] {
+    let all = cycles.total().max(1) as f64;
+    [cycles.busy, cycles.blocked, cycles.memory, cycles.latency].map(|own| own as f64 / all)
 }
 
 /// The section.
@@ -81,7 +81,30 @@ pub fn section(input: &Input<'_>) -> Option<Markup> {
         let busy = percent(shares(&sum)[0]);
         let name = if bank.count > 1 { format!("{} \u{d7}{}", bank.name, bank.count) } else { bank.name.to_owned() };
         let about = format!("{name} over time: busy in {busy} of its cycles");
-        Some(row(&name, &about, &[("busy", stacked(0)), ("blocked", stacked(1)), ("memory", stacked(2))], &busy))
+        Some(row(
+            &name,
+            &about,
+            &[("busy", stacked(0)), ("blocked", stacked(1)), ("memory", stacked(2)), ("latency", stacked(3))],
+            &busy,
+        ))
+    });
+    let warps = timeline
+        .units
+        .iter()
+        .enumerate()
+        .filter(|(at, bank)| bank.name == "core" && samples.iter().any(|sample| sample.held[*at] > 0));
+    let warps = warps.map(|(at, bank)| {
+        let mean = |sample: &Sample| sample.held[at] as f64 / ((sample.end - sample.begin) * bank.count as u64) as f64;
+        let slots = f64::from(timeline.warps);
+        let steps = Steps::new(samples, end, |sample| [0.0, (mean(sample) / slots).min(1.0)]);
+        let held: u64 = samples.iter().map(|sample| sample.held[at]).sum();
+        let last = format!("{:.1} of {slots}", held as f64 / (end * bank.count as f64));
+        row(
+            &format!("warps in {}", bank.name),
+            &format!("warps that {} holds over time, {last}", bank.name),
+            &[("draw", steps)],
+            &last,
+        )
     });
     let channels = timeline.channels.iter().enumerate().filter_map(|(at, bank)| {
         let mean = |sample: &Sample| sample.occupancy[at] as f64 / (sample.end - sample.begin) as f64;
@@ -94,7 +117,7 @@ pub fn section(input: &Input<'_>) -> Option<Markup> {
     let at = |n: usize| phases[..n].iter().map(CountedSpan::cycles).sum::<f64>() / total.max(1.0);
     Some(html! {
         p { "From left to right " (readable(end)) " cycles, read " (samples.len()) " times. This machine draws frame " (input.statistics.number()) " alone, with empty caches." }
-        (key(&[("s-busy", "busy"), ("s-blocked", "no room behind it"), ("s-memory", "waits for memory")]))
+        (key(&[("s-busy", "busy"), ("s-blocked", "no room behind it"), ("s-memory", "waits for memory"), ("s-latency", "waits for instructions")]))
         div.scroll { table.timeline {
             thead { tr { th scope="col" { "unit" } th.over scope="col" {} th.n scope="col" { "busy" } } }
             tbody {
@@ -106,6 +129,7 @@ pub fn section(input: &Input<'_>) -> Option<Markup> {
                     }
                 } } td.n {} } }
                 @for unit in units { (unit) }
+                @for bank in warps { (bank) }
             }
         } }
         details {
@@ -125,7 +149,7 @@ pub fn json(timeline: &Timeline) -> Value {
         let of =
             |state: fn(&Cycles) -> u64| timeline.samples.iter().map(|sample| state(&sample.units[at])).collect::<Vec<u64>>();
         let bank = timeline.units[at];
-        json!({ "unit": bank.name, "count": bank.count, "busy": of(|c| c.busy), "blocked": of(|c| c.blocked), "memory": of(|c| c.memory) })
+        json!({ "unit": bank.name, "count": bank.count, "busy": of(|c| c.busy), "blocked": of(|c| c.blocked), "memory": of(|c| c.memory), "latency": of(|c| c.latency), "held": timeline.samples.iter().map(|sample| sample.held[at]).collect::<Vec<u64>>() })
     };
     json!({ "ends": ends, "units": (0..timeline.units.len()).map(unit).collect::<Vec<_>>() })
 }

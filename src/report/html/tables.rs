@@ -10,6 +10,8 @@ use super::{Column, bar, cell, cell_bytes, cell_of, cell_share, heads, key, perc
 use crate::mem::{CACHES, CLIENTS, CacheCounts, ClientCounts, DRAM, DramCounts};
 use crate::report::pages::Glossary;
 use crate::report::plots::{Scale, Series, chart};
+use crate::report::summary::{bin_rows, sorting_rows};
+use crate::run::maps::MapKind;
 use crate::sim::{CHANNELS, UNITS, UnitCounts};
 use crate::stats::{Counter, Cycles, Declaration, Group, Heading, Key, Tree, counter};
 use crate::work::{FUNNEL, Funnel};
@@ -208,12 +210,64 @@ pub fn frames(input: &Input<'_>) -> Option<Markup> {
     })
 }
 
+/// Rows of a name, a value and a remark.
+fn told(rows: &[[String; 3]]) -> Markup {
+    html! {
+        div.scroll { table { tbody { @for [name, value, rest] in rows {
+            tr { th scope="row" { (name.trim_start()) } td.n { (value) } td { (rest) } }
+        } } } }
+    }
+}
+
+/// What the sort class cost.
+pub fn sorting(input: &Input<'_>) -> Option<Markup> {
+    let (frame, card) = (input.statistics.frame(), &input.config?.card);
+    if UNITS.find(&frame.counts).is_empty() {
+        return None;
+    }
+    let rows = sorting_rows(&frame.counts, card.sort);
+    Some(html! {
+        p { "This machine is of the class " b { (card.sort.name()) } ", with " (card.pipelines) @if card.pipelines == 1 { " pipeline." } @else { " pipelines." } }
+        (told(&rows))
+    })
+}
+
+/// The lists of tiles, where triangles are binned.
+pub fn bins(input: &Input<'_>) -> Option<Markup> {
+    let (frame, config) = (input.statistics.frame(), input.config?);
+    let rows = bin_rows(&frame.counts, config.card.sort);
+    if rows.is_empty() || UNITS.find(&frame.counts).is_empty() {
+        return None;
+    }
+    Some(html! {
+        p {
+            "Triangles wait in lists of " (config.bin.tile) "\u{00d7}" (config.bin.tile) " pixels until their pass is complete, or until as much memory ("
+            (readable(f64::from(config.bin.memory_kib))) " KiB) or as many segments (" (readable(f64::from(config.bin.segments))) ") as the machine keeps are in them. Then all lists are drawn: a partial render."
+        }
+        (told(&rows))
+        @if input.maps.is_some_and(|maps| maps.surfaces.iter().any(|surface| surface.maps.iter().any(|map| map.kind == MapKind::Tile))) {
+            p.note { "The heat map " b { "tile cost" } " has the cycles of each tile." }
+        }
+    })
+}
+
 /// Words that the page uses beside the names of statistics.
-const TERMS: [(&str, &str); 12] = [
-    ("busy", "The unit works in this cycle."),
+const TERMS: [(&str, &str); 14] = [
+    (
+        "busy",
+        "The unit works in this cycle. A core is busy where its lanes take in an instruction; in other cycles it waits for what its oldest warp waits for.",
+    ),
     ("starved", "The unit has no input."),
     ("blocked", "The unit has output for which the next unit has no room."),
     ("waits for memory", "The unit waits for data from memory."),
+    (
+        "waits for instructions",
+        "A core holds warps, and the instructions that they have issued are not complete. More warps would hide this latency.",
+    ),
+    (
+        "warps held",
+        "Warps that cores hold at a time, of their slots for warps: the occupancy. Slots, registers or workgroups may limit it.",
+    ),
     ("idle", "The unit has nothing to do until the frame ends."),
     (
         "phase",

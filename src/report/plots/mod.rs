@@ -18,7 +18,7 @@ pub const SERIES: usize = 8;
 
 /// What a plot needs to be a file of its own: the colours of the pages, light and dark.
 const STYLE: &str = "<style>svg{--card:#fff;--ink:#1b2330;--muted:#566173;--line:#dde2ea;--busy:#0072b2;--starved:#c9cfd9;--blocked:#d55e00;\
---memory:#e0a100;--idle:#eceff4;--draw:#0b6bb8;--other:#b8620a;--c0:#0072b2;--c1:#d55e00;--c2:#00835f;--c3:#a8578a;--c4:#946c00;--c5:#3e8fc4;\
+--memory:#e0a100;--latency:#8f5fb5;--idle:#eceff4;--draw:#0b6bb8;--other:#b8620a;--c0:#0072b2;--c1:#d55e00;--c2:#00835f;--c3:#a8578a;--c4:#946c00;--c5:#3e8fc4;\
 --c6:#6b5bb5;--c7:#5f6b7a;background:var(--card);font-family:system-ui,sans-serif}\
 text{fill:var(--muted);font-size:13px}text.t{fill:var(--ink)}.grid{stroke:var(--line)}.axis{stroke:var(--muted)}.frame{fill:none;stroke:var(--line)}\
 .roof{fill:none;stroke:var(--ink);stroke-width:2}.dash{stroke-dasharray:5 4}.ln{fill:none;stroke-width:2}.dot{stroke:var(--card)}.faint{opacity:.45}</style>";

@@ -6,7 +6,7 @@ use serde::ser::{Serialize, SerializeMap, Serializer};
 
 use crate::run::replay::Frame;
 
-pub use phases::{DRAWS, PASSES, draw_rows, pass_rows};
+pub use phases::{DRAWS, GEOMETRY, PASSES, TILES, draw_rows, pass_rows};
 
 /// A frame as it stands in `stats.json`.
 struct Whole<'f>(&'f Frame);

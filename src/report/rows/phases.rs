@@ -29,7 +29,7 @@ impl Serialize for Json<'_> {
         map.serialize_entry("label", &phase.label)?;
         map.serialize_entry("cycles", cycles)?;
         if !phase.limit.is_empty() {
-            map.serialize_entry("limit", phase.limit)?;
+            map.serialize_entry("limit", &phase.limit)?;
         }
         if let Some(counts) = counts {
             told(&mut map, counts, phase.kind == PhaseKind::Pass)?;
@@ -41,17 +41,35 @@ impl Serialize for Json<'_> {
     }
 }
 
+/// The share of a draw in the geometry half of a pass whose tiles are drawn one after another.
+pub const GEOMETRY: Declaration = Declaration::new(
+    "geometry_cycles",
+    "cycles",
+    "Of a draw, where tiles are drawn one after another: its share of the cycles before tiles are drawn, by vertices shaded and primitives.",
+);
+
+/// The share of a draw in the tile half of such a pass.
+pub const TILES: Declaration = Declaration::new(
+    "tile_cycles",
+    "cycles",
+    "The same of the cycles in which tiles are drawn, by triangles set up and quads. Both add up to the draw's cycles.",
+);
+
 /// A draw as it stands there.
 struct Drawn<'r>(&'r DrawReport);
 
 impl Serialize for Drawn<'_> {
     fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
-        let DrawReport { number, label, group, cycles, counts } = self.0;
+        let DrawReport { number, label, group, cycles, halves, counts } = self.0;
         let mut map = serializer.serialize_map(None)?;
         map.serialize_entry("number", number)?;
         map.serialize_entry("label", label)?;
         map.serialize_entry("group", group)?;
         map.serialize_entry("cycles", cycles)?;
+        if let Some([geometry, tiles]) = halves {
+            map.serialize_entry(GEOMETRY.name, geometry)?;
+            map.serialize_entry(TILES.name, tiles)?;
+        }
         told(&mut map, counts, number.is_some())?;
         map.end()
     }
@@ -147,7 +165,7 @@ pub fn pass_rows(frame: &Frame, first: bool) -> String {
             &phase.number.to_string(),
             &csv_field(&phase.label),
         ];
-        row(&mut text, &start, report.cycles, counts);
+        row(&mut text, &start, [report.cycles].into_iter(), counts);
     }
     text
 }
@@ -159,11 +177,12 @@ pub fn draw_rows(frame: &Frame, first: bool) -> String {
         let pass = [frame.number, at as u32, report.phase.number].map(|number| number.to_string());
         for draw in &report.draws {
             if first && text.is_empty() {
-                header(&mut text, "frame,phase,pass,draw,group,label,cycles", &draw.counts);
+                let halves = if draw.halves.is_some() { [",", GEOMETRY.name, ",", TILES.name].concat() } else { String::new() };
+                header(&mut text, &format!("frame,phase,pass,draw,group,label,cycles{halves}"), &draw.counts);
             }
             let number = draw.number.map_or("end of the pass".into(), |number| number.to_string());
             let start = [&*pass[0], &pass[1], &pass[2], &number, &csv_field(&draw.group), &csv_field(&draw.label)];
-            row(&mut text, &start, draw.cycles, &draw.counts);
+            row(&mut text, &start, [draw.cycles].into_iter().chain(draw.halves.into_iter().flatten()), &draw.counts);
         }
     }
     text
@@ -180,10 +199,10 @@ fn header(text: &mut String, start: &str, counts: &Tally) {
     text.push('\n');
 }
 
-fn row(text: &mut String, start: &[&str], cycles: Cycle, counts: &Tally) {
+fn row(text: &mut String, start: &[&str], cycles: impl Iterator<Item = Cycle>, counts: &Tally) {
     text.push_str(&start.join(","));
     let mut add = |value: u64| digits(text, value);
-    add(cycles);
+    cycles.for_each(&mut add);
     counts.funnel.values().for_each(&mut add);
     counts.each(|_, _, value| add(value));
     text.push('\n');
@@ -237,15 +256,16 @@ mod tests {
             label: "a \"b\", c".into(),
             group: "sky".into(),
             cycles,
+            halves: None,
             counts: counts(busy, 0),
         };
         let pass = PhaseReport {
-            phase: Phase { kind: PhaseKind::Pass, number: 7, label: "main".into(), begin: 0, limit: "" },
+            phase: Phase { kind: PhaseKind::Pass, number: 7, label: "main".into(), begin: 0, limit: String::new() },
             cycles: 30,
             counts: Some(Box::new(counts(9, 64))),
             draws: vec![draw(Some(3), 20, 9), draw(None, 10, 0)],
         };
-        let phase = Phase { kind: PhaseKind::ScanOut, number: 0, label: String::new(), begin: 30, limit: "" };
+        let phase = Phase { kind: PhaseKind::ScanOut, number: 0, label: String::new(), begin: 30, limit: String::new() };
         Frame {
             number: 2,
             shown: None,
@@ -280,5 +300,11 @@ mod tests {
         assert!(draws.contains("\n2,0,7,3,sky,\"a \"\"b\"\", c\",20,"), "{draws}");
         assert!(draws.contains("\n2,0,7,end of the pass,sky,"), "{draws}");
         assert_eq!(draw_rows(&frame(), false).lines().count(), 2, "no header");
+        // On a machine that bins, cycles have two halves.
+        let mut binned = frame();
+        binned.phases[0].draws.iter_mut().for_each(|draw| draw.halves = Some([draw.cycles, 0]));
+        let draws = draw_rows(&binned, true);
+        assert!(draws.contains(",cycles,geometry_cycles,tile_cycles,") && draws.contains(",20,20,0,"), "{draws}");
+        assert_eq!(json(&binned.phases[0])["draws"][0]["geometry_cycles"], 20);
     }
 }

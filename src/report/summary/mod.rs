@@ -14,6 +14,7 @@ use crate::run::sample::{Margin, Quantity, Sampled};
 use crate::sim::UNITS;
 use crate::stats::{Cycles, Group, Tree, counter};
 use crate::unit::bin::{BINNING, BinCounts};
+use crate::unit::core::{CORES, CoreCounts};
 use crate::unit::early::{EARLY_TESTS, EarlyCounts};
 use crate::unit::sorting::{OrderCounts, SortCounts};
 use crate::work::Funnel;
@@ -90,28 +91,33 @@ pub fn units(total: &Tree) -> String {
     if UNITS.find(total).is_empty() {
         return String::new();
     }
-    let mut rows: Vec<(&str, usize, [f64; 5])> = Vec::new();
+    let mut rows: Vec<(&str, usize, [f64; 6])> = Vec::new();
     for (name, list) in UNITS.banks(total) {
-        let Cycles { busy, starved, blocked, memory, idle } = UNITS.sum_of(total, name);
-        let sum = [busy, starved, blocked, memory, idle].map(|cycles| cycles as f64);
+        let Cycles { busy, starved, blocked, memory, latency, idle } = UNITS.sum_of(total, name);
+        let sum = [busy, starved, blocked, memory, latency, idle].map(|cycles| cycles as f64);
         let all: f64 = sum.iter().sum();
         if all > 0.0 {
             rows.push((name, list.len(), sum.map(|n| 100.0 * n / all)));
         }
     }
     rows.sort_by(|a, b| b.2[0].total_cmp(&a.2[0]));
-    let mut text = format!("  {:<26}{:>8}{:>9}{:>9}{:>9}{:>8}\n", "unit", "busy", "starved", "blocked", "memory", "idle");
+    let mut text =
+        format!("  {:<26}{:>8}{:>9}{:>9}{:>9}{:>9}{:>8}\n", "unit", "busy", "starved", "blocked", "memory", "latency", "idle");
     for (name, count, share) in &rows {
         let name = if *count > 1 { format!("{name} x{count}") } else { (*name).to_owned() };
-        let [busy, starved, blocked, memory, idle] = share;
-        text.push_str(&format!("  {name:<26}{busy:>6.1} %{starved:>7.1} %{blocked:>7.1} %{memory:>7.1} %{idle:>6.1} %\n"));
+        let [busy, starved, blocked, memory, latency, idle] = share;
+        text.push_str(&format!(
+            "  {name:<26}{busy:>6.1} %{starved:>7.1} %{blocked:>7.1} %{memory:>7.1} %{latency:>7.1} %{idle:>6.1} %\n"
+        ));
     }
     text.push_str(
-        "  starved: no input; blocked: no room in the output; memory: waits for data from memory; idle: nothing left to do\n",
+        "  starved: no input; blocked: no room in the output; memory: waits for data from memory; latency: a core's warps wait for\n  \
+         their instructions; idle: nothing left to do\n",
     );
+    text.push_str(&cores(total));
     if let Some((name, _, share)) = rows.first() {
-        let why = ["starved", "blocked", "memory", "idle"];
-        let most = (1..5).max_by(|&a, &b| share[a].total_cmp(&share[b])).unwrap_or(1);
+        let why = ["starved", "blocked", "memory", "latency", "idle"];
+        let most = (1..6).max_by(|&a, &b| share[a].total_cmp(&share[b])).unwrap_or(1);
         // The unit that limits the frame may be another one: busy cycles alone do not show it.
         text.push_str(&format!(
             "  {name} is busy in the largest share of cycles, {:.1} %; of its other cycles most count as {}.\n  \
@@ -121,6 +127,51 @@ pub fn units(total: &Tree) -> String {
         ));
     }
     text
+}
+
+/// How many instructions cores issued and how many warps they held, in words.
+pub fn occupancy(counts: &CoreCounts, cores: Cycles) -> Vec<String> {
+    let CoreCounts { float, integer, special, control, multiply, warp_cycles, slot_cycles, texture_waits, .. } = *counts;
+    let per = |part: u64, all: u64| part as f64 / all.max(1) as f64;
+    let cycles = cores.total();
+    let mut said = vec![
+        format!("{:.2} instructions issued per cycle and core", per(float + integer + special + control + multiply, cycles)),
+        format!(
+            "{:.1} of {:.0} warps held ({:.0} %)",
+            per(warp_cycles, cycles),
+            per(slot_cycles, cycles),
+            100.0 * per(warp_cycles, slot_cycles)
+        ),
+    ];
+    if 100 * cores.memory >= cycles.max(1) {
+        said.push(format!(
+            "{:.0} % of the waits for memory are for the texture unit",
+            100.0 * per(texture_waits, cores.memory)
+        ));
+    }
+    said.push(match full(counts, cycles) {
+        Some((what, share)) => format!("{what} limit the warps in {:.0} % of the cycles", 100.0 * share),
+        None => "no warp waits outside for long".into(),
+    });
+    said
+}
+
+/// What keeps warps outside in most of the cycles in which any waits there, and the share of these; none if that is less than a hundredth.
+fn full(counts: &CoreCounts, cycles: u64) -> Option<(&'static str, f64)> {
+    let kinds =
+        [("slots for warps", counts.full_warps), ("registers", counts.full_registers), ("workgroups", counts.full_workgroups)];
+    let most = kinds.into_iter().rev().max_by_key(|(_, cycles)| *cycles)?;
+    let share = most.1 as f64 / cycles.max(1) as f64;
+    (share >= 0.01).then_some((most.0, share))
+}
+
+/// A line about the warps of cores; none where there are no cores.
+fn cores(total: &Tree) -> String {
+    let counts: CoreCounts = CORES.sum(total);
+    if counts.slot_cycles == 0 {
+        return String::new();
+    }
+    format!("  core: {}\n", occupancy(&counts, UNITS.sum_of(total, "core")).join("; "))
 }
 
 /// Writes the bytes that each client moved, and what the DRAM did.
@@ -154,16 +205,32 @@ pub fn memory(total: &Tree) -> String {
 
 /// Writes what the sort class cost: copies and their bytes, uneven load, reorder stalls, the network, wrong pixels.
 pub fn sorting(total: &Tree, class: SortClass, pipelines: u32) -> String {
-    let Class { sorted: items, one_place, .. } = class.class();
-    let outcome = SortOutcome::read(total);
     let s = if pipelines == 1 { "" } else { "s" };
     let mut out = format!("  {}, {pipelines} pipeline{s}\n", class.name());
-    let mut row = |name: &str, value: String, rest: String| {
+    for [name, value, rest] in sorting_rows(total, class) {
         // A long name takes room of its value's column.
         let left = 40usize.saturating_sub(name.len());
         out.push_str(format!("  {name}{value:>left$}   {rest}").trim_end());
         out.push('\n');
-    };
+    }
+    out
+}
+
+/// Names of the rows about lists of tiles.
+const LISTED: [&str; 4] = ["entries in tiles' lists", "triangles and lists", "tiles drawn", "partial renders"];
+
+/// Of [`sorting_rows`] those about the lists of tiles; none where triangles are not binned.
+pub fn bin_rows(total: &Tree, class: SortClass) -> Vec<[String; 3]> {
+    let rows = if class.class().one_place { sorting_rows(total, class) } else { Vec::new() };
+    rows.into_iter().filter(|[name, ..]| LISTED.contains(&name.as_str())).collect()
+}
+
+/// What the sort class cost: a name, a value, and what else is to say of it.
+pub fn sorting_rows(total: &Tree, class: SortClass) -> Vec<[String; 3]> {
+    let Class { sorted: items, one_place, .. } = class.class();
+    let outcome = SortOutcome::read(total);
+    let mut out: Vec<[String; 3]> = Vec::new();
+    let mut row = |name: &str, value: String, rest: String| out.push([name.to_owned(), value, rest]);
     let sort: SortCounts = SORTING.sum(total);
     let share = |part: u64, all: u64| if all > 0 { 100.0 * part as f64 / all as f64 } else { 0.0 };
     let size = |n: u64| bytes(n as f64);
@@ -172,17 +239,17 @@ pub fn sorting(total: &Tree, class: SortClass, pipelines: u32) -> String {
     let SortCounts { sorted_items: sorted, sent, redistributed_items: copies, .. } = sort;
     let nowhere = if sent < sorted { format!("{} of them sent nowhere", grouped(sorted - sent)) } else { String::new() };
     row(&format!("{} sorted", items.items()), grouped(sorted), nowhere);
-    let copied = if *one_place { "entries in tiles' lists" } else { "copies sent" };
+    let copied = if *one_place { LISTED[0] } else { "copies sent" };
     let overlap = if sent > 0 { copies as f64 / sent as f64 } else { 0.0 };
     row(copied, grouped(copies), format!("overlap {overlap:.3}; {}", size(sort.redistributed_bytes)));
     if *one_place {
         let bin: BinCounts = BINNING.sum(total);
         let written = size(bin.triangle_bytes + bin.list_bytes);
-        row("triangles and lists", written, format!("written; {} read back", size(bin.read_bytes)));
-        row("tiles drawn", grouped(bin.tiles), format!("and {} empty tiles", grouped(bin.empty_tiles)));
+        row(LISTED[1], written, format!("written; {} read back", size(bin.read_bytes)));
+        row(LISTED[2], grouped(bin.tiles), format!("and {} empty tiles", grouped(bin.empty_tiles)));
         let causes = [bin.memory_full, bin.segments_full].map(grouped);
         let causes = format!("{} because memory was full, {} because of as many segments", causes[0], causes[1]);
-        row("partial renders", grouped(bin.partial_renders), causes);
+        row(LISTED[3], grouped(bin.partial_renders), causes);
     } else {
         let away = format!("{:.1} %; {}", share(sort.foreign_items, copies), size(sort.foreign_bytes));
         row("  to another pipeline", grouped(sort.foreign_items), away);
@@ -344,7 +411,7 @@ mod tests {
                 let unit = units_tree.element(name, i);
                 unit.count("busy", busy);
                 unit.count("starved", starved);
-                for key in ["blocked", "memory", "idle"] {
+                for key in ["blocked", "memory", "latency", "idle"] {
                     unit.count(key, 0);
                 }
             }

@@ -6,7 +6,10 @@ use super::{bytes, grouped};
 use crate::host::one_line;
 use crate::machine::{DrawReport, PhaseReport};
 use crate::num::Cycle;
+use crate::report::verdict;
+use crate::report::waits::{Waits, limited};
 use crate::unit::phase::{Phase, PhaseKind};
+use crate::work::Funnel;
 
 /// Where the cycles of frames went: phases of the same kind, number in their frame and label are one line over all frames.
 #[derive(Default)]
@@ -22,6 +25,7 @@ struct Line {
     shaded: u64,
     /// Bytes of DRAM both ways.
     bytes: u64,
+    waits: Waits,
 }
 
 impl Phases {
@@ -33,16 +37,18 @@ impl Phases {
             let counts = counts.as_deref();
             let shaded = counts.map_or(0, |counts| counts.funnel.fragments_shaded);
             let bytes = counts.map_or(0, |counts| counts.dram.read_bytes + counts.dram.write_bytes);
+            let waits = counts.map_or(Waits::default(), |counts| Waits::of(&counts.tree()));
             let same = |line: &Line| line.phase.kind == phase.kind && line.phase.label == phase.label;
             match self.lines[from..].iter().position(same) {
                 Some(at) => {
                     let line = &mut self.lines[from + at];
                     (line.frames, line.cycles) = (line.frames + 1, line.cycles + cycles);
                     (line.shaded, line.bytes) = (line.shaded + shaded, line.bytes + bytes);
+                    line.waits.add(&waits);
                     from += at + 1;
                 }
                 None => {
-                    self.lines.insert(from, Line { phase: phase.clone(), frames: 1, cycles: *cycles, shaded, bytes });
+                    self.lines.insert(from, Line { phase: phase.clone(), frames: 1, cycles: *cycles, shaded, bytes, waits });
                     from += 1;
                 }
             }
@@ -60,7 +66,7 @@ impl Phases {
         for line in &mut self.lines {
             let same = |of: &&Line| of.phase.kind == line.phase.kind && of.phase.label == line.phase.label;
             if let Some(found) = known.clone().position(|of| same(&of)) {
-                line.phase.limit = known.nth(found).map_or("", |of| of.phase.limit);
+                line.phase.limit = known.nth(found).map_or(String::new(), |of| of.phase.limit.clone());
             }
         }
     }
@@ -70,9 +76,21 @@ impl Phases {
         self.lines.iter().any(|line| !line.phase.limit.is_empty())
     }
 
-    /// Whether this limits any.
-    pub fn limits(&self, what: &str) -> bool {
-        self.lines.iter().any(|line| line.phase.limit == what)
+    /// Whether of any is said what it waits for.
+    pub fn waits(&self) -> bool {
+        self.lines.iter().any(|line| limited(&line.phase.limit, &line.waits).0 == "waits")
+    }
+
+    /// What counters alone prove: causes, and what the phase that takes most waits for.
+    pub fn counted(&self, funnel: &Funnel) -> Vec<String> {
+        let all: Cycle = self.lines.iter().map(|line| line.cycles).sum();
+        let line = self.lines.iter().rev().max_by_key(|line| line.cycles);
+        let name = line.map(|line| one_line(&line.phase.to_string()).to_string());
+        let limit = line.map(|line| limited(&line.phase.limit, &line.waits));
+        let most = line.zip(name.as_deref()).zip(limit.as_ref()).map(|((line, name), (word, limit))| {
+            (name, line.cycles as f64 / all.max(1) as f64, (*word, &**limit), &line.waits)
+        });
+        verdict::counted(funnel, most, verdict::Draws::default())
     }
 
     /// Cycles of passes and dispatches.
@@ -83,7 +101,7 @@ impl Phases {
 
     /// All phases in order, as JSON.
     pub fn json(&self) -> Value {
-        let line = |Line { phase, frames, cycles, shaded, bytes }: &Line| {
+        let line = |Line { phase, frames, cycles, shaded, bytes, waits }: &Line| {
             json!({
                 "kind": phase.kind.name(),
                 "number": phase.number,
@@ -93,6 +111,7 @@ impl Phases {
                 "dram_bytes": bytes,
                 "fragments_shaded": shaded,
                 "limit": phase.limit,
+                "waits": waits.text(),
             })
         };
         self.lines.iter().map(line).collect()
@@ -108,7 +127,7 @@ impl Phases {
         by_cycles.sort_unstable();
         let mut out = String::new();
         let share = |cycles: Cycle| 100.0 * cycles as f64 / total.max(1) as f64;
-        for Line { phase, frames, cycles, shaded, bytes } in by_cycles.into_iter().map(|at| &lines[at]) {
+        for Line { phase, frames, cycles, shaded, bytes, waits } in by_cycles.into_iter().map(|at| &lines[at]) {
             let number = match phase.kind {
                 PhaseKind::Pass | PhaseKind::Dispatch if *frames == 1 => format!(" {}", phase.number),
                 _ => String::new(),
@@ -124,7 +143,8 @@ impl Phases {
                 out.push_str(&format!("   {:>11} shaded", grouped(*shaded)));
             }
             if !phase.limit.is_empty() {
-                out.push_str(&format!("   limit: {}", phase.limit));
+                let (word, what) = limited(&phase.limit, waits);
+                out.push_str(&format!("   {word}: {what}"));
             }
             out.push('\n');
         }
@@ -146,6 +166,8 @@ pub fn draw_json(frame: u32, phase: &Phase, draw: &DrawReport) -> Value {
         "group": draw.group,
         "label": draw.label,
         "cycles": draw.cycles,
+        "geometry_cycles": draw.halves.map(|[geometry, _]| geometry),
+        "tile_cycles": draw.halves.map(|[_, tiles]| tiles),
         "dram_bytes": draw.counts.dram.read_bytes + draw.counts.dram.write_bytes,
         "fragments_shaded": draw.counts.funnel.fragments_shaded,
     })
@@ -161,8 +183,14 @@ pub fn draw(frame: u32, phase: &Phase, draw: &DrawReport) -> String {
         }
     };
     let name = clip(one_line(name.trim_end()).to_string().as_str(), 34);
-    let moved = bytes((draw.counts.dram.read_bytes + draw.counts.dram.write_bytes) as f64);
     let shaded = grouped(draw.counts.funnel.fragments_shaded);
+    if let Some([geometry, tiles]) = draw.halves {
+        let [cycles, geometry, tiles] = [draw.cycles, geometry, tiles].map(grouped);
+        return format!(
+            "  {name:<34} {cycles:>12}   geometry {geometry:>10}   tiles {tiles:>10}   {shaded} fragments shaded   frame {frame}\n"
+        );
+    }
+    let moved = bytes((draw.counts.dram.read_bytes + draw.counts.dram.write_bytes) as f64);
     format!("  {name:<34} {:>12}   {moved:>10} of DRAM   {shaded} fragments shaded   frame {frame}\n", grouped(draw.cycles))
 }
 

@@ -124,7 +124,7 @@ fn little(setting: &Setting) -> Result<Vec<Row>> {
             m.sink.log.len() as u64 == n
         })?;
         let own = machine.worker.iter().map(|worker| worker.residence).chain([machine.sink.residence]);
-        let counted = machine.wires().reading().channels;
+        let counted = machine.reading().channels;
         let mut wrong = [0_u64; 2];
         let mut all = 0;
         for ((own, seen), counted) in own.zip(&seen).zip(&counted) {

@@ -27,7 +27,7 @@ pub(super) const CONSERVATION: Target = Target {
 pub(super) const ACCOUNT: Target = Target {
     id: "account",
     section: Section::Exact,
-    what: "Busy, starved, blocked, memory and idle cycles of every unit add up to the cycles of the run",
+    what: "Busy, starved, blocked, memory, latency and idle cycles of every unit add up to the cycles of the run",
     bound: "exact",
     fault: "a circuit runs on for a cycle after its cycles were counted",
     check: account,
@@ -164,7 +164,7 @@ fn account(setting: &Setting) -> Result<Vec<Row>> {
             sim::run(&mut machine, &mut (), Clock::EveryCycle, 100_000, |m, _| m.wires().now() > cycles)?;
         }
         machine.wires_mut().settle();
-        Ok(machine.wires().reading().units.iter().map(|unit| (cycles, unit.total())).collect())
+        Ok(machine.reading().units.iter().map(|unit| (cycles, unit.total())).collect())
     });
     for units in circuits {
         for (cycles, spent) in units? {
@@ -234,7 +234,7 @@ fn watched(n: u64, link: Link, rest: u64, looks: bool, clock: Clock) -> Result<S
     let mut machine = Watched::new(wiring, One(Telling(Source::new(n, 1, output))), One(Looking { sink, looks, seen: 0 }));
     sim::run(&mut machine, &mut 0, clock, 100_000, |m, _| m.sink.sink.log.len() as u64 == n)?;
     machine.wires_mut().settle();
-    Ok(format!("{:?} {:?} {:?}", machine.wires().reading(), machine.tally(), machine.sink.sink.log))
+    Ok(format!("{:?} {:?} {:?}", machine.reading(), machine.tally(), machine.sink.sink.log))
 }
 
 /// All leaves that the statistics of a run print, whatever they are called: each is compared with itself.

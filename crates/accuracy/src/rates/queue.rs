@@ -89,7 +89,7 @@ fn residence(random: &mut Random, service: Cycle, chance: u32, of: u32) -> Resul
     let mut machine = Server::new(wiring, One(arrivals), One(Worker::new(service, input, done)), One(Sink::new(1, last)));
     run(&mut machine, &mut (), Clock::SkipIdle, 1_000_000, |m, _| m.sink.log.len() as u64 == ITEMS)?;
     machine.wires_mut().settle();
-    let reading = machine.wires().reading();
+    let reading = machine.reading();
     let queue = reading.channels[0];
     ensure!(queue.full_cycles == 0 && queue.items == ITEMS, "the queue was full");
     Ok(queue.occupancy)

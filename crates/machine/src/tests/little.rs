@@ -69,7 +69,7 @@ fn the_counts_are_what_is_seen(config: &Config, events: &[Event]) {
         }
     }
     machine.empty().unwrap();
-    let reading = machine.circuit.wires().reading();
+    let reading = machine.circuit.reading();
     assert_eq!(looked, reading.cycle + 1, "every cycle was looked at");
     let mut busy = 0;
     for ((seen, counts), (name, index, link)) in seen.iter().zip(&reading.channels).zip(&links) {

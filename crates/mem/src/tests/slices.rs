@@ -90,7 +90,7 @@ pub(super) fn go_with(config: MemoryConfig, tlb: Option<TlbConfig>, orders: Vec<
     run(&mut shuffled, &mut (), Clock::Shuffled(1), 10_000, |m, _| is_done(m)).unwrap();
     shuffled.wires_mut().settle();
     assert_eq!(machine.tree().json(), shuffled.tree().json(), "the order of ticks matters");
-    for unit in machine.wires().reading().units {
+    for unit in machine.reading().units {
         assert_eq!(unit.total(), machine.wires().now(), "the account adds up");
     }
     machine

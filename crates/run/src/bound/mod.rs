@@ -83,12 +83,24 @@ pub struct PhaseEstimate {
     pub cycles: f64,
     /// The unit that bounds it.
     pub limit: &'static str,
+    /// Where no unit works nearly all the time: the unit that takes turns with it. Else empty.
+    pub turns: &'static str,
     /// Each unit's own time.
     pub units: Vec<(&'static str, f64)>,
     /// The traffic of the second-level cache and of DRAM.
     pub memory: Traffic,
     /// Lookups of the first-level texture caches by fragments, and misses.
     pub textures: [f64; 2],
+}
+
+/// What stands behind two units that bound a phase in turn.
+pub const IN_TURN: &str = " in turn";
+
+impl PhaseEstimate {
+    /// What bounds it: a unit, or two in turn.
+    pub fn limited(&self) -> String {
+        if self.turns.is_empty() { self.limit.to_owned() } else { format!("{} and {}{IN_TURN}", self.limit, self.turns) }
+    }
 }
 
 /// Cycles of a frame.
@@ -104,7 +116,7 @@ impl FrameEstimate {
     /// The phases with whole cycles, as a report has them.
     pub fn phases(&self) -> Vec<PhaseReport> {
         let phase =
-            |p: &PhaseEstimate| Phase { kind: p.kind, number: p.number, label: p.label.clone(), begin: 0, limit: p.limit };
+            |p: &PhaseEstimate| Phase { kind: p.kind, number: p.number, label: p.label.clone(), begin: 0, limit: p.limited() };
         self.phases.iter().map(|p| PhaseReport::estimated(phase(p), p.cycles.round() as Cycle)).collect()
     }
 }
@@ -155,6 +167,13 @@ impl Roofs {
             Some((_, sum)) => *sum += cycles,
             None => self.units.push((unit, cycles)),
         }
+    }
+
+    /// The unit with most work beside the slowest.
+    fn second(&self) -> &'static str {
+        let (slowest, _) = self.slowest();
+        let others = self.units.iter().copied().filter(|&(unit, _)| unit != slowest);
+        others.fold(("", 0.0), |most, unit| if unit.1 > most.1 { unit } else { most }).0
     }
 
     fn slowest(&self) -> (&'static str, f64) {
@@ -354,7 +373,7 @@ impl<'c> Bound<'c> {
             }
         };
         let (limit, most) = roofs.slowest();
-        PhaseEstimate { kind, number, label, cycles: most + latency, limit, units: roofs.units, memory, textures }
+        PhaseEstimate { kind, number, label, cycles: most + latency, limit, turns: "", units: roofs.units, memory, textures }
     }
 
     /// The second level's traffic of a touch that no first-level cache serves.

@@ -142,12 +142,14 @@ impl Bound<'_> {
         roofs.add("l2", rest.lookups / f64::from(l2.slices * l2.lookups_per_cycle));
         roofs.add("dram", self.dram(&rest));
         let (mut limit, mut most) = roofs.slowest();
+        let mut turns = "";
         if fluid > most {
             // The difference comes from units that take turns at being the slowest.
-            (limit, most) = (if most > 0.9 * fluid { limit } else { "imbalance" }, fluid);
+            turns = if most > 0.9 * fluid { "" } else { roofs.second() };
+            most = fluid;
         }
         if binning > most {
-            limit = geometry.slowest().0;
+            (limit, turns) = (geometry.slowest().0, "");
         }
         most += binning;
         geometry.units.iter().for_each(|&(unit, cycles)| roofs.add(unit, cycles));
@@ -161,16 +163,17 @@ impl Bound<'_> {
         };
         roofs.add("compose", composed.cycles);
         memory += composed.traffic;
-        limit = if composed.cycles > most {
-            if self.dram(&composed.traffic) > composed.units { "dram" } else { "compose" }
-        } else {
-            limit
-        };
+        if composed.cycles > most {
+            let dram = self.dram(&composed.traffic) > composed.units;
+            (limit, turns) = (if dram { "dram" } else { "compose" }, "");
+        }
         // Resolves begin when all is drawn.
         let resolve = self.resolve(color, [blocks[1] as f64, drawn], &traffic.resolved);
         roofs.add("resolve", resolve);
         memory += traffic.resolved;
-        limit = if resolve > most.max(composed.cycles) { "resolve" } else { limit };
+        if resolve > most.max(composed.cycles) {
+            (limit, turns) = ("resolve", "");
+        }
         let skipped = draws.is_empty() && resolve == 0.0 && config.command.skip_empty_passes;
         let barrier = if skipped { 0.0 } else { f64::from(config.command.barrier_cycles) };
         let cleared = self.cleared(*size, color.iter().chain(depth));
@@ -178,7 +181,7 @@ impl Bound<'_> {
         let clears = cleared / f64::from(config.memory.port_width);
         let cycles = most + first_and_last + left + composed.cycles + resolve + barrier + clears;
         let (kind, number, label) = (PhaseKind::Pass, *number, label.clone());
-        PhaseEstimate { kind, number, label, cycles, limit, units: roofs.units, memory, textures }
+        PhaseEstimate { kind, number, label, cycles, limit, turns, units: roofs.units, memory, textures }
     }
 
     /// Bytes that a pass clears in memory before it begins: of attachments that it does not load, where clears are not by flag.

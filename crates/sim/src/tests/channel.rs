@@ -69,7 +69,7 @@ fn a_full_channel_counts_its_full_cycles() {
         // Pushed 0, 0; popped at 1, then every tenth cycle; each freed slot is filled in the next cycle.
         run(&mut machine, &mut (), clock, 100, |m, _| m.sink.log.len() == 6).unwrap();
         assert_eq!(machine.sink.log.iter().map(|&(t, _)| t).collect::<Vec<_>>(), [1, 11, 21, 31, 41, 51]);
-        let reading = machine.wires().reading();
+        let reading = machine.reading();
         // Full at the start of cycle 1, and from 3 to 11, 13 to 21, 23 to 31, 33 to 41.
         assert_eq!(reading.channels[0].full_cycles, 1 + 4 * 9);
         assert_eq!(reading.channels[0].items, 6);
@@ -95,7 +95,7 @@ fn the_sum_of_residence_times_is_the_integral_of_occupancy() {
             let now = machine.wires().now();
             machine.wires_mut().advance(now + 1);
         }
-        assert_eq!(machine.wires().reading().channels[0].occupancy, integral);
+        assert_eq!(machine.reading().channels[0].occupancy, integral);
         assert_eq!(machine.sink.residence, integral);
     }
 }

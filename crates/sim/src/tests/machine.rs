@@ -169,12 +169,12 @@ fn a_run_goes_on_where_the_last_one_ended_and_readings_give_frames() {
     let mut machine = pair(5);
     run(&mut machine, &mut (), Clock::SkipIdle, 100, |m, _| m.sink[0].log.len() == 5).unwrap();
     machine.wires_mut().settle();
-    let first = machine.wires().reading();
+    let first = machine.reading();
     machine.source.n = 8;
     machine.wires_mut().wake_all();
     run(&mut machine, &mut (), Clock::SkipIdle, 100, |m, _| m.sink[0].log.len() == 8).unwrap();
     machine.wires_mut().settle();
-    let frame = machine.wires().tree(&machine.wires().reading().since(&first), &[3, 3]);
+    let frame = machine.wires().tree(&machine.reading().since(&first), &[3, 3]);
     for (path, expected) in [
         ("units.source[0].items", 3.0),
         ("units.source[0].busy", 3.0),

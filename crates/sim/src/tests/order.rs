@@ -52,7 +52,7 @@ fn outcome(mut machine: Diamond) -> RunRecord {
     machine.wires_mut().settle();
     let (items, resident) = machine.tally();
     assert_eq!(resident, [0; 5]);
-    (std::mem::take(&mut machine.merge.log), machine.wires().reading(), items)
+    (std::mem::take(&mut machine.merge.log), machine.reading(), items)
 }
 
 const SHAPES: [[(u32, u32, u32); 5]; 4] = [

@@ -77,6 +77,11 @@ impl Fixed {
         self.age[place as usize] = born;
     }
 
+    /// Whether a place was last taken by a warp.
+    pub(super) fn is_of(&self, place: u32, born: u64) -> bool {
+        self.age[place as usize] == born
+    }
+
     /// The time that a warp waits after an instruction of each class of a step, in parts of a cycle; whether these are the latencies; and the
     /// number of instructions, of 256, that are issued beside the instruction before them.
     ///
@@ -216,6 +221,9 @@ pub(super) struct Issue {
     /// When each class's lanes take the next instruction; and when they are free, in cycles times lanes, where they are uneven.
     free_at: [Cycle; Class::COUNT],
     lanes_at: [u64; Class::COUNT],
+    /// Cycles in which lanes take in instructions, up to `taken_until`.
+    taken: u64,
+    taken_until: Cycle,
     /// Where round robin goes on, modulo the places.
     next: u32,
     /// Warp instructions issued by class.
@@ -256,6 +264,8 @@ impl Issue {
             turning: 0,
             free_at: [0; Class::COUNT],
             lanes_at: [0; Class::COUNT],
+            taken: 0,
+            taken_until: 0,
             next: 0,
             issued: [0; Class::COUNT],
         }
@@ -373,6 +383,23 @@ impl Issue {
         self.barrier |= bit & self.ends_in_barrier;
         self.finished |= bit & self.ends_in_end;
         self.asking |= bit & !self.ends_in_barrier & !self.ends_in_end;
+    }
+
+    /// The cycles before `cycle` in which lanes take in instructions, all before it being done.
+    #[inline(always)]
+    pub(super) fn taken_before(&self, cycle: Cycle) -> u64 {
+        self.taken - self.taken_until.saturating_sub(cycle)
+    }
+
+    /// Lanes are taken to be free from a cycle on: no warp is left.
+    pub(super) fn stop_lanes(&mut self, cycle: Cycle) {
+        self.taken = self.taken_before(cycle);
+        self.taken_until = self.taken_until.min(cycle);
+    }
+
+    /// Whether no warp issues before `cycle` that has not issued yet.
+    pub(super) fn is_done_before(&self, cycle: Cycle) -> bool {
+        self.at >= cycle || self.next(self.at) >= cycle
     }
 
     /// Whether a warp waits at the end of its step.
@@ -575,6 +602,9 @@ impl Issue {
         } else {
             self.free_at[class] = free;
         }
+        let until = self.free_at[class];
+        self.taken += until.saturating_sub(self.taken_until.max(now));
+        self.taken_until = self.taken_until.max(until);
         self.used[class] += if fixed.dual { places.count_ones() } else { 0 };
         let exact = self.exact;
         let (mut going, mut done) = (places, 0);

@@ -1,5 +1,6 @@
 //! A multithreaded SIMT core: holds warps, issues their instructions by class, and hides what memory takes behind other warps.
 
+mod account;
 mod issue;
 #[cfg(test)]
 mod plain;
@@ -9,13 +10,14 @@ mod turns;
 use super::card::{Card, Fault};
 use super::token::WarpToken;
 use super::warp::Execution;
+use account::{Full, Hours};
 use gfx::stage::{Stage, StageMap};
 use issue::{Fixed, Issue, PLACES, bits};
 use knob::Allowed;
-use num::NEVER;
+use num::{Cycle, NEVER};
 use shared::{SHARED, SharedMemory};
 use sim::{Counted, In, Out, Tick, Unit, Wires};
-use stats::Heading;
+use stats::{Cycles, Heading};
 use turns::Turns;
 use work::{Class, InFlight, RequestKind, Service, ServiceMap, Step};
 
@@ -44,7 +46,7 @@ knob::knobs! {
     pub struct CoreConfig {
         /// Cores in each pipeline.
         per_pipeline: u32 ["cores", Allowed::Range(1, 8), "four multiprocessors a cluster (NVIDIA 2014, GeForce GTX 980 white paper, p. 6)"]
-            {estimate: Used, relax: Units("twice the cores, each with its texture unit"), advice: []},
+            {estimate: Used, relax: Units("twice the cores, texture units and texture caches"), advice: []},
         /// Whether these cores also shade vertices; if not, there are vertex cores.
         unified: bool ["", Allowed::Switch, "unified since 2006"]
             {estimate: Used, relax: Never, advice: []},
@@ -277,6 +279,7 @@ pub struct Core {
     born: u64,
     /// Steps begun by warps since the start.
     begun: u64,
+    hours: Hours,
     /// The workgroup whose warps are being taken in, how many are still to come, and workgroup memory that none of it holds.
     taking: Option<(u32, u32, u32)>,
     /// The workgroup that runs in turns.
@@ -284,10 +287,10 @@ pub struct Core {
 }
 
 /// The heading of cores in the statistics.
-pub const CORES: Heading = Heading::new("shading.core[i]", "Warp instructions by class.");
+pub const CORES: Heading = Heading::new("shading.core[i]", "Warp instructions by class, and warps held.");
 
 stats::counters! {
-    /// Warp instructions issued by a core.
+    /// Warp instructions issued by a core, and the warps that it held.
     pub struct CoreCounts {
         /// Single-precision.
         float: "instructions",
@@ -301,6 +304,18 @@ stats::counters! {
         multiply: "instructions",
         /// Of all these, those of warps of vertices.
         vertex: "instructions",
+        /// Of the cycles under `memory`, those in which the oldest warp waited for the texture unit, which also loads from buffers.
+        texture_waits: "cycles",
+        /// Warps held, summed over the cycles: divided by `slot_cycles`, the occupancy.
+        warp_cycles: "cycles",
+        /// Slots for warps, summed over the cycles.
+        slot_cycles: "cycles",
+        /// A warp waited outside: all slots held warps.
+        full_warps: "cycles",
+        /// A warp waited outside: too few registers were left for it.
+        full_registers: "cycles",
+        /// A warp waited outside: its workgroup did not fit beside what the core held.
+        full_workgroups: "cycles",
     }
 }
 
@@ -326,16 +341,16 @@ impl Core {
             shared: config.shared_bytes,
             born: 0,
             begun: 0,
+            hours: Hours::default(),
             taking: None,
             turns: None,
             config,
         }
     }
 
-    /// Instructions by class.
-    pub fn counts(&self) -> CoreCounts {
-        let [float, integer, special, control, multiply] = self.issue.issued;
-        CoreCounts { float, integer, special, control, multiply, vertex: self.vertex }
+    /// Instructions in all, and those of vertices.
+    pub fn instructions(&self) -> (u64, u64) {
+        (self.issue.issued.iter().sum(), self.vertex)
     }
 
     /// The number of steps that warps have begun.
@@ -442,7 +457,13 @@ impl Core {
     #[inline(always)]
     fn take(&mut self, wires: &mut Wires, card: &mut Card, stage: Stage) -> Tick {
         match &self.ports.stages[stage] {
-            Some((input, _)) if wires.can_pop(input) && self.held != self.all => self.take_in(wires, card, stage),
+            Some((input, _)) if wires.can_pop(input) => {
+                if self.held != self.all {
+                    return self.take_in(wires, card, stage);
+                }
+                self.hours.refuse(Full::Warps);
+                Tick::Starved
+            }
             _ => Tick::Starved,
         }
     }
@@ -456,6 +477,7 @@ impl Core {
             let Some(token) = wires.front(input) else { return did };
             let free = self.all & !self.held;
             if free == 0 {
+                self.hours.refuse(Full::Warps);
                 return did;
             }
             let warp = &card.warps[self.cluster][token.warp];
@@ -477,6 +499,7 @@ impl Core {
                 if siblings as usize > self.resident.len() || all > u64::from(self.config.registers) {
                     // If the core has too few places or registers for the whole group, the group has the core for itself.
                     if self.held != 0 || self.turns.is_some() {
+                        self.hours.refuse(Full::Workgroups);
                         return did;
                     }
                     self.shared -= shared;
@@ -487,10 +510,14 @@ impl Core {
                     || u64::from(self.registers) < all
                     || self.shared < shared
                 {
+                    self.hours.refuse(Full::Workgroups);
                     return did;
                 }
             }
-            let Some(held) = self.place_for(registers) else { return did };
+            let Some(held) = self.place_for(registers) else {
+                self.hours.refuse(Full::Registers);
+                return did;
+            };
             self.shared -= shared;
             if let Some(turns) = self.turns.as_mut().filter(|_| stage.has_workgroups()) {
                 turns.coming -= 1;
@@ -509,12 +536,41 @@ impl Core {
 impl Unit<Card> for Core {
     fn tick(&mut self, wires: &mut Wires, card: &mut Card) -> Tick {
         let now = wires.now();
-        let mut did = Tick::Starved;
 
         // 0. Issue instructions for the cycles since the last tick.
         if self.issue.advance(&self.fixed, now) != 0 {
             wires.works();
         }
+        self.close_span(now);
+        let did = self.act(now, wires, card);
+        self.open_span(now);
+        did
+    }
+
+    fn items(&self) -> u64 {
+        self.issue.issued.iter().sum()
+    }
+
+    fn resident(&self) -> u64 {
+        u64::from(self.held.count_ones()) + self.turns.as_ref().map_or(0, |turns| turns.away() as u64)
+    }
+
+    fn account(&self, account: Cycles, cycle: Cycle) -> (Cycles, u64) {
+        self.attribute(account, cycle)
+    }
+
+    fn counted(groups: &mut Counted<Self>) {
+        // Cores that shade nothing but vertices are not counted.
+        groups.timed_if(CORES, |unit, cycle| unit.ports.stages[Stage::Fragment].is_some().then(|| unit.counts(cycle)));
+        groups.group_if(SHARED, |unit| unit.ports.stages[Stage::Compute].is_some().then(|| unit.memory.counts()));
+    }
+}
+
+impl Core {
+    /// The work of a cycle, after that of the cycles since the last tick.
+    #[inline(always)]
+    fn act(&mut self, now: Cycle, wires: &mut Wires, card: &mut Card) -> Tick {
+        let mut did = Tick::Starved;
 
         // 1. Warps that are done leave.
         if self.issue.finished != 0 {
@@ -567,6 +623,7 @@ impl Unit<Card> for Core {
             let takes = |unit: Service| ports[unit].as_ref().is_none_or(|(requests, _)| wires.can_push(requests));
             if !Service::ALL.into_iter().filter(|&unit| units[unit]).all(takes) {
                 did = did.or(Tick::Blocked);
+                self.hours.stuck = true;
                 break;
             }
             for unit in Service::ALL.into_iter().filter(|&unit| units[unit]) {
@@ -622,22 +679,6 @@ impl Unit<Card> for Core {
         why
     }
 
-    fn items(&self) -> u64 {
-        self.issue.issued.iter().sum()
-    }
-
-    fn resident(&self) -> u64 {
-        u64::from(self.held.count_ones()) + self.turns.as_ref().map_or(0, |turns| turns.away() as u64)
-    }
-
-    fn counted(groups: &mut Counted<Self>) {
-        // Cores that shade nothing but vertices are not counted.
-        groups.group_if(CORES, |unit| unit.ports.stages[Stage::Fragment].is_some().then(|| unit.counts()));
-        groups.group_if(SHARED, |unit| unit.ports.stages[Stage::Compute].is_some().then(|| unit.memory.counts()));
-    }
-}
-
-impl Core {
     /// Warps that are done leave, as far as there is room.
     fn leave(&mut self, wires: &mut Wires, card: &mut Card) -> Tick {
         let mut did = Tick::Starved;
@@ -651,6 +692,7 @@ impl Core {
             let Some((_, output)) = &self.ports.stages[resident.stage] else { continue };
             if !wires.try_push(output, WarpToken { warp: number }) {
                 did = did.or(Tick::Blocked);
+                self.hours.stuck = true;
                 continue;
             }
             if ends {

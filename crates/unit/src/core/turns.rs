@@ -113,6 +113,7 @@ impl Core {
         self.resident[place as usize] = resident;
         self.held |= 1 << place;
         self.fixed.take(place, self.born);
+        self.hours.take(place, self.born);
         self.born += 1;
         self.enter_step(card, place);
     }

@@ -5,11 +5,12 @@ use std::sync::Arc;
 use super::kit::{Echo, FREE, Sink, TokenSource, settle};
 use super::scenery::{card, draw, step, warp};
 use crate::card::{Card, ComputeWork, Fault};
-use crate::core::{Core, CoreConfig, CorePorts, Scheduling};
+use crate::core::{Core, CoreConfig, CoreCounts, CorePorts, Scheduling};
 use crate::token::WarpToken;
 use gfx::stage::Stage;
 use num::Cycle;
-use sim::{Clock, One, Unit, Wiring, run};
+use sim::{Circuit, Clock, One, Unit, Wiring, run};
+use stats::Cycles;
 use work::*;
 
 sim::circuit! {
@@ -537,4 +538,59 @@ fn a_workgroup_whose_memory_does_not_fit_is_refused_by_name() {
              core.shared_bytes)"
         );
     }
+}
+
+/// What a core counts in a run: its account, and its own counters.
+fn counted(config: &CoreConfig, work: &[Work]) -> (Cycles, CoreCounts) {
+    settle(
+        || circuit(config, work),
+        |c, _| c.core.resident() == 0 && c.sinks.iter().map(|sink| sink.got.len()).sum::<usize>() == work.len(),
+        |c, _| {
+            let core = c.wires().units().position(|(name, _)| name == "core").expect("a core");
+            (c.reading().units[core], c.core.counts(c.wires().now()))
+        },
+    )
+}
+
+#[test]
+fn a_core_is_busy_where_lanes_take_in_instructions() {
+    // One warp of ten instructions: each waits for the latency of the one before it. Taken in cycle 1, it leaves behind the last.
+    let warp = || Work::fragments(&to_the_end([10, 0, 0, 0, 0]));
+    let (one, counts) = counted(&config(), &[warp()]);
+    assert_eq!((one.busy, one.latency, one.memory, one.blocked), (10, 1 + 9 * 5, 0, 0));
+    assert_eq!((counts.warp_cycles, counts.slot_cycles), (1 + 54 + 1, 8 * one.total()));
+    // Six hide the latency.
+    let (six, counts) = counted(&config(), &vec![warp(); 6]);
+    assert_eq!((six.busy, six.latency), (60, 1));
+    assert_eq!((counts.full_warps, counts.full_registers, counts.full_workgroups), (0, 0, 0));
+    // A warp of 32 holds 8 lanes for four cycles, in which it is taken in; it does not wait for them behind its last instruction.
+    let (special, _) = counted(&config(), &[Work::fragments(&to_the_end([0, 0, 10, 0, 0]))]);
+    assert_eq!((special.busy, special.latency), (9 * 4 + 2, 1 + 9 * 16));
+}
+
+#[test]
+fn a_core_waits_for_what_its_oldest_warp_waits_for() {
+    let load = [step([1, 0, 0, 0, 0], RequestKind::Texture), step([1, 0, 0, 0, 0], RequestKind::End)];
+    let (account, counts) = counted(&config(), &[Work::fragments(&load)]);
+    // The request is on its way for a cycle, and so is the answer.
+    assert_eq!((account.busy, account.memory, counts.texture_waits), (2, TEXTURE + 1, TEXTURE + 1));
+    // Another warp works in a part of this time.
+    let mut work = vec![Work::fragments(&load)];
+    work.extend(vec![Work::fragments(&to_the_end([5, 0, 0, 0, 0])); 2]);
+    let (both, _) = counted(&config(), &work);
+    assert_eq!((both.busy, both.busy + both.memory), (12, account.busy + account.memory));
+}
+
+#[test]
+fn a_core_counts_why_a_warp_is_not_taken_in() {
+    let warp = || Work::fragments(&to_the_end([10, 0, 0, 0, 0]));
+    let full = |config: &CoreConfig, work: &[Work]| {
+        let (_, counts) = counted(config, work);
+        [counts.full_warps, counts.full_registers, counts.full_workgroups].map(|cycles| cycles > 0)
+    };
+    assert_eq!(full(&config(), &vec![warp(); 8]), [false; 3]);
+    assert_eq!(full(&config(), &vec![warp(); 9]), [true, false, false]);
+    assert_eq!(full(&CoreConfig { registers: 1024, ..config() }, &vec![warp(); 3]), [false, true, false]);
+    let group = |number| Work::of_group(&to_the_end([10, 0, 0, 0, 0]), number, 1, 16_000);
+    assert_eq!(full(&config(), &[group(1), group(2)]), [false, false, true]);
 }

@@ -197,7 +197,7 @@ pub fn settle<K: Circuit<Context = Card>, R: PartialEq + Debug>(
         run(&mut circuit, &mut card, clock, 10_000, &done).unwrap_or_else(|stuck| panic!("{clock:?}: {stuck}"));
         assert_eq!(card.fault, None, "{clock:?}");
         circuit.wires_mut().settle();
-        for unit in circuit.wires().reading().units {
+        for unit in circuit.reading().units {
             assert_eq!(unit.total(), circuit.wires().now(), "{clock:?}: the account of a unit");
         }
         (circuit.wires().now(), circuit.tree().json().to_string(), card.funnel.total(), read(&circuit, &card))

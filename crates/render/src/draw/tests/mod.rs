@@ -173,7 +173,8 @@ impl Scene {
     }
 
     fn pipeline(&self) -> Result<Arc<RenderPipeline>, PipelineError> {
-        let module = Module::with_limits("scene", ModuleSource::Wgsl(&self.source), &self.limits).unwrap_or_else(|e| panic!("{e}"));
+        let module =
+            Module::with_limits("scene", ModuleSource::Wgsl(&self.source), &self.limits).unwrap_or_else(|e| panic!("{e}"));
         let module = Arc::new(module);
         let modules = StageMap::from_fn(|_| Some(module.clone()));
         RenderPipeline::new(&self.state, &modules, work::CulledLate::NONE, "scene").map(Arc::new)

@@ -261,7 +261,7 @@ pub struct RigResult {
 impl RigResult {
     pub fn of(mut rig: Rig, map: &NetworkMap) -> RigResult {
         rig.wires_mut().settle();
-        for unit in rig.wires().reading().units {
+        for unit in rig.reading().units {
             assert_eq!(unit.total(), rig.wires().now(), "the account of a unit");
         }
         let (cycles, tree) = (rig.wires().now(), rig.tree());
