@@ -403,7 +403,8 @@ fn what_sorts_limits_where_it_is_slow() {
     ] {
         let sort = format!("sort={class}");
         let [before, after] = [vec![sort.as_str()], vec![sort.as_str(), change]].map(|set| run(trace, Fidelity::Bound, &set));
-        let limits: Vec<_> = after.frames.iter().flat_map(|frame| &frame.phases).map(|phase| phase.phase.limit).collect();
+        let phases = after.frames.iter().flat_map(|frame| &frame.phases);
+        let limits: Vec<&str> = phases.map(|phase| phase.phase.limit.as_str()).collect();
         eprintln!("{class}, {change}: {} from {}, {limits:?}", cycles(&after), cycles(&before));
         assert!(limits.contains(&unit), "{class}, {change}: {limits:?}");
         assert!(cycles(&after) > least * cycles(&before), "{class}, {change}");
