@@ -1,0 +1,14 @@
+//! Captures of Vulkan programs by GFXReconstruct (`.gfxr`): a reader of versions 0.0 and 0.1.
+
+mod block;
+mod decode;
+mod error;
+mod layout;
+mod reader;
+mod value;
+
+pub use block::{Block, Body, Compression, DeviceProperties, ExeFile, Header, MAGIC, Marker, SwapchainImage};
+pub use error::{Cause, Error};
+pub use layout::{constant, constant_name};
+pub use reader::{Cut, Limits, Reader};
+pub use value::{Call, Chain, Enum, Member, Struct, Value, ValueError};
