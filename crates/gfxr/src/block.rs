@@ -3,7 +3,7 @@
 use crate::value::Call;
 
 /// The header of a capture.
-#[derive(Clone, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Header {
     /// The major version of the format.
     pub major: u32,
@@ -11,6 +11,13 @@ pub struct Header {
     pub minor: u32,
     /// How blocks are compressed, if they are.
     pub compression: Compression,
+}
+
+impl Default for Header {
+    /// Version 0.0 without compression.
+    fn default() -> Self {
+        Header { major: 0, minor: 0, compression: Compression::None }
+    }
 }
 
 impl Header {
@@ -340,7 +347,7 @@ pub(crate) mod meta {
 }
 
 /// Types of blocks.
-pub(crate) mod block {
+pub(crate) mod block_type {
     pub const FRAME: u32 = 1;
     pub const STATE: u32 = 2;
     pub const META: u32 = 3;
@@ -351,8 +358,10 @@ pub(crate) mod block {
     pub const COMPRESSED: u32 = 1 << 31;
 }
 
-/// The bytes of a text of a fixed length in [`ExeFile`], and of the driver's.
+/// The bytes of a text in [`ExeFile`].
 pub(crate) const EXE_TEXT: usize = 256;
+/// The bytes of the text of [`Body::Driver`].
+pub(crate) const DRIVER_TEXT: usize = 1024;
 /// The key of the option of the header that names the compression.
 pub(crate) const COMPRESSION_KEY: u32 = 1;
 /// The first bytes of a capture.

@@ -18,8 +18,10 @@ pub(crate) mod attribute {
 }
 use attribute::*;
 
-/// Structures within structures. All structures that extend the features of a device in one chain are fewer.
-pub(crate) const DEPTH: usize = 512;
+/// The most structures of a chain, all those within which it stands included. All structures that extend the features of a device are fewer.
+pub(crate) const CHAIN: usize = 512;
+/// The most structures within structures that are no links of a chain.
+pub(crate) const NESTED: usize = 48;
 
 pub(crate) const ACCELERATION_STRUCTURE: u32 = 1_000_150_000;
 pub(crate) const INLINE_UNIFORM_BLOCK: u32 = 1_000_138_000;
@@ -48,7 +50,7 @@ pub(crate) fn motion(kind: i32) -> Option<&'static str> {
 
 /// The parameters and the result of a call.
 pub(crate) fn call(of: &'static CallLayout, bytes: &[u8]) -> Result<Call, Fault> {
-    let mut values = Values { bytes, depth: 0 };
+    let mut values = Values { bytes, nested: 0, depth: 0 };
     let mut parameters = Vec::with_capacity(of.parameters.len());
     values.fields(&of.parameters, &mut parameters)?;
     let result = of.result.as_ref().map(|kind| values.value(kind)).transpose().map_err(|fault| fault.member("the result"))?;
@@ -61,6 +63,8 @@ pub(crate) fn call(of: &'static CallLayout, bytes: &[u8]) -> Result<Call, Fault>
 /// The bytes that are left.
 struct Values<'a> {
     bytes: &'a [u8],
+    /// Structures around the next value, without and with the links of chains.
+    nested: usize,
     depth: usize,
 }
 
@@ -113,14 +117,62 @@ impl Values<'_> {
     }
 
     fn structure(&mut self, of: &'static StructLayout) -> Result<Struct, Fault> {
-        if self.depth == DEPTH {
-            return Err(Cause::Depth(DEPTH).into());
+        if self.nested == NESTED {
+            return Err(Cause::Depth(NESTED).into());
         }
+        self.nested += 1;
         self.depth += 1;
         let mut members = Vec::with_capacity(of.fields.len());
         self.fields(&of.fields, &mut members)?;
+        self.nested -= 1;
         self.depth -= 1;
         Ok(Struct { name: of.name, members })
+    }
+
+    /// A chain. The rest of a structure stands after the whole chain behind it. It takes no stack, however long it is.
+    fn chain(&mut self) -> Result<Value, Fault> {
+        let mut open: Vec<(&StructLayout, Vec<(&'static str, Value)>)> = Vec::new();
+        let depth = self.depth;
+        let mut value = loop {
+            match self.link().map_err(|cause| Fault::from(cause).index(open.len()))? {
+                Ok(of) if self.depth == CHAIN => {
+                    return Err(Fault::from(Cause::Depth(CHAIN)).index(open.len()).member(of.name));
+                }
+                Ok(of) => {
+                    self.depth += 1;
+                    let mut members = Vec::with_capacity(of.fields.len());
+                    self.fields(&of.fields[..1], &mut members)?;
+                    open.push((of, members));
+                }
+                Err(end) => break end,
+            }
+        };
+        while let Some((of, mut members)) = open.pop() {
+            members.push(("pNext", value));
+            self.fields(&of.fields[2..], &mut members).map_err(|fault| fault.index(open.len()))?;
+            value = Value::Struct(Struct { name: of.name, members });
+        }
+        self.depth = depth;
+        Ok(value)
+    }
+
+    /// The next structure of a chain, or the value at its end.
+    fn link(&mut self) -> Result<Result<&'static StructLayout, Value>, Cause> {
+        let attributes = self.u32()?;
+        if attributes & NULL != 0 {
+            return Ok(Err(Value::Null));
+        }
+        if attributes & ADDRESS != 0 {
+            self.u64()?;
+        }
+        if attributes & (ARRAY | ARRAY_2D | STRING | WIDE) != 0 {
+            return Err(Cause::Attributes(attributes));
+        }
+        if attributes & DATA == 0 {
+            return Ok(Err(Value::Omitted(1)));
+        }
+        let tag = self.bytes.first_chunk().map(|tag| u32::from_le_bytes(*tag)).ok_or(Cause::End)?;
+        layout().chained(tag).map(Ok).ok_or(Cause::Structure(tag))
     }
 
     fn value(&mut self, kind: &'static Kind) -> Result<Value, Fault> {
@@ -138,7 +190,8 @@ impl Values<'_> {
             Kind::Struct(place) => Value::Struct(self.structure(&layout().structs[*place])?),
             Kind::Union(union) => self.union(union, &[])?,
             Kind::Pointer(inner) | Kind::Array(inner) => self.pointer(inner, matches!(kind, Kind::Array(_)))?,
-            Kind::Str | Kind::WideStr | Kind::Next => self.pointer(kind, false)?,
+            Kind::Str | Kind::WideStr => self.pointer(kind, false)?,
+            Kind::Next => self.chain()?,
             Kind::Template => self.template()?,
         })
     }
@@ -172,11 +225,6 @@ impl Values<'_> {
             Kind::U32 if array || several => {
                 let words = self.run(count.checked_mul(4).ok_or(Cause::Length(count))?)?;
                 return Ok(Value::Words(words.as_chunks().0.iter().map(|word| u32::from_le_bytes(*word)).collect()));
-            }
-            Kind::Next if several => return Err(Cause::Attributes(attributes).into()),
-            Kind::Next => {
-                let tag = self.bytes.first_chunk().map(|tag| u32::from_le_bytes(*tag)).ok_or(Cause::End)?;
-                return Ok(Value::Struct(self.structure(layout().chained(tag).ok_or(Cause::Structure(tag))?)?));
             }
             _ if !array && !several => return self.value(inner),
             _ => {}

@@ -34,6 +34,30 @@ pub(crate) enum Kind {
     Template,
 }
 
+impl Kind {
+    /// What it is, for messages.
+    pub fn name(&self) -> &'static str {
+        match self {
+            Kind::U8 => "u8",
+            Kind::U16 => "u16",
+            Kind::U32 => "u32",
+            Kind::I32 => "i32",
+            Kind::U64 => "u64",
+            Kind::I64 => "i64",
+            Kind::F32 => "f32",
+            Kind::F64 => "f64",
+            Kind::Handle => "a handle",
+            Kind::Enum(name) | Kind::Union(name) => name,
+            Kind::Struct(place) => layout().structs[*place].name,
+            Kind::Pointer(_) => "a pointer",
+            Kind::Array(_) => "an array",
+            Kind::Str | Kind::WideStr => "a string",
+            Kind::Next => "a structure",
+            Kind::Template => "the data of an update template",
+        }
+    }
+}
+
 /// A parameter or a member.
 #[derive(Debug)]
 pub(crate) struct Field {
@@ -88,6 +112,13 @@ impl Layout {
     /// The call of a number, if the table has it.
     pub fn call(&self, number: u32) -> Option<&CallLayout> {
         self.calls.get(&number)
+    }
+
+    #[cfg(test)]
+    pub fn calls(&self) -> impl Iterator<Item = &CallLayout> {
+        let mut calls: Vec<_> = self.calls.values().collect();
+        calls.sort_by_key(|call| call.number);
+        calls.into_iter()
     }
 
     pub fn call_of_name(&self, name: &str) -> Option<&CallLayout> {

@@ -77,6 +77,17 @@ impl<R: Read> Reader<R> {
         self.cut
     }
 
+    /// Where the next block begins in the file.
+    pub fn position(&self) -> u64 {
+        self.offset
+    }
+
+    /// The input, and how many bytes are held.
+    #[cfg(test)]
+    pub(crate) fn state(&self) -> (&R, usize) {
+        (self.input.get_ref(), self.buffer.capacity())
+    }
+
     /// The next block. None at the end of the capture.
     pub fn next_block(&mut self) -> Result<Option<Block>, Error> {
         if self.done {
@@ -110,9 +121,8 @@ impl<R: Read> Reader<R> {
             self.cut = (found > 0).then_some(Cut { offset: self.offset, found: found as u64 });
             return Ok(None);
         }
-        let (size, kind) = head.split_at(8);
-        let (size, kind) =
-            (u64::from_le_bytes(size.try_into().expect("8 bytes")), u32::from_le_bytes(kind.try_into().expect("4 bytes")));
+        let mut fields = Fields(&head);
+        let (size, kind) = (fields.u64()?, fields.u32()?);
         if size > self.limits.block {
             return Err(Cause::Limit(size, self.limits.block));
         }
@@ -130,11 +140,11 @@ impl<R: Read> Reader<R> {
 
     /// The thread and the content of the block in the buffer.
     fn body(&self, kind: u32, name: &mut Option<&'static str>) -> Result<(u64, Body), Fault> {
-        let compressed = kind & block::COMPRESSED != 0;
+        let compressed = kind & block_type::COMPRESSED != 0;
         let mut fields = Fields(&self.buffer);
         let other = |kind, meta, name, data: &[u8]| Body::Other { kind, meta, name, compressed, data: data.to_vec() };
-        match kind & !block::COMPRESSED {
-            block::CALL => {
+        match kind & !block_type::COMPRESSED {
+            block_type::CALL => {
                 let (number, thread) = (fields.u32()?, fields.u64()?);
                 let unpacked;
                 let data = if compressed {
@@ -150,32 +160,34 @@ impl<R: Read> Reader<R> {
                 *name = Some(of.name);
                 Ok((thread, Body::Call(decode::call(of, data)?)))
             }
-            block::META => {
+            block_type::META => {
                 let (id, thread) = (fields.u32()?, fields.u64()?);
                 // The upper half is the family of the interface, which older files leave out for some.
                 let kind = id & 0xffff;
                 let body = match self.meta(kind, fields, compressed, name)? {
                     Some(body) => body,
-                    None => other(block::META, Some(id), meta::name(kind), fields.0),
+                    None => other(block_type::META, Some(id), meta::name(kind), fields.0),
                 };
                 Ok((thread, body))
             }
-            kind @ (block::FRAME | block::STATE) => {
-                *name = Some(if kind == block::FRAME { "frame marker" } else { "state marker" });
+            kind @ (block_type::FRAME | block_type::STATE) => {
+                *name = Some(if kind == block_type::FRAME { "frame marker" } else { "state marker" });
                 let marker = match fields.u32()? {
                     1 => Marker::Begin,
                     2 => Marker::End,
                     other => return Err(Cause::Marker(other).into()),
                 };
                 let number = fields.u64()?;
-                Ok((0, if kind == block::FRAME { Body::Frame { marker, number } } else { Body::State { marker, number } }))
+                Ok((0, if kind == block_type::FRAME { Body::Frame { marker, number } } else { Body::State { marker, number } }))
             }
-            block::ANNOTATION => {
+            block_type::ANNOTATION => {
                 *name = Some("annotation");
                 let (form, label, text) = (fields.u32()?, fields.u32()?, fields.u64()?);
                 Ok((0, Body::Annotation { form, label: fields.text(label.into())?, text: fields.text(text)? }))
             }
-            kind => Ok((0, other(kind, None, if kind == block::METHOD { "a method call of Direct3D" } else { "" }, fields.0))),
+            kind => {
+                Ok((0, other(kind, None, if kind == block_type::METHOD { "a method call of Direct3D" } else { "" }, fields.0)))
+            }
         }
     }
 
