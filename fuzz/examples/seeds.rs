@@ -17,6 +17,8 @@ mod forms;
 #[path = "../../crates/shader/tests/shaders/generate/mod.rs"]
 #[allow(dead_code, reason = "programs are written here, not run")]
 mod generate;
+#[path = "../../crates/gfxr/tests/hostile/sample.rs"]
+mod gfxr_sample;
 #[path = "../../crates/shader/tests/shaders/oracle/mod.rs"]
 #[allow(dead_code, reason = "programs are written here, not run")]
 mod oracle;
@@ -233,5 +235,7 @@ fn main() -> io::Result<()> {
         configs.add(format!("--set {setting}"))?;
     }
     Corpus::of("experiments")?.copy(&root.join("configs/experiments"), "ron", None)?;
+    let captures = Corpus::of("gfxr_reader")?;
+    gfxr_sample::all().into_iter().try_for_each(|capture| captures.add(capture))?;
     Corpus::of("replays")?.add(replays::Small::new().text)
 }

@@ -1,6 +1,7 @@
 //! Blocks of a capture.
 
 use crate::value::Call;
+use std::fmt;
 
 /// The header of a capture.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -44,6 +45,17 @@ pub enum Compression {
     Zlib,
     /// Frames of Zstandard.
     Zstd,
+}
+
+impl fmt::Display for Compression {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(match self {
+            Compression::None => "no compression",
+            Compression::Lz4 => "LZ4",
+            Compression::Zlib => "zlib",
+            Compression::Zstd => "Zstandard",
+        })
+    }
 }
 
 /// A block of a capture.

@@ -114,13 +114,6 @@ impl Layout {
         self.calls.get(&number)
     }
 
-    #[cfg(test)]
-    pub fn calls(&self) -> impl Iterator<Item = &CallLayout> {
-        let mut calls: Vec<_> = self.calls.values().collect();
-        calls.sort_by_key(|call| call.number);
-        calls.into_iter()
-    }
-
     pub fn call_of_name(&self, name: &str) -> Option<&CallLayout> {
         self.call(*self.numbers.get(name)?)
     }
@@ -240,4 +233,16 @@ pub fn constant_name(kind: &str, value: i64) -> Option<&'static str> {
 /// The value of a constant by its name. None if Vulkan has no constant of this name. A flag of 64 bits gives its bits.
 pub fn constant(name: &str) -> Option<i64> {
     layout().values.get(name).copied()
+}
+
+/// The names of all calls, in the order of their numbers.
+pub fn call_names() -> impl Iterator<Item = &'static str> {
+    let mut calls: Vec<_> = layout().calls.values().map(|call| (call.number, call.name)).collect();
+    calls.sort_unstable();
+    calls.into_iter().map(|(_, name)| name)
+}
+
+/// The names of all structures.
+pub fn structure_names() -> impl Iterator<Item = &'static str> {
+    layout().structs.iter().map(|structure| structure.name)
 }

@@ -189,6 +189,84 @@ pub struct ValueError {
     pub found: &'static str,
 }
 
+/// Elements of an array that are shown.
+const SHOWN: usize = 16;
+
+fn list<T: fmt::Display>(f: &mut fmt::Formatter<'_>, values: impl ExactSizeIterator<Item = T>) -> fmt::Result {
+    let count = values.len();
+    f.write_str("[")?;
+    for (index, value) in values.take(SHOWN).enumerate() {
+        let comma = if index > 0 { ", " } else { "" };
+        write!(f, "{comma}{value}")?;
+    }
+    if count > SHOWN {
+        write!(f, ", {} more", count - SHOWN)?;
+    }
+    f.write_str("]")
+}
+
+/// Short: long arrays are cut, bytes are counted, and handles are numbers behind `#`.
+impl fmt::Display for Value {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Value::Null => f.write_str("null"),
+            Value::Omitted(count) => write!(f, "<{count} left out>"),
+            Value::U8(value) => write!(f, "{value}"),
+            Value::U16(value) => write!(f, "{value}"),
+            Value::U32(value) => write!(f, "{value}"),
+            Value::I32(value) => write!(f, "{value}"),
+            Value::U64(value) => write!(f, "{value}"),
+            Value::I64(value) => write!(f, "{value}"),
+            Value::F32(value) => write!(f, "{value:?}"),
+            Value::F64(value) => write!(f, "{value:?}"),
+            Value::Handle(value) => write!(f, "#{value}"),
+            Value::Enum(value) => write!(f, "{value}"),
+            Value::Bytes(bytes) => write!(f, "<{} bytes>", bytes.len()),
+            Value::Words(words) if words.len() > SHOWN => write!(f, "<{} words>", words.len()),
+            Value::Words(words) => list(f, words.iter()),
+            Value::Str(text) => write!(f, "{text:?}"),
+            Value::Array(values) => list(f, values.iter()),
+            Value::Struct(structure) => write!(f, "{structure}"),
+        }
+    }
+}
+
+/// The members without `sType`, and the structures of the chain behind it.
+impl fmt::Display for Struct {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let members = |f: &mut fmt::Formatter<'_>, structure: &Struct| {
+            let shown = structure.members.iter().filter(|(name, _)| !matches!(*name, "sType" | "pNext"));
+            write!(f, "{} {{", structure.name)?;
+            for (index, (name, value)) in shown.enumerate() {
+                let comma = if index > 0 { ", " } else { "" };
+                write!(f, "{comma}{name}: {value}")?;
+            }
+            f.write_str("}")
+        };
+        members(f, self)?;
+        for next in self.next() {
+            f.write_str(" + ")?;
+            members(f, next)?;
+        }
+        Ok(())
+    }
+}
+
+impl fmt::Display for Call {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{}(", self.name)?;
+        for (index, (name, value)) in self.parameters.iter().enumerate() {
+            let comma = if index > 0 { ", " } else { "" };
+            write!(f, "{comma}{name}: {value}")?;
+        }
+        f.write_str(")")?;
+        match &self.result {
+            Some(result) => write!(f, " -> {result}"),
+            None => Ok(()),
+        }
+    }
+}
+
 /// Accessors, once for a value and once for a member, whose errors have its name.
 macro_rules! accessors {
     ($life:lifetime $($(#[$doc:meta])* $name:ident -> $of:ty, $wanted:literal: $($pattern:pat => $result:expr),+;)+) => {

@@ -201,7 +201,7 @@ impl Random {
             },
             20 => Body::Other { kind: 77, meta: None, name: "", compressed: a % 2 == 0, data: self.bytes() },
             _ => {
-                let calls: Vec<_> = layout().calls().collect();
+                let calls: Vec<_> = call_names().filter_map(|name| layout().call_of_name(name)).collect();
                 loop {
                     let of = calls[self.below(calls.len() as u64) as usize];
                     if let Some(call) = self.call(of) {
