@@ -85,6 +85,7 @@ fn what_and_when_stay_apart() {
     for name in [
         "num",
         "gfx",
+        "gfxr",
         "trace",
         "stats",
         "sim",

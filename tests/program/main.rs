@@ -10,6 +10,7 @@ mod compare;
 mod counters;
 mod draws;
 mod floors;
+mod gfxr;
 mod gl;
 mod gl_arrays;
 mod gl_buffers;

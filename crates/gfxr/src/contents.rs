@@ -78,7 +78,7 @@ impl Contents {
     /// read on.
     pub fn read<R: Read>(reader: &mut Reader<R>) -> Self {
         let mut contents = Contents { header: *reader.header(), ..Contents::default() };
-        while let Some(block) = reader.next() {
+        for block in reader.by_ref() {
             contents.blocks += 1;
             match block {
                 Ok(block) => contents.take(&block.body),

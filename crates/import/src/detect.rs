@@ -17,6 +17,8 @@ pub enum TraceKind {
     Apitrace,
     /// An OpenGL trace by GLInterceptor.
     GlInterceptor,
+    /// A capture of a Vulkan program by GFXReconstruct.
+    Gfxr,
 }
 
 impl fmt::Display for TraceKind {
@@ -26,6 +28,7 @@ impl fmt::Display for TraceKind {
             TraceKind::Wgpu => "wgpu",
             TraceKind::Apitrace => "apitrace",
             TraceKind::GlInterceptor => "GLInterceptor",
+            TraceKind::Gfxr => "GFXReconstruct",
         })
     }
 }
@@ -81,13 +84,13 @@ pub(super) fn detect_with(path: &Path, links: Links) -> Result<Option<FoundTrace
     let Ok(entries) = std::fs::read_dir(path) else { return Ok(None) };
     let mut files: Vec<PathBuf> = entries.filter_map(|entry| Some(entry.ok()?.path())).collect();
     files.sort();
-    let gl = |file: &PathBuf| {
+    let single = |file: &PathBuf| {
         let name = file.file_name()?.to_str()?;
-        let likely = name.ends_with(".trace") || name.ends_with(".txt") || name.ends_with(".txt.gz");
+        let likely = name.ends_with(".trace") || name.ends_with(".txt") || name.ends_with(".txt.gz") || name.ends_with(".gfxr");
         let kind = likely.then(|| found(file, links).ok().flatten()).flatten()?.kind;
-        matches!(kind, TraceKind::Apitrace | TraceKind::GlInterceptor).then(|| FoundTrace { kind, path: file.clone() })
+        matches!(kind, TraceKind::Apitrace | TraceKind::GlInterceptor | TraceKind::Gfxr).then(|| FoundTrace { kind, path: file.clone() })
     };
-    Ok(files.iter().find_map(gl))
+    Ok(files.iter().find_map(single))
 }
 
 /// The trace in a file.
@@ -109,6 +112,8 @@ fn kind_of_file(file: &Path, links: Links) -> io::Result<Option<TraceKind>> {
     let name = file.file_name().and_then(|name| name.to_str()).unwrap_or("");
     Ok(if start.starts_with(b"PK") {
         Some(TraceKind::Native)
+    } else if start.starts_with(&gfxr::MAGIC) {
+        Some(TraceKind::Gfxr)
     } else if start.starts_with(b"GLI0.") || (start.starts_with(b"\x1f\x8b") && name.ends_with(".txt.gz")) {
         Some(TraceKind::GlInterceptor)
     } else if name.ends_with(".trace") && (start.starts_with(b"at") || start.starts_with(b"\x1f\x8b") || is_brotli(&start)) {

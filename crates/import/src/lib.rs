@@ -85,10 +85,14 @@ fn open_as(path: &Path, reading: &Reading, frames: Range<u64>, survey: Survey) -
                 format!("is a {kind} trace, which this build cannot read: build with the feature `{feature}`"),
             ))
         }
+        Some(Found { kind: Kind::Gfxr, path: file }) => Err(TraceError::new(
+            file,
+            "is a capture of a Vulkan program: `fillrate inspect` says what is in it, and it cannot be replayed",
+        )),
         None => Err(TraceError::new(
             path,
             "is no trace: neither a native one (folder with trace.ron, or zip archive), nor a wgpu API trace (folder with \
-             trace.ron), nor an apitrace or GLInterceptor file",
+             trace.ron), nor an apitrace, GLInterceptor or GFXReconstruct file",
         )),
     }
     .map(|trace| (trace, None))

@@ -388,6 +388,8 @@ fn kinds_are_told_apart() {
     assert_eq!(import::detect(&home.path().join("gl")), found(TraceKind::Apitrace, &apitrace));
     let gli = put("gli/tracefile.txt", b"GLI0.t\n");
     assert_eq!(import::detect(&home.path().join("gli")), found(TraceKind::GlInterceptor, &gli));
+    let capture = put("vulkan/cube.gfxr", b"GFXR\0\0\0\0");
+    assert_eq!(import::detect(&home.path().join("vulkan")), found(TraceKind::Gfxr, &capture));
     let none = put("notes/notes.txt", b"hello");
     assert_eq!(import::detect(&none), None);
     assert_eq!(import::detect(none.parent().unwrap()), None);

@@ -1,5 +1,7 @@
 //! `fillrate inspect`
 
+mod vulkan;
+
 use std::path::PathBuf;
 
 use anyhow::{Result, bail};
@@ -35,6 +37,9 @@ pub struct Arguments {
 }
 
 pub fn run(arguments: &Arguments) -> Result<Verdict> {
+    if let Some(import::Found { kind: import::Kind::Gfxr, path }) = import::detect(&arguments.trace) {
+        return vulkan::run(arguments, &path);
+    }
     let (trace, report) = arguments.reading.open_to_inspect(&arguments.trace)?;
     let inspection = inspected(&trace)?;
     let summary = &inspection.summary;
@@ -175,13 +180,17 @@ fn recorded(report: &Report) {
     }
 }
 
-/// A command on one line, cut where it gets long.
+/// A command on one line.
 fn line(command: &Command) -> String {
-    const WIDTH: usize = 160;
-    let text = match command {
+    cut_line(match command {
         Command::CreateShader { id, source: ShaderSource::Wgsl(name), .. } => format!("CreateShader {} from {name}", id.0),
         command => format!("{command:?}"),
-    };
+    })
+}
+
+/// A line, cut where it gets long.
+fn cut_line(text: String) -> String {
+    const WIDTH: usize = 160;
     match text.char_indices().nth(WIDTH) {
         Some((at, _)) => format!("{}...", &text[..at]),
         None => text,
