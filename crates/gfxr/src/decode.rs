@@ -273,13 +273,14 @@ impl Values<'_> {
         while !self.bytes.is_empty() {
             let (count, kind) = (self.u64()?, self.u32()?);
             match kind {
-                ACCELERATION_STRUCTURE if count <= self.bytes.len() as u64 => {
+                ACCELERATION_STRUCTURE => {
+                    // It ends where the data end.
                     for _ in 0..count {
                         structures.push(Value::Handle(self.u64()?));
                     }
                 }
                 INLINE_UNIFORM_BLOCK => blocks.extend_from_slice(self.run(count)?),
-                _ => return Err(Cause::Length(count).into()),
+                other => return Err(Cause::Descriptor(other).into()),
             }
         }
         members.push(("accelerationStructures", Value::Array(structures)));

@@ -74,6 +74,9 @@ pub enum Cause {
     /// A union whose form is not known.
     #[error("the form of {0} is not known")]
     Union(&'static str),
+    /// A type of descriptor in the data of an update template that has no form there.
+    #[error("descriptor type {0} cannot stand in the data of an update template")]
+    Descriptor(u32),
     /// Values within values without end.
     #[error("values are nested more than {0} deep")]
     Depth(usize),

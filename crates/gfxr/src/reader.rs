@@ -314,28 +314,23 @@ impl<R: Read> Reader<R> {
         if size > self.limits.data {
             return Err(Cause::Limit(size, self.limits.data));
         }
-        let damaged = |error: String| Cause::Damaged(error);
-        let mut data = Vec::new();
-        // One byte more shows that there is more.
-        let found = match self.header.compression {
+        let read = |input: &mut dyn Read| {
+            // Data that shrink to less than this grow as they are read. One byte more shows that there is more.
+            let mut data = Vec::with_capacity((size as usize).min(bytes.len().saturating_mul(64)));
+            input.take(size.saturating_add(1)).read_to_end(&mut data).map_err(|error| error.to_string()).map(|_| data)
+        };
+        let data = match self.header.compression {
             Compression::None => return Err(Cause::Uncompressed),
             // A byte of LZ4 stands for 255 at most: more is not there, and not reserved.
             Compression::Lz4 if size / 255 > bytes.len() as u64 => Err("it is too short".to_owned()),
-            Compression::Lz4 => {
-                lz4_flex::block::decompress(bytes, size as usize).map_err(|error| error.to_string()).map(|unpacked| {
-                    data = unpacked;
-                })
-            }
-            Compression::Zlib => {
-                let read = flate2::read::ZlibDecoder::new(bytes).take(size + 1).read_to_end(&mut data);
-                read.map(drop).map_err(|error| error.to_string())
-            }
+            Compression::Lz4 => lz4_flex::block::decompress(bytes, size as usize).map_err(|error| error.to_string()),
+            Compression::Zlib => read(&mut flate2::read::ZlibDecoder::new(bytes)),
             Compression::Zstd => match ruzstd::decoding::StreamingDecoder::new(bytes) {
-                Ok(decoder) => decoder.take(size + 1).read_to_end(&mut data).map(drop).map_err(|error| error.to_string()),
+                Ok(mut decoder) => read(&mut decoder),
                 Err(error) => Err(error.to_string()),
             },
         };
-        found.map_err(damaged)?;
+        let data = data.map_err(Cause::Damaged)?;
         match data.len() as u64 {
             found if found == size => Ok(data),
             found => Err(Cause::Size { said: size, found }),
