@@ -10,7 +10,7 @@ pub struct Header {
     pub major: u32,
     /// The minor version of the format: 0, or 1 for a recorder from version 1.0.1 on.
     pub minor: u32,
-    /// How blocks are compressed, if they are.
+    /// The compression of its blocks.
     pub compression: Compression,
 }
 
@@ -22,7 +22,7 @@ impl Default for Header {
 }
 
 impl Header {
-    /// Whether a block ends a frame: a present in version 0.0, an explicit marker in version 0.1, or a frame boundary.
+    /// True if a block ends a frame. In version 0.0 a present or a frame boundary does, in version 0.1 a frame marker.
     pub fn ends_frame(&self, body: &Body) -> bool {
         match body {
             Body::Call(call) if call.name == "vkQueuePresentKHR" => self.minor == 0,
@@ -33,7 +33,7 @@ impl Header {
     }
 }
 
-/// How blocks of a capture are compressed. A block that compression does not make smaller is stored as it is.
+/// The compression of a capture. Recorders store a block as it is if compression does not make it smaller.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Compression {
     /// Not at all.
@@ -63,15 +63,15 @@ impl fmt::Display for Compression {
 pub struct Block {
     /// Its number, from 0. The header does not count.
     pub index: u64,
-    /// Where it begins in the file.
+    /// The byte of the file at which it begins.
     pub offset: u64,
     /// The thread of the program, from 1. Zero for blocks without one.
     pub thread: u64,
-    /// What it holds.
+    /// Its content.
     pub body: Body,
 }
 
-/// What a block holds.
+/// The content of a block.
 #[derive(Clone, Debug, PartialEq)]
 #[non_exhaustive]
 pub enum Body {
@@ -175,18 +175,18 @@ pub enum Body {
     },
     /// The program's file.
     ExeFile(ExeFile),
-    /// What the driver says of itself.
+    /// The driver's description of itself.
     Driver(String),
     /// A frame begins or ends. Only files of version 0.1 have it.
     Frame {
-        /// Which of both.
+        /// Begin or end.
         marker: Marker,
         /// The number of the frame in the program.
         number: u64,
     },
     /// The state at the beginning of a trimmed capture begins or ends.
     State {
-        /// Which of both.
+        /// Begin or end.
         marker: Marker,
         /// The number of the first frame in the program.
         number: u64,
@@ -200,7 +200,7 @@ pub enum Body {
         /// The text.
         text: String,
     },
-    /// A message to whoever replays the capture.
+    /// A message for the person who replays the capture.
     Message(String),
     /// A block that this package does not take apart.
     Other {
@@ -210,7 +210,7 @@ pub enum Body {
         meta: Option<u32>,
         /// Its name, empty if it is not known.
         name: &'static str,
-        /// Whether the block is marked as compressed.
+        /// True if the type of the block has the bit of compression.
         compressed: bool,
         /// The bytes behind the thread of a meta command, or else all bytes, as the file has them.
         data: Vec<u8>,
@@ -246,7 +246,7 @@ impl Body {
     }
 }
 
-/// Whether a frame or the state begins or ends.
+/// The two kinds of markers of frames and of the state.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Marker {
     /// It begins.
@@ -264,7 +264,7 @@ pub struct SwapchainImage {
     pub index: u32,
     /// Its layout, a `VkImageLayout`.
     pub layout: u32,
-    /// Whether the program has acquired it.
+    /// True if the program has acquired it and not presented it.
     pub acquired: bool,
     /// The device mask of the acquisition.
     pub device_mask: u32,
@@ -291,7 +291,7 @@ pub struct DeviceProperties {
     pub device: u32,
     /// The kind of device, a `VkPhysicalDeviceType`.
     pub device_type: u32,
-    /// What the driver names its pipeline caches by.
+    /// The UUID of the driver's pipeline caches.
     pub cache_uuid: [u8; 16],
     /// The name of the device.
     pub name: String,

@@ -1,4 +1,4 @@
-//! What is in a capture.
+//! The contents of a capture in short.
 
 use crate::block::{Body, DeviceProperties, Header, Marker};
 use crate::error::Error;
@@ -7,22 +7,22 @@ use crate::value::{Call, Enum, Struct, Value};
 use std::collections::BTreeMap;
 use std::io::Read;
 
-/// What a capture holds, from one reading of it.
+/// The contents of a capture, counted in one reading.
 #[derive(Debug, Default)]
 pub struct Contents {
     /// The header.
     pub header: Header,
     /// The number of blocks.
     pub blocks: u64,
-    /// How often each call occurs.
+    /// The number of calls by name.
     pub calls: BTreeMap<&'static str, u64>,
-    /// How often each kind of block that is no call occurs.
+    /// The number of other blocks by name.
     pub others: BTreeMap<&'static str, u64>,
-    /// How often each call occurs whose number is not known.
+    /// The number of calls that the table does not have, by their number in the capture.
     pub unknown: BTreeMap<u32, u64>,
-    /// How often calls failed, by name and result.
+    /// The number of calls that failed, by name and result.
     pub failed: BTreeMap<(&'static str, i32), u64>,
-    /// What the program said of itself when it made its instances.
+    /// The program's description of itself, once for all instances that have the same.
     pub applications: Vec<Application>,
     /// The devices of the recording.
     pub devices: Vec<DeviceProperties>,
@@ -42,7 +42,7 @@ pub struct Contents {
     pub shader_bytes: u64,
     /// The bytes that the program wrote to mapped memory, and with which buffers and images began.
     pub data_bytes: u64,
-    /// Where the capture ends within a block.
+    /// The place at which the capture ends within a block.
     pub cut: Option<Cut>,
     /// Blocks that cannot be read: the first hundred.
     pub damaged: Vec<Error>,
@@ -50,7 +50,7 @@ pub struct Contents {
     pub damaged_blocks: u64,
 }
 
-/// What a program said of itself in `VkApplicationInfo`.
+/// A program's description of itself, `VkApplicationInfo`.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Application {
     /// The name of the application.
@@ -127,7 +127,7 @@ impl Contents {
         *self.others.entry(body.name()).or_default() += 1;
     }
 
-    /// What a call that succeeded says of the program.
+    /// Takes note of a call that succeeded.
     fn call(&mut self, call: &Call) {
         let info = || call.get("pCreateInfo").value().optional();
         match call.name {

@@ -83,7 +83,7 @@ impl Values<'_> {
         self.take().map(u64::from_le_bytes)
     }
 
-    /// So many bytes.
+    /// The next `count` bytes.
     fn run(&mut self, count: u64) -> Result<&[u8], Cause> {
         let (run, rest) =
             usize::try_from(count).ok().and_then(|count| self.bytes.split_at_checked(count)).ok_or(Cause::Length(count))?;
@@ -196,7 +196,7 @@ impl Values<'_> {
         })
     }
 
-    /// What a pointer points to, by its attribute word. `inner` is the type of an element, `array` whether several are declared.
+    /// The content of a pointer, by its attribute word. `inner` is the type of an element. `array` is true if several are declared.
     fn pointer(&mut self, inner: &'static Kind, array: bool) -> Result<Value, Fault> {
         let attributes = self.u32()?;
         if attributes & NULL != 0 {

@@ -149,7 +149,7 @@ impl Bytes {
         Ok(())
     }
 
-    /// What a pointer points to. `inner` is the type of an element, `array` whether several are declared.
+    /// A pointer with its content. `inner` is the type of an element. `array` is true if several are declared.
     fn pointer(&mut self, inner: &Kind, array: bool, value: &Value) -> Result<(), Fault> {
         let of = match inner {
             Kind::Struct(_) => STRUCT,

@@ -1,4 +1,4 @@
-//! What can be wrong with a capture, and where.
+//! Errors of captures, with their place.
 
 use std::fmt;
 
@@ -7,17 +7,17 @@ use std::fmt;
 pub struct Error {
     /// The number of the block. None before the first.
     pub block: Option<u64>,
-    /// Where the block begins in the file, or how far the header was read.
+    /// The byte of the file at which the block begins, or up to which the header was read.
     pub offset: u64,
     /// The call or the kind of block.
     pub name: Option<&'static str>,
     /// The path of the member, such as `pCreateInfo.pNext[2].pCode`. Empty if no member is to blame.
     pub member: String,
-    /// What is wrong.
+    /// The fault.
     pub cause: Cause,
 }
 
-/// What is wrong with a capture.
+/// A fault of a capture.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum Cause {
@@ -51,9 +51,9 @@ pub enum Cause {
     /// The decompressed data are of another length than the block says.
     #[error("the data have {found} bytes, not {said}")]
     Size {
-        /// What the block says.
+        /// The bytes by the block's own field.
         said: u64,
-        /// What is there.
+        /// The bytes that are there.
         found: u64,
     },
     /// The content of a block ends early.

@@ -3,7 +3,7 @@
 use std::collections::HashMap;
 use std::sync::LazyLock;
 
-/// How a value is stored.
+/// The form in which a value is stored.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(crate) enum Kind {
     U8,
@@ -35,7 +35,7 @@ pub(crate) enum Kind {
 }
 
 impl Kind {
-    /// What it is, for messages.
+    /// The name, for messages.
     pub fn name(&self) -> &'static str {
         match self {
             Kind::U8 => "u8",

@@ -6,7 +6,7 @@ use crate::error::{Cause, Error, Fault};
 use crate::layout::layout;
 use std::io::{BufReader, ErrorKind, Read};
 
-/// How many bytes a reader takes into memory at once.
+/// The most bytes that a reader takes into memory at once.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Limits {
     /// The most bytes of a block as the file has it.
@@ -25,9 +25,9 @@ impl Default for Limits {
 /// The place where a capture ends within a block.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Cut {
-    /// Where the block begins in the file.
+    /// The byte of the file at which the block begins.
     pub offset: u64,
-    /// How many of its bytes are there, with its head.
+    /// The bytes of the block that are there, with its size and type.
     pub found: u64,
 }
 
@@ -72,12 +72,12 @@ impl<R: Read> Reader<R> {
         &self.header
     }
 
-    /// Where the capture ends within a block. None as long as that was not met: a whole capture never has it.
+    /// The place at which the capture ends within a block. It is known once the reader has come there, and None for a whole capture.
     pub fn cut(&self) -> Option<Cut> {
         self.cut
     }
 
-    /// Where the next block begins in the file.
+    /// The byte of the file at which the next block begins.
     pub fn position(&self) -> u64 {
         self.offset
     }

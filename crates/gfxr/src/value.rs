@@ -133,7 +133,7 @@ pub struct Call {
     pub name: &'static str,
     /// The parameters in the order of their declaration, with what the call wrote to them.
     pub parameters: Vec<(&'static str, Value)>,
-    /// What it returned. None for `void`.
+    /// The result. None for `void`.
     pub result: Option<Value>,
 }
 
@@ -147,7 +147,7 @@ impl Call {
         member(self.name, &self.parameters, name)
     }
 
-    /// Whether the call returned a `VkResult` below zero.
+    /// True if the call returned a `VkResult` below zero.
     pub fn failed(&self) -> bool {
         matches!(self.result, Some(Value::Enum(Enum { value: ..0, .. })))
     }
@@ -349,7 +349,7 @@ impl<'a> Member<'a> {
 }
 
 impl Value {
-    /// Whether it is a null pointer.
+    /// True for a null pointer.
     pub fn is_null(&self) -> bool {
         matches!(self, Value::Null)
     }
@@ -359,7 +359,7 @@ impl Value {
         self.structure().ok()
     }
 
-    /// What it is, for messages.
+    /// The kind of value, for messages.
     pub fn kind(&self) -> &'static str {
         match self {
             Value::Null => "a null pointer",

@@ -40,7 +40,7 @@ impl<W: Write> Writer<W> {
         self.block(thread, &Body::Call(call))
     }
 
-    /// Writes a block. The thread is of no account for markers and annotations, which have none.
+    /// Writes a block. Markers and annotations have no thread.
     pub fn block(&mut self, thread: u64, body: &Body) -> Result<(), Error> {
         let written = self.encode(thread, body).and_then(|(kind, bytes)| {
             let mut block = (bytes.len() as u64).to_le_bytes().to_vec();
@@ -59,7 +59,7 @@ impl<W: Write> Writer<W> {
         Ok(())
     }
 
-    /// What it was written to, flushed.
+    /// Flushes the output and gives it back.
     pub fn finish(mut self) -> Result<W, Error> {
         let flushed = self.output.flush();
         flushed.map_err(|error| Error {

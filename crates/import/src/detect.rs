@@ -40,6 +40,7 @@ impl TraceKind {
             TraceKind::Native => None,
             TraceKind::Wgpu => Some("wgpu"),
             TraceKind::Apitrace | TraceKind::GlInterceptor => Some("opengl"),
+            TraceKind::Gfxr => None,
         }
     }
 }

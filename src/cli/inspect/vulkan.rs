@@ -1,4 +1,4 @@
-//! What is in a capture of a Vulkan program.
+//! `fillrate inspect` of a capture of a Vulkan program.
 
 use std::path::Path;
 
@@ -101,7 +101,7 @@ fn sizes(window: &Window) -> String {
     window.swapchains.iter().map(swapchain).collect::<Vec<_>>().join(", then ")
 }
 
-/// What is wrong with the file.
+/// The faults of the file.
 fn faults(contents: &Contents) -> Vec<String> {
     let mut faults: Vec<String> = contents.damaged.iter().map(|error| format!("damaged: {error}")).collect();
     let more = contents.damaged_blocks - contents.damaged.len() as u64;

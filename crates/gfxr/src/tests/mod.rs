@@ -1,4 +1,4 @@
-//! What is written is read back, and what is damaged is refused by its place.
+//! Captures that were written are read back, and damaged ones are refused with the place.
 
 mod random;
 

@@ -4,7 +4,7 @@ use crate::decode::{TEMPLATE, template_groups};
 use crate::layout::{CallLayout, Field, Kind, StructLayout, layout};
 use crate::*;
 
-/// Whether other values can follow a structure: the data of an update template go to the end.
+/// True if other values can follow a structure. The data of an update template go to the end.
 pub fn chainable(of: &StructLayout) -> bool {
     of.fields.iter().all(|field| field.kind != Kind::Template)
 }

@@ -1,4 +1,4 @@
-//! What must hold of any bytes.
+//! The rules that hold for any bytes.
 
 use gfxr::{Body, Cause, Contents, Header, Limits, Reader, Writer};
 
