@@ -1,0 +1,165 @@
+//! Floor 0: SPIR-V of Vulkan programs, rewritten into SPIR-V that the shader engine reads.
+//!
+//! The engine reads SPIR-V with naga, which knows what WebGPU has. Programs for Vulkan use more. [`translate`] takes one entry point out of a
+//! module, puts the values of the pipeline in, and writes what naga does not know in another form of the same meaning. What has no such form
+//! is refused: a [`Refusal`] names the instruction, its word and the reason. The module is not validated: the engine does that with what
+//! comes out, and [`Translated::origins`] lead from its words back to those that were given.
+use std::fmt;
+
+mod combined;
+mod entry;
+mod memory;
+mod specialize;
+mod words;
+
+use words::Parts;
+
+/// Bindings of samplers that are split from images: the binding of the image, and this.
+pub const SAMPLER_BINDINGS: u32 = 1 << 16;
+
+/// A stage of Vulkan.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub enum Stage {
+    /// Vertices.
+    Vertex,
+    /// Refused.
+    TessellationControl,
+    /// Refused.
+    TessellationEvaluation,
+    /// Refused.
+    Geometry,
+    /// Fragments.
+    Fragment,
+    /// Compute.
+    Compute,
+}
+
+impl fmt::Display for Stage {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(match self {
+            Stage::Vertex => "vertex",
+            Stage::TessellationControl => "tessellation control",
+            Stage::TessellationEvaluation => "tessellation evaluation",
+            Stage::Geometry => "geometry",
+            Stage::Fragment => "fragment",
+            Stage::Compute => "compute",
+        })
+    }
+}
+
+/// The value of a specialization constant.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Constant<'a> {
+    /// The constant's id: `constant_id` in GLSL.
+    pub id: u32,
+    /// The bytes as the program gives them; a boolean has four.
+    pub bytes: &'a [u8],
+}
+
+/// The format of what is bound.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct BoundFormat {
+    /// The descriptor set.
+    pub set: u32,
+    /// The binding in it.
+    pub binding: u32,
+    /// The number of the view's `VkFormat`.
+    pub format: u32,
+}
+
+/// What the pipeline says of a module.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Options<'a> {
+    /// Values of specialization constants. Others keep their defaults.
+    pub specialization: &'a [Constant<'a>],
+    /// The view that a multiview pass draws: the value of `gl_ViewIndex`. None: 0.
+    pub view_index: Option<u32>,
+    /// Turns y of positions: for viewports of positive height, as Vulkan's y points down.
+    pub flip_y: bool,
+    /// Formats of what is bound, for storage images whose type has none, and for texel buffers.
+    pub formats: &'a [BoundFormat],
+}
+
+/// A descriptor's place.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
+pub struct Place {
+    /// The descriptor set.
+    pub set: u32,
+    /// The binding in it.
+    pub binding: u32,
+}
+
+/// A combined image sampler that became an image at its place and a sampler.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub struct Combined {
+    /// The descriptor. The image has its place.
+    pub place: Place,
+    /// The binding of the sampler, in the same set: the descriptor's and [`SAMPLER_BINDINGS`].
+    pub sampler_binding: u32,
+}
+
+/// An input attachment that became a sampled image at its place.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub struct InputAttachment {
+    /// The descriptor.
+    pub place: Place,
+    /// Its index among the input attachments of the subpass.
+    pub index: u32,
+}
+
+/// A module that was rewritten, and what the user of it binds in another form than the descriptors say.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct Translated {
+    /// The words of the module. It has one entry point, of the name that was asked for.
+    pub words: Vec<u32>,
+    /// Where each instruction begins, in these words and in the words that were given.
+    pub origins: Vec<(u32, u32)>,
+    /// Combined image samplers.
+    pub combined: Vec<Combined>,
+    /// Input attachments.
+    pub input_attachments: Vec<InputAttachment>,
+    /// Texel buffers that became storage buffers.
+    pub texel_buffers: Vec<Place>,
+    /// Uniform blocks that became storage buffers that are only read.
+    pub uniform_as_storage: Vec<Place>,
+}
+
+impl Translated {
+    /// The module as bytes.
+    pub fn bytes(&self) -> Vec<u8> {
+        self.words.iter().flat_map(|word| word.to_le_bytes()).collect()
+    }
+
+    /// The word of the module as it was given for a word of this one, or the first word if there is none.
+    pub fn origin(&self, word: u32) -> u32 {
+        let after = self.origins.partition_point(|&(at, _)| at <= word);
+        after.checked_sub(1).map_or(0, |last| self.origins[last].1)
+    }
+}
+
+/// Why a module is refused.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+#[error("word {word}, {instruction}: {reason}")]
+pub struct Refusal {
+    /// The word with which the instruction begins.
+    pub word: u32,
+    /// The name of the instruction.
+    pub instruction: String,
+    /// What is wrong with it.
+    pub reason: String,
+}
+
+/// Takes an entry point out of a module and rewrites it for the engine.
+///
+/// # Errors
+/// If the words are no module, it has no such entry point, or something in it cannot be expressed.
+pub fn translate(words: &[u32], entry: &str, stage: Stage, options: &Options<'_>) -> Result<Translated, Refusal> {
+    let mut parts = Parts::new(words)?;
+    let mut translated = Translated::default();
+    let function = entry::select(&mut parts, entry, stage)?;
+    memory::rewrite(&mut parts)?;
+    specialize::rewrite(&mut parts, function, stage, options.specialization)?;
+    translated.combined = combined::rewrite(&mut parts)?;
+    (translated.words, translated.origins) = parts.words()?;
+    Ok(translated)
+}
