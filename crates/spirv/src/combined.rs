@@ -45,7 +45,7 @@ pub fn rewrite(parts: &mut Parts) -> Result<Vec<Combined>, Refusal> {
     if !parts.globals.iter().filter(is_resource).any(is_combined) {
         return Ok(Vec::new());
     }
-    splitter.sampler = sampler_type(parts);
+    splitter.sampler = parts.hoist(Op::TypeSampler, &[]);
     let places = splitter.globals(parts)?;
     for function in std::mem::take(&mut parts.functions) {
         let mut out = Vec::with_capacity(function.len());
@@ -69,26 +69,6 @@ fn holds_combined(types: &HashMap<u32, Type>, mut ty: u32) -> bool {
         };
     }
     false
-}
-
-/// The type of samplers, before all other types.
-fn sampler_type(parts: &mut Parts) -> u32 {
-    let own = parts.globals.iter().position(|inst| inst.op == Op::TypeSampler && inst.operands.len() == 1);
-    let at = parts.first_type();
-    match own {
-        Some(own) => {
-            let declared = parts.globals.remove(own);
-            let id = declared.operand(0);
-            parts.globals.insert(at.min(own), declared);
-            id
-        }
-        None => {
-            let id = parts.fresh();
-            let word = parts.globals.get(at).map_or(5, |inst| inst.at);
-            parts.globals.insert(at, Inst { at: word, op: Op::TypeSampler, operands: vec![id] });
-            id
-        }
-    }
 }
 
 impl Splitter {

@@ -6,16 +6,28 @@
 //! comes out, and [`Translated::origins`] lead from its words back to those that were given.
 use std::fmt;
 
+mod attachments;
+mod blocks;
 mod combined;
+mod declarations;
 mod entry;
+mod formats;
+mod images;
+mod interface;
+mod matrices;
 mod memory;
 mod specialize;
+mod texels;
 mod words;
 
 use words::Parts;
 
 /// Bindings of samplers that are split from images: the binding of the image, and this.
 pub const SAMPLER_BINDINGS: u32 = 1 << 16;
+
+/// Bindings of storage buffers that uniform blocks became: the binding of the block, and this. Another stage may read the same block as a
+/// uniform buffer.
+pub const UNIFORM_BINDINGS: u32 = 2 << 16;
 
 /// A stage of Vulkan.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
@@ -98,6 +110,15 @@ pub struct Combined {
     pub sampler_binding: u32,
 }
 
+/// A descriptor that is bound in another form at another binding.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub struct Moved {
+    /// The descriptor.
+    pub place: Place,
+    /// The binding in the same set.
+    pub binding: u32,
+}
+
 /// An input attachment that became a sampled image at its place.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub struct InputAttachment {
@@ -120,8 +141,8 @@ pub struct Translated {
     pub input_attachments: Vec<InputAttachment>,
     /// Texel buffers that became storage buffers.
     pub texel_buffers: Vec<Place>,
-    /// Uniform blocks that became storage buffers that are only read.
-    pub uniform_as_storage: Vec<Place>,
+    /// Uniform blocks that became storage buffers that are only read, at the binding and [`UNIFORM_BINDINGS`].
+    pub uniform_as_storage: Vec<Moved>,
 }
 
 impl Translated {
@@ -157,9 +178,21 @@ pub fn translate(words: &[u32], entry: &str, stage: Stage, options: &Options<'_>
     let mut parts = Parts::new(words)?;
     let mut translated = Translated::default();
     let function = entry::select(&mut parts, entry, stage)?;
+    declarations::rewrite(&mut parts);
     memory::rewrite(&mut parts)?;
     specialize::rewrite(&mut parts, function, stage, options.specialization)?;
+    interface::rewrite(&mut parts, stage)?;
+    interface::fix_view(&mut parts, options.view_index.unwrap_or(0));
+    translated.texel_buffers = texels::rewrite(&mut parts, options.formats)?;
     translated.combined = combined::rewrite(&mut parts)?;
+    translated.input_attachments = attachments::rewrite(&mut parts)?;
+    images::rewrite(&mut parts, options.formats)?;
+    matrices::rewrite(&mut parts)?;
+    blocks::allow_reads(&mut parts);
+    translated.uniform_as_storage = blocks::move_uniforms(&mut parts)?;
+    if options.flip_y && stage == Stage::Vertex {
+        interface::flip_y(&mut parts, function)?;
+    }
     (translated.words, translated.origins) = parts.words()?;
     Ok(translated)
 }

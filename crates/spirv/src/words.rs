@@ -229,11 +229,6 @@ impl Parts {
         Ok(Parts { header, globals, functions, next: header[3], made: HashMap::new() })
     }
 
-    /// Whether the version of the module is at least 1.`minor`.
-    pub fn is_version(&self, minor: u32) -> bool {
-        self.header[1] >= 0x0001_0000 + (minor << 8)
-    }
-
     pub fn fresh(&mut self) -> u32 {
         self.next += 1;
         self.next - 1
@@ -256,6 +251,11 @@ impl Parts {
     /// All instructions.
     pub fn insts(&self) -> impl Iterator<Item = &Inst> {
         self.globals.iter().chain(self.functions.iter().flatten())
+    }
+
+    /// All instructions, to be changed.
+    pub fn insts_mut(&mut self) -> impl Iterator<Item = &mut Inst> {
+        self.globals.iter_mut().chain(self.functions.iter_mut().flatten())
     }
 
     /// What the types are.
@@ -333,6 +333,27 @@ impl Parts {
         let id = found.unwrap_or_else(|| self.declare(op, operands));
         self.made.insert((op, operands.to_vec()), id);
         id
+    }
+
+    /// A type that is made of no others, before all other types.
+    pub fn hoist(&mut self, op: Op, operands: &[u32]) -> u32 {
+        let own = self.globals.iter().position(|inst| inst.op == op && inst.from(1) == operands);
+        let at = self.first_type();
+        match own {
+            Some(own) => {
+                let declared = self.globals.remove(own);
+                let id = declared.operand(0);
+                self.globals.insert(at.min(own), declared);
+                id
+            }
+            None => {
+                let id = self.fresh();
+                let word = self.globals.get(at).map_or(5, |inst| inst.at);
+                let operands = std::iter::once(id).chain(operands.iter().copied()).collect();
+                self.globals.insert(at, Inst { at: word, op, operands });
+                id
+            }
+        }
     }
 
     pub fn int_type(&mut self, signed: bool) -> u32 {

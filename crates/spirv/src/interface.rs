@@ -1,0 +1,195 @@
+//! What connects a stage to others: locations, built-in values, and y of positions.
+
+use std::collections::HashMap;
+
+use grammar::{BuiltIn, Decoration as D, Op, StorageClass};
+
+use crate::words::{Decoration, Inst, Parts, Type, text};
+use crate::{Refusal, Stage};
+
+/// Rewrites decorations of inputs and outputs.
+///
+/// # Errors
+/// If a variable begins within a location.
+pub fn rewrite(parts: &mut Parts, stage: Stage) -> Result<(), Refusal> {
+    // naga takes each index for one of dual-source blending. Where there is no second source, the first says nothing.
+    let is_index = |inst: &Inst| inst.op == Op::Decorate && inst.operand(1) == D::Index as u32;
+    if !parts.globals.iter().any(|inst| is_index(inst) && inst.operand(2) != 0) {
+        parts.globals.retain(|inst| !is_index(inst));
+    }
+    for inst in &parts.globals {
+        let component = match inst.op {
+            Op::Decorate => (inst.operand(1) == D::Component as u32).then(|| inst.operand(2)),
+            Op::MemberDecorate => (inst.operand(2) == D::Component as u32).then(|| inst.operand(3)),
+            _ => None,
+        };
+        // naga reads it from the first component of its location.
+        if component.is_some_and(|component| component != 0) {
+            return Err(inst.refuse("an input or output that begins within a location is not supported"));
+        }
+    }
+    if matches!(stage, Stage::Vertex | Stage::Fragment) {
+        flatten(parts, stage);
+    }
+    Ok(())
+}
+
+/// Decorates varyings that are whole numbers as flat: Vulkan asks for it in fragment stages alone, and old compilers forgot it.
+fn flatten(parts: &mut Parts, stage: Stage) {
+    let (types, decorations) = (parts.types(), parts.decorations());
+    let class = if stage == Stage::Vertex { StorageClass::Output } else { StorageClass::Input };
+    let has = |id: u32, member: Option<u32>, kind: D| {
+        decorations.get(&id).into_iter().flatten().any(|d| d.member == member && d.kind == kind as u32)
+    };
+    let mut added = Vec::new();
+    for inst in parts.globals.iter().filter(|inst| inst.op == Op::Variable && inst.operand(2) == class as u32) {
+        let Some(&Type::Pointer { to, .. }) = types.get(&inst.operand(0)) else { continue };
+        let id = inst.operand(1);
+        let mut add = |id: u32, member: Option<u32>, ty: u32| {
+            if has(id, member, D::Location) && !has(id, member, D::Flat) && is_whole(&types, ty) {
+                let target = [Some(id), member, Some(D::Flat as u32)];
+                let op = if member.is_some() { Op::MemberDecorate } else { Op::Decorate };
+                added.push(Inst { at: inst.at, op, operands: target.into_iter().flatten().collect() });
+            }
+        };
+        match types.get(&to) {
+            Some(Type::Struct { members }) => (0..).zip(members).for_each(|(n, &ty)| add(to, Some(n), ty)),
+            _ => add(id, None, to),
+        }
+    }
+    let at = parts.first_type();
+    parts.globals.splice(at..at, added);
+}
+
+fn is_whole(types: &HashMap<u32, Type>, ty: u32) -> bool {
+    match types.get(&ty) {
+        Some(Type::Int { .. }) => true,
+        Some(Type::Vector { of, .. }) => matches!(types.get(of), Some(Type::Int { .. })),
+        _ => false,
+    }
+}
+
+/// The variables that are a built-in value as a whole.
+fn builtins(parts: &Parts, builtin: BuiltIn, class: StorageClass) -> Vec<u32> {
+    let decorations = parts.decorations();
+    let is_it = |d: &Decoration| d.member.is_none() && d.kind == D::BuiltIn as u32 && d.value == builtin as u32;
+    let variables = parts.globals.iter().filter(|inst| inst.op == Op::Variable && inst.operand(2) == class as u32);
+    let ids = variables.map(|inst| inst.operand(1));
+    ids.filter(|id| decorations.get(id).into_iter().flatten().any(is_it)).collect()
+}
+
+/// Gives the number of the view, and that of the device, their values: the variables become private ones.
+pub fn fix_view(parts: &mut Parts, view: u32) {
+    for (builtin, value) in [(BuiltIn::ViewIndex, view), (BuiltIn::DeviceIndex, 0)] {
+        for id in builtins(parts, builtin, StorageClass::Input) {
+            let types = parts.types();
+            let Some(at) = parts.globals.iter().position(|inst| inst.op == Op::Variable && inst.operand(1) == id) else {
+                continue;
+            };
+            let Some(&Type::Pointer { to, .. }) = types.get(&parts.globals[at].operand(0)) else { continue };
+            if !matches!(types.get(&to), Some(Type::Int { bits: 32, .. })) {
+                continue;
+            }
+            let variable = parts.globals.remove(at);
+            let (value, pointer) = (parts.constant(to, value), parts.pointer_type(StorageClass::Private, to));
+            let operands = vec![pointer, id, StorageClass::Private as u32, value];
+            parts.globals.push(Inst { operands, ..variable });
+            parts.globals.retain(|inst| !(inst.op == Op::Decorate && inst.operand(0) == id));
+            if let Some(entry) = parts.globals.iter_mut().find(|inst| inst.op == Op::EntryPoint) {
+                let before = 2 + text(entry.from(2)).map_or(0, |(_, words)| words);
+                let kept = entry.from(before).iter().copied().filter(|&other| other != id).collect::<Vec<u32>>();
+                entry.operands.truncate(before);
+                entry.operands.extend(kept);
+            }
+        }
+    }
+}
+
+/// The variable of the fragment's position.
+pub fn fragment_position(parts: &mut Parts) -> u32 {
+    if let Some(&id) = builtins(parts, BuiltIn::FragCoord, StorageClass::Input).first() {
+        list(parts, id);
+        return id;
+    }
+    let float = parts.float_type();
+    let vector = parts.vector_type(float, 4);
+    let pointer = parts.pointer_type(StorageClass::Input, vector);
+    let id = parts.fresh();
+    let at = parts.globals.last().map_or(5, |inst| inst.at);
+    parts.globals.push(Inst { at, op: Op::Variable, operands: vec![pointer, id, StorageClass::Input as u32] });
+    let first = parts.first_type();
+    let operands = vec![id, D::BuiltIn as u32, BuiltIn::FragCoord as u32];
+    parts.globals.insert(first, Inst { at, op: Op::Decorate, operands });
+    list(parts, id);
+    id
+}
+
+/// Lists a variable among those of the entry point.
+fn list(parts: &mut Parts, id: u32) {
+    if let Some(entry) = parts.globals.iter_mut().find(|inst| inst.op == Op::EntryPoint) {
+        let before = 2 + text(entry.from(2)).map_or(0, |(_, words)| words);
+        if !entry.from(before).contains(&id) {
+            entry.operands.push(id);
+        }
+    }
+}
+
+/// Turns y of positions: a function around that of the entry point calls it and negates y.
+///
+/// # Errors
+/// If the function of the entry point is none.
+pub fn flip_y(parts: &mut Parts, function: u32) -> Result<(), Refusal> {
+    let (types, decorations) = (parts.types(), parts.decorations());
+    let is_position = |d: &&Decoration| d.kind == D::BuiltIn as u32 && d.value == BuiltIn::Position as u32;
+    // Each position: the variable, and the number of the member where it is one of a block.
+    let mut positions: Vec<(u32, Option<u32>)> = Vec::new();
+    for inst in parts.globals.iter().filter(|inst| inst.op == Op::Variable && inst.operand(2) == StorageClass::Output as u32) {
+        let Some(&Type::Pointer { to, .. }) = types.get(&inst.operand(0)) else { continue };
+        let id = inst.operand(1);
+        for (of, is_member) in [(id, false), (to, true)] {
+            let found = decorations.get(&of).into_iter().flatten().find(is_position);
+            if let Some(decoration) = found.filter(|decoration| decoration.member.is_some() == is_member) {
+                positions.push((id, decoration.member));
+            }
+        }
+    }
+    let Some(body) = parts.functions.iter().find(|insts| insts.first().and_then(Inst::result) == Some(function)) else {
+        return Ok(());
+    };
+    let head = body[0].clone();
+    let (at, void, signature) = (head.at, head.operand(0), head.operand(3));
+    if head.operands.len() != 4 {
+        return Err(head.refuse("a function has a type, an id, a control and a signature"));
+    }
+    let (float, unsigned) = (parts.float_type(), parts.int_type(false));
+    let pointer = parts.pointer_type(StorageClass::Output, float);
+    let outer = parts.fresh();
+    let inst = |op: Op, operands: Vec<u32>| Inst { at, op, operands };
+    let mut out = vec![
+        inst(Op::Function, vec![void, outer, 0, signature]),
+        inst(Op::Label, vec![parts.fresh()]),
+        inst(Op::FunctionCall, vec![void, parts.fresh(), function]),
+    ];
+    let one = parts.constant(unsigned, 1);
+    for (variable, member) in positions {
+        let (y, value, negative) = (parts.fresh(), parts.fresh(), parts.fresh());
+        let mut path = vec![pointer, y, variable];
+        path.extend(member.map(|member| parts.constant(unsigned, member)));
+        path.push(one);
+        out.push(inst(Op::AccessChain, path));
+        out.push(inst(Op::Load, vec![float, value, y]));
+        out.push(inst(Op::FNegate, vec![float, negative, value]));
+        out.push(inst(Op::Store, vec![y, negative]));
+    }
+    out.push(inst(Op::Return, Vec::new()));
+    out.push(inst(Op::FunctionEnd, Vec::new()));
+    parts.functions.push(out);
+    for inst in &mut parts.globals {
+        match inst.op {
+            Op::EntryPoint if inst.operand(1) == function => inst.operands[1] = outer,
+            Op::ExecutionMode if inst.operand(0) == function => inst.operands[0] = outer,
+            _ => {}
+        }
+    }
+    Ok(())
+}
