@@ -46,6 +46,7 @@ mod op {
     pub const S_REM: u32 = 138;
     pub const S_MOD: u32 = 139;
     pub const LOGICAL_OR: u32 = 166;
+    pub const LOGICAL_AND: u32 = 167;
     pub const LOGICAL_NOT: u32 = 168;
     pub const I_EQUAL: u32 = 170;
     pub const F_UNORD_EQUAL: u32 = 181;

@@ -172,7 +172,16 @@ impl Writer<'_> {
         self.result(at, op::I_ADD, ty, id, &[rest, added]);
     }
 
-    /// Comparisons that naga takes for those that differ for a NaN.
+    /// The code of an operation on booleans of this type: naga has the logical ones for single booleans, and takes those on bits for vectors.
+    fn logical(&self, code: u32, ty: u32) -> u32 {
+        match code {
+            _ if self.parts.bool_type == Some(ty) => code,
+            op::LOGICAL_AND => op::BITWISE_AND,
+            _ => op::BITWISE_OR,
+        }
+    }
+
+    /// Comparisons that naga takes for those that differ for a NaN, and logical operations.
     fn comparison(&mut self, inst: Inst) -> Result<(), Refusal> {
         let opposite = match inst.code {
             op::F_UNORD_LESS_THAN => op::F_ORD_GREATER_THAN_EQUAL,
@@ -180,6 +189,12 @@ impl Writer<'_> {
             op::F_UNORD_LESS_THAN_EQUAL => op::F_ORD_GREATER_THAN,
             op::F_UNORD_GREATER_THAN_EQUAL => op::F_ORD_LESS_THAN,
             op::F_UNORD_EQUAL | op::F_ORD_NOT_EQUAL => op::LOGICAL_OR,
+            op::LOGICAL_OR | op::LOGICAL_AND => {
+                let code = self.logical(inst.code, inst.operand(0));
+                self.parts.changed |= code != inst.code;
+                self.out.push(Inst { code, ..inst });
+                return Ok(());
+            }
             _ => {
                 self.out.push(inst);
                 return Ok(());
@@ -194,10 +209,11 @@ impl Writer<'_> {
         }
         let less = self.value(at, op::F_ORD_LESS_THAN, ty, operands);
         let greater = self.value(at, op::F_ORD_GREATER_THAN, ty, operands);
+        let or = self.logical(op::LOGICAL_OR, ty);
         if inst.code == op::F_ORD_NOT_EQUAL {
-            self.result(at, op::LOGICAL_OR, ty, id, &[less, greater]);
+            self.result(at, or, ty, id, &[less, greater]);
         } else {
-            let differ = self.value(at, op::LOGICAL_OR, ty, &[less, greater]);
+            let differ = self.value(at, or, ty, &[less, greater]);
             self.result(at, op::LOGICAL_NOT, ty, id, &[differ]);
         }
         Ok(())

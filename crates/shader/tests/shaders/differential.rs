@@ -73,7 +73,7 @@ pub struct Expected {
 }
 
 /// A module as naga has it, its constants known.
-fn resolve(program: &Program) -> Result<(naga::Module, ModuleInfo), String> {
+pub fn resolve(program: &Program) -> Result<(naga::Module, ModuleInfo), String> {
     let options = naga::front::wgsl::Options { parse_doc_comments: false, capabilities: Capabilities::all() };
     let mut front = naga::front::wgsl::Frontend::new_with_options(options);
     let parsed = front.parse(&program.source).map_err(|e| e.emit_to_string(&program.source))?;
@@ -121,8 +121,13 @@ pub fn check_against(program: &Program, expected: &Expected, settings: &[Setting
         // The oracle runs it, so what the engine says no to is its own.
         Err(error) => return Verdict::Different { setting: None, what: error.to_string() },
     };
+    check_module(&module, program, expected, settings)
+}
+
+/// As [`check_against`], with the program in another form.
+pub fn check_module(module: &Module, program: &Program, expected: &Expected, settings: &[Setting]) -> Verdict {
     for &setting in settings {
-        if let Err(what) = run(&module, program, expected, setting) {
+        if let Err(what) = run(module, program, expected, setting) {
             return Verdict::Different { setting: Some(setting), what };
         }
     }
