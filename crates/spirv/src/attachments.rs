@@ -85,10 +85,10 @@ fn describe(parts: &Parts, images: &HashMap<u32, bool>) -> Result<Vec<InputAttac
     let mut found = Vec::new();
     for inst in &parts.globals {
         match Parts::type_of(inst) {
-            Some((id, Type::Array { of, .. } | Type::RuntimeArray { of } | Type::Pointer { to: of, .. })) => {
-                if holders.contains(&of) {
-                    holders.insert(id);
-                }
+            Some((id, Type::Array { of, .. } | Type::RuntimeArray { of } | Type::Pointer { to: of, .. }))
+                if holders.contains(&of) =>
+            {
+                holders.insert(id);
             }
             _ if inst.op == Op::Variable && holders.contains(&inst.operand(0)) && types.contains_key(&inst.operand(0)) => {
                 let value = |kind: D| {

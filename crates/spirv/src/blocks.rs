@@ -73,6 +73,27 @@ pub fn move_uniforms(parts: &mut Parts) -> Result<Vec<Moved>, Refusal> {
     Ok(moved.into_iter().collect())
 }
 
+/// Refuses arrays of buffers: naga reads them as one buffer with an array in it. With one element both are the same.
+///
+/// # Errors
+/// If there is an array of several buffers.
+pub fn refuse_arrays(parts: &Parts) -> Result<(), Refusal> {
+    let (types, constants) = (parts.types(), parts.constants());
+    let buffers = [StorageClass::Uniform, StorageClass::StorageBuffer].map(|class| class as u32);
+    for inst in parts.globals.iter().filter(|inst| inst.op == Op::Variable && buffers.contains(&inst.operand(2))) {
+        let Some(&Type::Pointer { to, .. }) = types.get(&inst.operand(0)) else { continue };
+        let is_several = match types.get(&to) {
+            Some(Type::Array { length, .. }) => constants.get(length) != Some(&1),
+            Some(Type::RuntimeArray { .. }) => true,
+            _ => false,
+        };
+        if is_several {
+            return Err(inst.refuse("an array of several buffers is not supported"));
+        }
+    }
+    Ok(())
+}
+
 /// The structure that a variable of this type holds, or its elements do.
 fn block(types: &HashMap<u32, Type>, mut ty: u32) -> Option<u32> {
     for _ in 0..8 {

@@ -36,6 +36,8 @@ const ALLOWED: &[Capability] = &[
     Capability::SignedZeroInfNanPreserve,
     Capability::RoundingModeRTE,
     Capability::DeviceGroup,
+    Capability::StorageInputOutput16,
+    Capability::GroupNonUniformQuad,
     // They are those of other entry points: these stages are refused.
     Capability::Tessellation,
     Capability::TessellationPointSize,

@@ -5,7 +5,7 @@ use std::collections::{BTreeSet, HashMap, HashSet};
 use grammar::{Decoration as D, ImageOperands, Op};
 
 use crate::memory::image_operands_at;
-use crate::words::{Inst, Parts, Type};
+use crate::words::{Code, Inst, Parts, Type};
 use crate::{BoundFormat, Refusal, formats};
 
 /// Gives storage images the formats of what is bound, and rewrites accesses to images.
@@ -17,7 +17,7 @@ pub fn rewrite(parts: &mut Parts, bound: &[BoundFormat]) -> Result<(), Refusal> 
     let (types, values) = (parts.types(), parts.values());
     let constants = Constants::new(parts);
     for function in std::mem::take(&mut parts.functions) {
-        let mut out = Vec::with_capacity(function.len());
+        let mut out = Code::default();
         for mut inst in function {
             match inst.op {
                 Op::ImageTexelPointer => return Err(inst.refuse("atomic operations on images are not supported")),
@@ -28,9 +28,9 @@ pub fn rewrite(parts: &mut Parts, bound: &[BoundFormat]) -> Result<(), Refusal> 
                     }
                 }
             }
-            out.push(inst);
+            out.0.push(inst);
         }
-        parts.functions.push(out);
+        parts.functions.push(out.0);
     }
     Ok(())
 }
@@ -195,7 +195,7 @@ fn offset(
     types: &HashMap<u32, Type>,
     values: &HashMap<u32, u32>,
     inst: &mut Inst,
-    out: &mut Vec<Inst>,
+    out: &mut Code,
 ) -> Result<(), Refusal> {
     let mask = ImageOperands::from_bits_retain(inst.operand(4));
     let offset = mask & (ImageOperands::CONST_OFFSET | ImageOperands::OFFSET);
@@ -229,32 +229,26 @@ fn offset(
         return Err(inst.refuse("the coordinate and the offset of a load are whole numbers"));
     };
     let at = inst.at;
-    let mut value = |parts: &mut Parts, op: Op, ty: u32, operands: &[u32]| {
-        let id = parts.fresh();
-        out.push(Inst { at, op, operands: [ty, id].iter().chain(operands).copied().collect() });
-        id
-    };
     // The coordinate may have a layer behind, and another sign.
     let mut sums = Vec::new();
     for n in 0..count {
-        let part =
-            |parts: &mut Parts, value: &mut dyn FnMut(&mut Parts, Op, u32, &[u32]) -> u32, id: u32, of: u32, count: u32| {
-                if count == 1 { id } else { value(parts, Op::CompositeExtract, of, &[id, n]) }
-            };
-        let own = part(parts, &mut value, coordinate, scalar, count);
+        let mut part = |parts: &mut Parts, id: u32, of: u32, count: u32| {
+            if count == 1 { id } else { out.value(parts, at, Op::CompositeExtract, of, &[id, n]) }
+        };
+        let own = part(parts, coordinate, scalar, count);
         if n >= offsets {
             sums.push(own);
             continue;
         }
-        let mut added = part(parts, &mut value, by, of, offsets);
+        let mut added = part(parts, by, of, offsets);
         if of != scalar {
-            added = value(parts, Op::Bitcast, scalar, &[added]);
+            added = out.value(parts, at, Op::Bitcast, scalar, &[added]);
         }
-        sums.push(value(parts, Op::IAdd, scalar, &[own, added]));
+        sums.push(out.value(parts, at, Op::IAdd, scalar, &[own, added]));
     }
     inst.operands[3] = match sums[..] {
         [one] => one,
-        _ => value(parts, Op::CompositeConstruct, ty, &sums),
+        _ => out.value(parts, at, Op::CompositeConstruct, ty, &sums),
     };
     Ok(())
 }

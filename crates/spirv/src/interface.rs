@@ -7,10 +7,13 @@ use grammar::{BuiltIn, Decoration as D, Op, StorageClass};
 use crate::words::{Decoration, Inst, Parts, Type, text};
 use crate::{Refusal, Stage};
 
+/// Locations below this are read: more than any card has. naga's validator takes a bit of memory for each up to the largest.
+const LOCATIONS: u32 = 1 << 12;
+
 /// Rewrites decorations of inputs and outputs.
 ///
 /// # Errors
-/// If a variable begins within a location.
+/// If a variable begins within a location, or a location is beyond all limits.
 pub fn rewrite(parts: &mut Parts, stage: Stage) -> Result<(), Refusal> {
     // naga takes each index for one of dual-source blending. Where there is no second source, the first says nothing.
     let is_index = |inst: &Inst| inst.op == Op::Decorate && inst.operand(1) == D::Index as u32;
@@ -18,14 +21,17 @@ pub fn rewrite(parts: &mut Parts, stage: Stage) -> Result<(), Refusal> {
         parts.globals.retain(|inst| !is_index(inst));
     }
     for inst in &parts.globals {
-        let component = match inst.op {
-            Op::Decorate => (inst.operand(1) == D::Component as u32).then(|| inst.operand(2)),
-            Op::MemberDecorate => (inst.operand(2) == D::Component as u32).then(|| inst.operand(3)),
-            _ => None,
+        let (kind, value) = match inst.op {
+            Op::Decorate => (inst.operand(1), inst.operand(2)),
+            Op::MemberDecorate => (inst.operand(2), inst.operand(3)),
+            _ => continue,
         };
         // naga reads it from the first component of its location.
-        if component.is_some_and(|component| component != 0) {
+        if kind == D::Component as u32 && value != 0 {
             return Err(inst.refuse("an input or output that begins within a location is not supported"));
+        }
+        if kind == D::Location as u32 && value >= LOCATIONS {
+            return Err(inst.refuse(format!("location {value} is not supported: they end with {}", LOCATIONS - 1)));
         }
     }
     if matches!(stage, Stage::Vertex | Stage::Fragment) {

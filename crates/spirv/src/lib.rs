@@ -2,8 +2,57 @@
 //!
 //! The engine reads SPIR-V with naga, which knows what WebGPU has. Programs for Vulkan use more. [`translate`] takes one entry point out of a
 //! module, puts the values of the pipeline in, and writes what naga does not know in another form of the same meaning. What has no such form
-//! is refused: a [`Refusal`] names the instruction, its word and the reason. The module is not validated: the engine does that with what
-//! comes out, and [`Translated::origins`] lead from its words back to those that were given.
+//! is refused: a [`Refusal`] names the instruction, its word and the reason.
+//!
+//! Words go in and words come out, so that the result is a module like any other: a trace stores it, and the engine mends and validates it as
+//! it does with SPIR-V from elsewhere. [`Translated::origin`] leads from its words back to those that were given. Nothing here trusts the
+//! words: the work and the size of the result are bounded by the size of the module.
+//!
+//! ```text
+//! what a module has                       what it becomes                                     what must be bound
+//! combined image samplers                 an image and a sampler                              Translated::combined
+//! input attachments                       images, read at the fragment's position             Translated::input_attachments
+//! texel buffers                           storage buffers of words, and their conversion      Translated::texel_buffers
+//! uniform blocks with dense arrays        storage buffers that are only read                  Translated::uniform_as_storage
+//! storage images without a format         images of the format of Options::formats            as before
+//! specialization constants                constants; what is computed from them is folded     nothing
+//! the number of the view                  a constant                                          nothing
+//! the memory model of Vulkan              that of GLSL                                        nothing
+//! matrices by rows or distant columns     arrays of vectors                                   as before
+//! offsets of loads from images            sums of coordinates                                 nothing
+//! modf and rounding to 16 bits            other operations                                    nothing
+//! ```
+//!
+//! Refused by name: tessellation and geometry stages, atomic operations on images, arrays of several buffers, inputs and outputs that begin
+//! within a location, smallest levels and several offsets of samples, comparisons at levels other than the first, writes to texels of a buffer
+//! that are smaller than a word. naga reads past many of these without a word.
+//!
+//! **Points.** `gl_PointSize` and `gl_PointCoord` stay what they are: the built-in output and input of the module, which naga keeps
+//! (`PointSize`, `PointCoord`). The engine ignores the size, and its points are single pixels. Who draws larger points draws triangles, as the
+//! importer of OpenGL does: its vertex stage is written to move a corner by the size, and `gl_PointCoord` comes from the place of the corner.
+//!
+//! # Example
+//!
+//! ```
+//! use spirv::{Options, Stage, translate};
+//!
+//! // Compilers write modules; here naga writes one of WGSL.
+//! let text = "@vertex fn main() -> @builtin(position) vec4f { return vec4f(1, 2, 0, 1); }";
+//! let module = naga::front::wgsl::parse_str(text)?;
+//! let info = naga::valid::Validator::new(Default::default(), Default::default()).validate(&module)?;
+//! let words = naga::back::spv::write_vec(&module, &info, &Default::default(), None)?;
+//!
+//! let options = Options { flip_y: true, ..Options::default() };
+//! let translated = translate(&words, "main", Stage::Vertex, &options)?;
+//! assert!(translated.combined.is_empty());
+//! let module = shader::Module::new("corner", shader::Source::SpirV(&translated.bytes()))?;
+//! shader::compile(&module, shader::Stage::Vertex, Some("main"), &shader::Options::default())?;
+//!
+//! let refusal = translate(&words, "other", Stage::Vertex, &options).unwrap_err();
+//! assert_eq!(refusal.to_string(), "word 0, OpEntryPoint: the module has no entry point `other` of the vertex stage");
+//! # Ok::<(), Box<dyn std::error::Error>>(())
+//! ```
+
 use std::fmt;
 
 mod attachments;
@@ -11,6 +60,7 @@ mod blocks;
 mod combined;
 mod declarations;
 mod entry;
+mod floats;
 mod formats;
 mod images;
 mod interface;
@@ -135,11 +185,11 @@ pub struct Translated {
     pub words: Vec<u32>,
     /// Where each instruction begins, in these words and in the words that were given.
     pub origins: Vec<(u32, u32)>,
-    /// Combined image samplers.
+    /// Combined image samplers. A module that uses no sampler of one has it here all the same.
     pub combined: Vec<Combined>,
     /// Input attachments.
     pub input_attachments: Vec<InputAttachment>,
-    /// Texel buffers that became storage buffers.
+    /// Texel buffers that became storage buffers, at the same binding. The range that is bound is that of the view; it begins at a multiple of 4.
     pub texel_buffers: Vec<Place>,
     /// Uniform blocks that became storage buffers that are only read, at the binding and [`UNIFORM_BINDINGS`].
     pub uniform_as_storage: Vec<Moved>,
@@ -181,6 +231,7 @@ pub fn translate(words: &[u32], entry: &str, stage: Stage, options: &Options<'_>
     declarations::rewrite(&mut parts);
     memory::rewrite(&mut parts)?;
     specialize::rewrite(&mut parts, function, stage, options.specialization)?;
+    floats::rewrite(&mut parts)?;
     interface::rewrite(&mut parts, stage)?;
     interface::fix_view(&mut parts, options.view_index.unwrap_or(0));
     translated.texel_buffers = texels::rewrite(&mut parts, options.formats)?;
@@ -188,11 +239,12 @@ pub fn translate(words: &[u32], entry: &str, stage: Stage, options: &Options<'_>
     translated.input_attachments = attachments::rewrite(&mut parts)?;
     images::rewrite(&mut parts, options.formats)?;
     matrices::rewrite(&mut parts)?;
+    blocks::refuse_arrays(&parts)?;
     blocks::allow_reads(&mut parts);
     translated.uniform_as_storage = blocks::move_uniforms(&mut parts)?;
     if options.flip_y && stage == Stage::Vertex {
         interface::flip_y(&mut parts, function)?;
     }
-    (translated.words, translated.origins) = parts.words()?;
+    parts.write(&mut translated.words, &mut translated.origins)?;
     Ok(translated)
 }

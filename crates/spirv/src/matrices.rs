@@ -4,7 +4,7 @@
 //! own for values: a load takes the parts from memory and builds the value, a store does the reverse. naga transposes loads of square matrices
 //! alone, and neither stores nor loads of whole structures.
 
-use std::collections::HashMap;
+use std::collections::{HashMap, HashSet};
 
 use grammar::{Decoration as D, Op, StorageClass};
 
@@ -182,22 +182,22 @@ impl Layout {
         let mut members = Vec::new();
         // The stride of each member's matrices, and whether they are stored by rows.
         let mut strides: HashMap<u32, u32> = HashMap::new();
-        let mut rows: HashMap<u32, ()> = HashMap::new();
+        let mut rows: HashSet<u32> = HashSet::new();
         for decoration in self.decorations.get(&id).into_iter().flatten() {
             let Some(member) = decoration.member else { continue };
             if decoration.kind == D::MatrixStride as u32 {
                 strides.insert(member, decoration.value);
             } else if decoration.kind == D::RowMajor as u32 {
-                rows.insert(member, ());
+                rows.insert(member);
             }
         }
         for (n, &ty) in (0..).zip(inst.from(1)) {
             let mut memory = self.changed.get(&ty).copied();
-            if let Some(&stride) = strides.get(&n) {
-                if let Some(own) = self.matrices(parts, inst, ty, stride, rows.contains_key(&n), 0)? {
-                    memory = Some(own);
-                    matrices.push(n);
-                }
+            if let Some(&stride) = strides.get(&n)
+                && let Some(own) = self.matrices(parts, inst, ty, stride, rows.contains(&n), 0)?
+            {
+                memory = Some(own);
+                matrices.push(n);
             }
             members.push(memory.unwrap_or(ty));
         }
@@ -349,13 +349,12 @@ impl Access<'_> {
                     return self.count(&inst, before);
                 }
             }
-            Op::ArrayLength => {}
-            Op::CopyMemory | Op::FunctionCall | Op::Phi | Op::Select => {
-                if inst.operands.iter().any(|id| self.pointers.contains_key(id)) {
-                    return Err(
-                        inst.refuse("matrices by rows or with distant columns are passed by pointer, which is not supported")
-                    );
-                }
+            Op::CopyMemory | Op::FunctionCall | Op::Phi | Op::Select
+                if inst.operands.iter().any(|id| self.pointers.contains_key(id)) =>
+            {
+                return Err(
+                    inst.refuse("matrices by rows or with distant columns are passed by pointer, which is not supported")
+                );
             }
             _ => {}
         }

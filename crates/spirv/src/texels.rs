@@ -5,7 +5,7 @@ use std::collections::HashMap;
 use grammar::{Decoration as D, Dim, GlslStd450Op, Op, StorageClass};
 
 use crate::formats::{self, Kind, Texel};
-use crate::words::{Inst, Parts, Type, text};
+use crate::words::{Inst, Parts, Type, glsl};
 use crate::{BoundFormat, Place, Refusal};
 
 /// Rewrites all texel buffers, and says which there are.
@@ -186,22 +186,6 @@ impl Known {
             glsl: glsl(parts),
         }
     }
-}
-
-/// The set of GLSL's instructions.
-fn glsl(parts: &mut Parts) -> u32 {
-    let is_glsl =
-        |inst: &&Inst| inst.op == Op::ExtInstImport && text(inst.from(1)).is_some_and(|(name, _)| name == "GLSL.std.450");
-    if let Some(import) = parts.globals.iter().find(is_glsl) {
-        return import.operand(0);
-    }
-    let id = parts.fresh();
-    let at = parts.globals.iter().position(|inst| inst.op == Op::MemoryModel).unwrap_or(0);
-    let name = *b"GLSL.std.450\0\0\0\0";
-    let words = name.chunks_exact(4).map(|word| u32::from_le_bytes([word[0], word[1], word[2], word[3]]));
-    let operands = std::iter::once(id).chain(words).collect();
-    parts.globals.insert(at, Inst { at: 5, op: Op::ExtInstImport, operands });
-    id
 }
 
 struct Writer<'p> {

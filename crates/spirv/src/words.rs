@@ -132,6 +132,19 @@ fn is_known(op: Op) -> bool {
         )
 }
 
+/// The instructions of a function that is being rewritten.
+#[derive(Default)]
+pub struct Code(pub Vec<Inst>);
+
+impl Code {
+    /// Writes an instruction that has a value, and gives its id.
+    pub fn value(&mut self, parts: &mut Parts, at: u32, op: Op, ty: u32, operands: &[u32]) -> u32 {
+        let id = parts.fresh();
+        self.0.push(Inst { at, op, operands: [ty, id].iter().chain(operands).copied().collect() });
+        id
+    }
+}
+
 /// What a type is. Types that no rewriting looks at are [`Type::Other`].
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Type {
@@ -234,10 +247,9 @@ impl Parts {
         self.next - 1
     }
 
-    /// The words again, and where each instruction begins in them and began in the module as it was given.
-    pub fn words(&self) -> Result<(Vec<u32>, Vec<(u32, u32)>), Refusal> {
-        let mut words = self.header.to_vec();
-        let mut origins = Vec::new();
+    /// Writes the words of the module, and where each instruction begins in them and began in the module as it was given.
+    pub fn write(&self, words: &mut Vec<u32>, origins: &mut Vec<(u32, u32)>) -> Result<(), Refusal> {
+        words.extend(self.header);
         words[3] = self.next;
         for inst in self.insts() {
             origins.push((words.len() as u32, inst.at));
@@ -245,7 +257,7 @@ impl Parts {
             words.push(inst.op as u32 | (u32::from(count) << 16));
             words.extend_from_slice(&inst.operands);
         }
-        Ok((words, origins))
+        Ok(())
     }
 
     /// All instructions.
@@ -417,4 +429,20 @@ pub fn text(words: &[u32]) -> Option<(String, usize)> {
         }
     }
     None
+}
+
+/// The set of GLSL's instructions.
+pub fn glsl(parts: &mut Parts) -> u32 {
+    let is_glsl =
+        |inst: &&Inst| inst.op == Op::ExtInstImport && text(inst.from(1)).is_some_and(|(name, _)| name == "GLSL.std.450");
+    if let Some(import) = parts.globals.iter().find(is_glsl) {
+        return import.operand(0);
+    }
+    let id = parts.fresh();
+    let at = parts.globals.iter().position(|inst| inst.op == Op::MemoryModel).unwrap_or(0);
+    let name = *b"GLSL.std.450\0\0\0\0";
+    let words = name.chunks_exact(4).map(|word| u32::from_le_bytes([word[0], word[1], word[2], word[3]]));
+    let operands = std::iter::once(id).chain(words).collect();
+    parts.globals.insert(at, Inst { at: 5, op: Op::ExtInstImport, operands });
+    id
 }

@@ -1,0 +1,226 @@
+//! Entry points, built-in values, and locations.
+
+use shader::{BuiltIn, Executor, Interpolation, Resources};
+use spirv::{Options, Refusal, Stage, translate};
+
+use crate::assembler::assemble;
+use crate::engine::{Bound, build, resources};
+
+/// A vertex module whose block has a position and the size of points; `globals` and `body` come beside.
+fn vertex(decorations: &str, interface: &str, globals: &str, body: &str) -> Vec<u32> {
+    assemble(
+        0,
+        &format!(
+            "OpCapability Shader
+             OpCapability MultiView
+             OpExtension \"SPV_KHR_multiview\"
+             OpMemoryModel Logical GLSL450
+             OpEntryPoint Vertex %main \"main\" %gl {interface}
+             OpDecorate %block Block
+             OpMemberDecorate %block 0 BuiltIn Position
+             OpMemberDecorate %block 1 BuiltIn PointSize
+             {decorations}
+             %void = OpTypeVoid
+             %signature = OpTypeFunction %void
+             %int = OpTypeInt 32 1
+             %float = OpTypeFloat 32
+             %v4float = OpTypeVector %float 4
+             %block = OpTypeStruct %v4float %float
+             %ptr_block = OpTypePointer Output %block
+             %ptr_v4float = OpTypePointer Output %v4float
+             %ptr_float = OpTypePointer Output %float
+             %gl = OpVariable %ptr_block Output
+             %i0 = OpConstant %int 0
+             %i1 = OpConstant %int 1
+             %f1 = OpConstant %float 1.0
+             %f2 = OpConstant %float 2.0
+             %f3 = OpConstant %float 3.0
+             %value = OpConstantComposite %v4float %f1 %f2 %f3 %f1
+             {globals}
+             %main = OpFunction %void None %signature
+             %begin = OpLabel
+             %p = OpAccessChain %ptr_v4float %gl %i0
+             OpStore %p %value
+             %s = OpAccessChain %ptr_float %gl %i1
+             OpStore %s %f3
+             {body}
+             OpReturn
+             OpFunctionEnd"
+        ),
+    )
+}
+
+/// The outputs of a vertex module for one vertex: components of each slot.
+#[track_caller]
+fn outputs(words: &[u32], options: &Options<'_>) -> Vec<(shader::Slot, Vec<u32>)> {
+    let (_, program) = build(words, "main", Stage::Vertex, options).unwrap_or_else(|error| panic!("{error}"));
+    let bound = Bound::default();
+    let bindings = resources(&program, &bound);
+    let resources = Resources { bindings: &bindings, ..Resources::default() };
+    let uniforms = program.uniforms(&resources);
+    let mut executor = Executor::new();
+    let mut batch = executor.bind(&program, &resources, &uniforms);
+    batch.run(1, 0).expect("it ends");
+    let slots = program.interface().outputs.iter().enumerate();
+    slots.map(|(n, slot)| (*slot, (0..slot.components as usize).map(|c| batch.output(n, c).0[0]).collect())).collect()
+}
+
+#[test]
+fn y_of_positions_is_turned() {
+    let words = vertex("", "", "", "");
+    let y = |flip_y| {
+        let all = outputs(&words, &Options { flip_y, ..Options::default() });
+        let (_, position) = all.iter().find(|(slot, _)| slot.is_builtin(BuiltIn::Position)).expect("a position");
+        position.iter().map(|&bits| f32::from_bits(bits)).collect::<Vec<f32>>()
+    };
+    assert_eq!(y(false), [1.0, 2.0, 3.0, 1.0]);
+    assert_eq!(y(true), [1.0, -2.0, 3.0, 1.0]);
+}
+
+/// naga's own form of a translated module.
+fn read(words: &[u32], stage: Stage) -> naga::Module {
+    let translated = translate(words, "main", stage, &Options::default()).expect("it is translated");
+    let options = naga::front::spv::Options::default();
+    naga::front::spv::Frontend::new(translated.words.into_iter(), &options).parse().expect("naga reads it")
+}
+
+#[test]
+fn the_size_of_points_and_the_coordinate_in_them_survive() {
+    let module = read(&vertex("", "", "", ""), Stage::Vertex);
+    let result = module.entry_points[0].function.result.as_ref().expect("a result");
+    let naga::TypeInner::Struct { members, .. } = &module.types[result.ty].inner else { panic!("several outputs") };
+    let is_size = |member: &naga::StructMember| member.binding == Some(naga::Binding::BuiltIn(naga::BuiltIn::PointSize));
+    assert!(members.iter().any(is_size));
+
+    let text = "OpCapability Shader
+         OpMemoryModel Logical GLSL450
+         OpEntryPoint Fragment %main \"main\" %color %coord
+         OpExecutionMode %main OriginUpperLeft
+         OpDecorate %color Location 0
+         OpDecorate %coord BuiltIn PointCoord
+         %void = OpTypeVoid
+         %signature = OpTypeFunction %void
+         %float = OpTypeFloat 32
+         %v2float = OpTypeVector %float 2
+         %ptr_color = OpTypePointer Output %v2float
+         %ptr_coord = OpTypePointer Input %v2float
+         %color = OpVariable %ptr_color Output
+         %coord = OpVariable %ptr_coord Input
+         %main = OpFunction %void None %signature
+         %begin = OpLabel
+         %x = OpLoad %v2float %coord
+         OpStore %color %x
+         OpReturn
+         OpFunctionEnd";
+    let (_, program) = build(&assemble(0, text), "main", Stage::Fragment, &Options::default()).expect("it compiles");
+    assert!(program.interface().input(BuiltIn::PointCoord).is_some());
+}
+
+#[test]
+fn the_number_of_the_view_is_a_constant() {
+    let words = vertex(
+        "OpDecorate %view BuiltIn ViewIndex\nOpDecorate %number Location 0\nOpDecorate %number Flat",
+        "%view %number",
+        "%ptr_view = OpTypePointer Input %int
+         %view = OpVariable %ptr_view Input
+         %ptr_number = OpTypePointer Output %int
+         %number = OpVariable %ptr_number Output",
+        "%v = OpLoad %int %view
+         OpStore %number %v",
+    );
+    for (given, want) in [(None, 0), (Some(3), 3)] {
+        let all = outputs(&words, &Options { view_index: given, ..Options::default() });
+        let (_, number) = all.iter().find(|(slot, _)| slot.location() == Some(0)).expect("an output");
+        assert_eq!(number[..], [want]);
+    }
+}
+
+/// A fragment module that copies a varying of whole numbers to its colour.
+fn fragment(decorations: &str) -> Vec<u32> {
+    assemble(
+        0,
+        &format!(
+            "OpCapability Shader
+             OpMemoryModel Logical GLSL450
+             OpEntryPoint Fragment %main \"main\" %color %in
+             OpExecutionMode %main OriginUpperLeft
+             OpDecorate %color Location 1
+             OpDecorate %in Location 0
+             {decorations}
+             %void = OpTypeVoid
+             %signature = OpTypeFunction %void
+             %int = OpTypeInt 32 1
+             %ptr_color = OpTypePointer Output %int
+             %ptr_in = OpTypePointer Input %int
+             %color = OpVariable %ptr_color Output
+             %in = OpVariable %ptr_in Input
+             %main = OpFunction %void None %signature
+             %begin = OpLabel
+             %x = OpLoad %int %in
+             OpStore %color %x
+             OpReturn
+             OpFunctionEnd"
+        ),
+    )
+}
+
+#[test]
+fn whole_numbers_are_flat_and_first_indices_say_nothing() {
+    let (_, program) =
+        build(&fragment("OpDecorate %color Index 0"), "main", Stage::Fragment, &Options::default()).expect("it compiles");
+    let [slot] = program.interface().inputs[..] else { panic!("one input") };
+    assert!(matches!(slot.connection, shader::Connection::Location { interpolation: Interpolation::Flat, .. }));
+    assert_eq!(program.interface().outputs[0].location(), Some(1));
+}
+
+#[test]
+fn what_begins_within_a_location_is_refused() {
+    let refused = translate(&fragment("OpDecorate %in Component 1"), "main", Stage::Fragment, &Options::default());
+    let refused = refused.expect_err("naga reads it from the first component");
+    assert_eq!(refused.instruction, "OpDecorate");
+    let far = translate(&fragment("OpDecorate %in Location 4096"), "main", Stage::Fragment, &Options::default());
+    assert_eq!(far.expect_err("it is far").reason, "location 4096 is not supported: they end with 4095");
+    translate(&fragment("OpDecorate %in Component 0"), "main", Stage::Fragment, &Options::default()).expect("it says nothing");
+}
+
+#[test]
+fn entry_points_are_chosen_by_name_and_stage() {
+    let refused =
+        |name: &str, stage: Stage| translate(&fragment(""), name, stage, &Options::default()).expect_err("no such entry");
+    assert_eq!(refused("main", Stage::Vertex).reason, "the module has no entry point `main` of the vertex stage");
+    assert_eq!(refused("other", Stage::Fragment).reason, "the module has no entry point `other` of the fragment stage");
+    let geometry = fragment("");
+    let at = geometry.iter().position(|word| word & 0xffff == 15).expect("an entry point");
+    let mut geometry = geometry;
+    geometry[at + 1] = 3;
+    let refused = translate(&geometry, "main", Stage::Geometry, &Options::default());
+    let want = Refusal {
+        word: at as u32,
+        instruction: "OpEntryPoint".to_owned(),
+        reason: "the geometry stage is not supported".to_owned(),
+    };
+    assert_eq!(refused, Err(want));
+}
+
+#[test]
+fn damaged_words_are_refused_with_their_place() {
+    let words = fragment("");
+    let reason = |words: &[u32]| translate(words, "main", Stage::Fragment, &Options::default()).expect_err("damaged").reason;
+    assert_eq!(reason(&[]), "a module has at least 5 words");
+    assert_eq!(reason(&[0; 5]), "this is no SPIR-V: the magic number is wrong");
+    assert_eq!(reason(&words[..words.len() - 3]), "the instruction ends behind the module");
+    let mut large = words.clone();
+    large[3] = 1 << 23;
+    assert_eq!(reason(&large), "ids up to a bound that SPIR-V does not allow");
+    for at in 5..words.len() {
+        for value in [0, 1, u32::MAX, words[at] ^ 1, words[at] << 16] {
+            let mut changed = words.clone();
+            changed[at] = value;
+            if let Ok(translated) =
+                translate(&changed, "main", Stage::Fragment, &Options { flip_y: true, ..Options::default() })
+            {
+                assert!(translated.origin(translated.words.len() as u32) < words.len() as u32);
+            }
+        }
+    }
+}
