@@ -223,11 +223,44 @@ fn shaders(root: &Path) -> io::Result<()> {
     Corpus::of("programs")?.choices(2_000)
 }
 
+/// SPIR-V that naga makes of WGSL, behind a word that chooses a stage and all that a pipeline may say.
+fn modules(root: &Path) -> io::Result<()> {
+    let corpus = Corpus::of("spirv")?;
+    let mut texts: Vec<String> = (0..20).map(|seed| generate::generate(&mut generate::Random::seeded(seed)).source).collect();
+    for entry in fs::read_dir(root.join("examples/record_scenes/scenes"))? {
+        let path = entry?.path();
+        if path.extension().is_some_and(|extension| extension == "wgsl") {
+            texts.push(fs::read_to_string(path)?);
+        }
+    }
+    for text in texts {
+        let Ok(mut module) = naga::front::wgsl::parse_str(&text) else { continue };
+        let stages: Vec<naga::ShaderStage> = module.entry_points.iter().map(|entry| entry.stage).collect();
+        module.entry_points.iter_mut().for_each(|entry| entry.name = "main".to_owned());
+        let mut validator = naga::valid::Validator::new(naga::valid::ValidationFlags::all(), naga::valid::Capabilities::all());
+        let Ok(info) = validator.validate(&module) else { continue };
+        let Ok(words) = naga::back::spv::write_vec(&module, &info, &naga::back::spv::Options::default(), None) else {
+            continue;
+        };
+        for stage in stages {
+            let number = [naga::ShaderStage::Vertex, naga::ShaderStage::Fragment, naga::ShaderStage::Compute]
+                .into_iter()
+                .position(|known| known == stage);
+            let Some(number) = number else { continue };
+            let choice = number as u32 | 4 | 8 | 16 | 37 << 16;
+            let bytes: Vec<u8> = std::iter::once(&choice).chain(&words).flat_map(|word| word.to_le_bytes()).collect();
+            corpus.add(bytes)?;
+        }
+    }
+    Ok(())
+}
+
 fn main() -> io::Result<()> {
     let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("..");
     traces(&root)?;
     recordings(&root)?;
     shaders(&root)?;
+    modules(&root)?;
     Corpus::of("sequences")?.choices(300)?;
     let configs = Corpus::of("configs")?;
     configs.copy(&root.join("configs"), "ron", None)?;

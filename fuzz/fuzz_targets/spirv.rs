@@ -1,0 +1,53 @@
+//! Whatever words are given as a SPIR-V module of a Vulkan program, it is refused with its place, or rewritten into words that the engine
+//! refuses with a message or compiles.
+
+#![no_main]
+
+use fillrate::shader::{Module, Options as Compile, Source, Stage as Compiled, compile};
+use spirv::{BoundFormat, Constant, Options, Stage, translate};
+
+/// The fuzzer's hook ends the process at every panic; those of naga that the library reports as errors are none of ours.
+fn let_guarded_panics_pass() {
+    let report = std::panic::take_hook();
+    std::panic::set_hook(Box::new(move |panic| {
+        if !fillrate::host::is_guarded() {
+            report(panic);
+        }
+    }));
+}
+
+// The first word chooses the stage and what the pipeline says; the module begins behind it.
+libfuzzer_sys::fuzz_target!(init: let_guarded_panics_pass(), |data: &[u8]| {
+    let mut words = data.chunks_exact(4).map(|word| u32::from_le_bytes([word[0], word[1], word[2], word[3]]));
+    let Some(choice) = words.next() else { return };
+    let words: Vec<u32> = words.collect();
+    let stages = [
+        (Stage::Vertex, Compiled::Vertex),
+        (Stage::Fragment, Compiled::Fragment),
+        (Stage::Compute, Compiled::Compute),
+        (Stage::Geometry, Compiled::Vertex),
+    ];
+    let (stage, compiled) = stages[(choice & 3) as usize];
+    let value = (choice >> 8).to_le_bytes();
+    let specialization = [0, 1, 2, 3].map(|id| Constant { id, bytes: &value });
+    let format = choice >> 16 & 127;
+    let formats = [0, 1, 2, 3].map(|binding| BoundFormat { set: 0, binding, format });
+    let options = Options {
+        specialization: if choice & 4 == 0 { &[] } else { &specialization },
+        view_index: Some(choice >> 24),
+        flip_y: choice & 8 != 0,
+        formats: if choice & 16 == 0 { &[] } else { &formats },
+    };
+    let translated = match translate(&words, "main", stage, &options) {
+        Ok(translated) => translated,
+        Err(refusal) => {
+            assert!(!refusal.reason.is_empty() && (refusal.word as usize) < words.len().max(5), "{refusal}");
+            return;
+        }
+    };
+    assert!(translated.origins.iter().all(|&(_, origin)| (origin as usize) < words.len()));
+    let Ok(module) = Module::new("fuzzed", Source::SpirV(&translated.bytes())) else { return };
+    if let Err(error) = compile(&module, compiled, Some("main"), &Compile::default()) {
+        assert!(!error.message.is_empty(), "{error}");
+    }
+});
