@@ -4,7 +4,7 @@ use std::collections::HashSet;
 
 use grammar::{Capability, Decoration as D, ExecutionMode, Op};
 
-use crate::words::{Parts, text};
+use crate::words::{Inst, Parts, text};
 
 /// Capabilities that naga does not know by name. What they allow is read, rewritten, or refused where it is used.
 const ALLOWED: &[Capability] = &[
@@ -79,4 +79,27 @@ pub fn rewrite(parts: &mut Parts) {
             inst.op = Op::Kill;
         }
     }
+    demote(parts);
+}
+
+/// An invocation that is demoted to a helper goes on, and so it does in the engine after `OpKill` in a function that it calls.
+fn demote(parts: &mut Parts) {
+    let is_demotion = |inst: &&Inst| inst.op == Op::DemoteToHelperInvocation;
+    let Some(at) = parts.functions.iter().flatten().find(is_demotion).map(|inst| inst.at) else { return };
+    let void = parts.declared(Op::TypeVoid, &[]);
+    let signature = parts.declared(Op::TypeFunction, &[void]);
+    let function = parts.fresh();
+    let mut functions = std::mem::take(&mut parts.functions);
+    for inst in functions.iter_mut().flatten().filter(|inst| inst.op == Op::DemoteToHelperInvocation) {
+        inst.op = Op::FunctionCall;
+        inst.operands = vec![void, parts.fresh(), function];
+    }
+    let body = [
+        (Op::Function, vec![void, function, 0, signature]),
+        (Op::Label, vec![parts.fresh()]),
+        (Op::Kill, Vec::new()),
+        (Op::FunctionEnd, Vec::new()),
+    ];
+    functions.push(body.into_iter().map(|(op, operands)| Inst { at, op, operands }).collect());
+    parts.functions = functions;
 }

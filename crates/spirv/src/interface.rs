@@ -4,7 +4,7 @@ use std::collections::HashMap;
 
 use grammar::{BuiltIn, Decoration as D, Op, StorageClass};
 
-use crate::words::{Decoration, Inst, Parts, Type, text};
+use crate::words::{Code, Decoration, Inst, Parts, Type, text};
 use crate::{Refusal, Stage};
 
 /// Locations below this are read: more than any card has. naga's validator takes a bit of memory for each up to the largest.
@@ -101,12 +101,7 @@ pub fn fix_view(parts: &mut Parts, view: u32) {
             let operands = vec![pointer, id, StorageClass::Private as u32, value];
             parts.globals.push(Inst { operands, ..variable });
             parts.globals.retain(|inst| !(inst.op == Op::Decorate && inst.operand(0) == id));
-            if let Some(entry) = parts.globals.iter_mut().find(|inst| inst.op == Op::EntryPoint) {
-                let before = 2 + text(entry.from(2)).map_or(0, |(_, words)| words);
-                let kept = entry.from(before).iter().copied().filter(|&other| other != id).collect::<Vec<u32>>();
-                entry.operands.truncate(before);
-                entry.operands.extend(kept);
-            }
+            unlist(parts, id);
         }
     }
 }
@@ -130,8 +125,18 @@ pub fn fragment_position(parts: &mut Parts) -> u32 {
     id
 }
 
+/// Takes a variable from those of the entry point.
+pub fn unlist(parts: &mut Parts, id: u32) {
+    if let Some(entry) = parts.globals.iter_mut().find(|inst| inst.op == Op::EntryPoint) {
+        let before = 2 + text(entry.from(2)).map_or(0, |(_, words)| words);
+        let kept = entry.from(before).iter().copied().filter(|&other| other != id).collect::<Vec<u32>>();
+        entry.operands.truncate(before);
+        entry.operands.extend(kept);
+    }
+}
+
 /// Lists a variable among those of the entry point.
-fn list(parts: &mut Parts, id: u32) {
+pub fn list(parts: &mut Parts, id: u32) {
     if let Some(entry) = parts.globals.iter_mut().find(|inst| inst.op == Op::EntryPoint) {
         let before = 2 + text(entry.from(2)).map_or(0, |(_, words)| words);
         if !entry.from(before).contains(&id) {
@@ -140,55 +145,70 @@ fn list(parts: &mut Parts, id: u32) {
     }
 }
 
-/// Turns y of positions: a function around that of the entry point calls it and negates y.
-///
-/// # Errors
-/// If the function of the entry point is none.
-pub fn flip_y(parts: &mut Parts, function: u32) -> Result<(), Refusal> {
+/// Instructions around the function of the entry point.
+#[derive(Default)]
+pub struct Around {
+    pub before: Code,
+    pub after: Code,
+}
+
+/// Turns y of positions.
+pub fn flip_y(parts: &mut Parts, around: &mut Around) {
     let (types, decorations) = (parts.types(), parts.decorations());
     let is_position = |d: &&Decoration| d.kind == D::BuiltIn as u32 && d.value == BuiltIn::Position as u32;
-    // Each position: the variable, and the number of the member where it is one of a block.
-    let mut positions: Vec<(u32, Option<u32>)> = Vec::new();
+    // Each position: the variable, the number of the member where it is one of a block, and the place in the module.
+    let mut positions: Vec<(u32, Option<u32>, u32)> = Vec::new();
     for inst in parts.globals.iter().filter(|inst| inst.op == Op::Variable && inst.operand(2) == StorageClass::Output as u32) {
         let Some(&Type::Pointer { to, .. }) = types.get(&inst.operand(0)) else { continue };
         let id = inst.operand(1);
         for (of, is_member) in [(id, false), (to, true)] {
             let found = decorations.get(&of).into_iter().flatten().find(is_position);
             if let Some(decoration) = found.filter(|decoration| decoration.member.is_some() == is_member) {
-                positions.push((id, decoration.member));
+                positions.push((id, decoration.member, inst.at));
             }
         }
     }
-    let Some(body) = parts.functions.iter().find(|insts| insts.first().and_then(Inst::result) == Some(function)) else {
+    if positions.is_empty() {
+        return;
+    }
+    let (float, unsigned) = (parts.float_type(), parts.int_type(false));
+    let pointer = parts.pointer_type(StorageClass::Output, float);
+    let one = parts.constant(unsigned, 1);
+    for (variable, member, at) in positions {
+        let path: Vec<u32> =
+            [Some(variable), member.map(|member| parts.constant(unsigned, member)), Some(one)].into_iter().flatten().collect();
+        let y = around.after.value(parts, at, Op::AccessChain, pointer, &path);
+        let value = around.after.value(parts, at, Op::Load, float, &[y]);
+        let negative = around.after.value(parts, at, Op::FNegate, float, &[value]);
+        around.after.0.push(Inst { at, op: Op::Store, operands: vec![y, negative] });
+    }
+}
+
+/// Puts a function around that of the entry point, if there is something to do around it.
+///
+/// # Errors
+/// If the function of the entry point is none.
+pub fn surround(parts: &mut Parts, function: u32, around: Around) -> Result<(), Refusal> {
+    let Around { before, after } = around;
+    if before.0.is_empty() && after.0.is_empty() {
         return Ok(());
-    };
-    let head = body[0].clone();
+    }
+    let is_own = |insts: &&Vec<Inst>| insts.first().and_then(Inst::result) == Some(function);
+    let Some(head) = parts.functions.iter().find(is_own).and_then(|insts| insts.first()).cloned() else { return Ok(()) };
     let (at, void, signature) = (head.at, head.operand(0), head.operand(3));
     if head.operands.len() != 4 {
         return Err(head.refuse("a function has a type, an id, a control and a signature"));
     }
-    let (float, unsigned) = (parts.float_type(), parts.int_type(false));
-    let pointer = parts.pointer_type(StorageClass::Output, float);
     let outer = parts.fresh();
-    let inst = |op: Op, operands: Vec<u32>| Inst { at, op, operands };
     let mut out = vec![
-        inst(Op::Function, vec![void, outer, 0, signature]),
-        inst(Op::Label, vec![parts.fresh()]),
-        inst(Op::FunctionCall, vec![void, parts.fresh(), function]),
+        Inst { at, op: Op::Function, operands: vec![void, outer, 0, signature] },
+        Inst { at, op: Op::Label, operands: vec![parts.fresh()] },
     ];
-    let one = parts.constant(unsigned, 1);
-    for (variable, member) in positions {
-        let (y, value, negative) = (parts.fresh(), parts.fresh(), parts.fresh());
-        let mut path = vec![pointer, y, variable];
-        path.extend(member.map(|member| parts.constant(unsigned, member)));
-        path.push(one);
-        out.push(inst(Op::AccessChain, path));
-        out.push(inst(Op::Load, vec![float, value, y]));
-        out.push(inst(Op::FNegate, vec![float, negative, value]));
-        out.push(inst(Op::Store, vec![y, negative]));
-    }
-    out.push(inst(Op::Return, Vec::new()));
-    out.push(inst(Op::FunctionEnd, Vec::new()));
+    out.extend(before.0);
+    out.push(Inst { at, op: Op::FunctionCall, operands: vec![void, parts.fresh(), function] });
+    out.extend(after.0);
+    out.push(Inst { at, op: Op::Return, operands: Vec::new() });
+    out.push(Inst { at, op: Op::FunctionEnd, operands: Vec::new() });
     parts.functions.push(out);
     for inst in &mut parts.globals {
         match inst.op {

@@ -20,6 +20,7 @@
 //! the memory model of Vulkan              that of GLSL                                        nothing
 //! matrices by rows or distant columns     arrays of vectors                                   as before
 //! offsets of loads from images            sums of coordinates                                 nothing
+//! matrices and arrays between stages      vectors, each at its location                        as before
 //! modf and rounding to 16 bits            other operations                                    nothing
 //! ```
 //!
@@ -68,6 +69,7 @@ mod matrices;
 mod memory;
 mod specialize;
 mod texels;
+mod varyings;
 mod words;
 
 use words::Parts;
@@ -232,6 +234,8 @@ pub fn translate(words: &[u32], entry: &str, stage: Stage, options: &Options<'_>
     memory::rewrite(&mut parts)?;
     specialize::rewrite(&mut parts, function, stage, options.specialization)?;
     floats::rewrite(&mut parts)?;
+    let mut around = interface::Around::default();
+    varyings::rewrite(&mut parts, stage, &mut around)?;
     interface::rewrite(&mut parts, stage)?;
     interface::fix_view(&mut parts, options.view_index.unwrap_or(0));
     translated.texel_buffers = texels::rewrite(&mut parts, options.formats)?;
@@ -243,8 +247,9 @@ pub fn translate(words: &[u32], entry: &str, stage: Stage, options: &Options<'_>
     blocks::allow_reads(&mut parts);
     translated.uniform_as_storage = blocks::move_uniforms(&mut parts)?;
     if options.flip_y && stage == Stage::Vertex {
-        interface::flip_y(&mut parts, function)?;
+        interface::flip_y(&mut parts, &mut around);
     }
+    interface::surround(&mut parts, function, around)?;
     parts.write(&mut translated.words, &mut translated.origins)?;
     Ok(translated)
 }

@@ -224,3 +224,103 @@ fn damaged_words_are_refused_with_their_place() {
         }
     }
 }
+
+#[test]
+fn matrices_and_arrays_take_a_location_for_each_vector() {
+    let words = vertex(
+        "OpDecorate %matrix Location 2
+         OpDecorate %numbers Location 4
+         OpDecorate %sum Location 1
+         OpDecorate %sum NoPerspective",
+        "%matrix %numbers %sum",
+        "%uint = OpTypeInt 32 0
+         %two = OpConstant %uint 2
+         %mat = OpTypeMatrix %v4float 2
+         %ints = OpTypeArray %int %two
+         %floats = OpTypeArray %float %two
+         %ptr_mat = OpTypePointer Input %mat
+         %ptr_ints = OpTypePointer Input %ints
+         %ptr_floats = OpTypePointer Output %floats
+         %ptr_element = OpTypePointer Input %float
+         %ptr_int = OpTypePointer Input %int
+         %matrix = OpVariable %ptr_mat Input
+         %numbers = OpVariable %ptr_ints Input
+         %sum = OpVariable %ptr_floats Output",
+        "%m = OpLoad %mat %matrix
+         %a = OpCompositeExtract %float %m 1 3
+         %b = OpAccessChain %ptr_element %matrix %i0 %i1
+         %c = OpLoad %float %b
+         %d = OpFAdd %float %a %c
+         %e = OpAccessChain %ptr_int %numbers %i1
+         %f = OpLoad %int %e
+         %g = OpConvertSToF %float %f
+         %q0 = OpAccessChain %ptr_float %sum %i0
+         OpStore %q0 %d
+         %q1 = OpAccessChain %ptr_float %sum %i1
+         OpStore %q1 %g",
+    );
+    let (_, program) = build(&words, "main", Stage::Vertex, &Options::default()).unwrap_or_else(|error| panic!("{error}"));
+    let bound = Bound::default();
+    let bindings = resources(&program, &bound);
+    let resources = Resources { bindings: &bindings, ..Resources::default() };
+    let uniforms = program.uniforms(&resources);
+    let mut executor = Executor::new();
+    let mut batch = executor.bind(&program, &resources, &uniforms);
+    let interface = program.interface();
+    for (location, component, value) in [(2, 1, 5f32.to_bits()), (3, 3, 7f32.to_bits()), (5, 0, 9)] {
+        let slot = interface.inputs.iter().position(|slot| slot.location() == Some(location)).expect("an input");
+        batch.input_mut(slot, component).expect("it is read").0[0] = value;
+    }
+    batch.run(1, 0).expect("it ends");
+    for (location, want) in [(1, 12f32), (2, 9.0)] {
+        let slot = interface.output_location(location).expect("an output");
+        assert_eq!(batch.output(slot, 0).f32()[0], want);
+        let shader::Connection::Location { interpolation, .. } = interface.outputs[slot].connection else {
+            panic!("a location")
+        };
+        assert_eq!(interpolation, Interpolation::Linear);
+    }
+    let far = vertex(
+        "OpDecorate %many Location 0",
+        "%many",
+        "%uint = OpTypeInt 32 0
+         %count = OpConstant %uint 300
+         %floats = OpTypeArray %float %count
+         %ptr_floats = OpTypePointer Output %floats
+         %many = OpVariable %ptr_floats Output",
+        "",
+    );
+    let refused = translate(&far, "main", Stage::Vertex, &Options::default()).expect_err("too many");
+    assert_eq!(refused.reason, "an input or output has more vectors than are supported");
+}
+
+#[test]
+fn a_demoted_invocation_goes_on_as_a_helper() {
+    let text = "OpCapability Shader
+         OpCapability DemoteToHelperInvocation
+         OpExtension \"SPV_EXT_demote_to_helper_invocation\"
+         OpMemoryModel Logical GLSL450
+         OpEntryPoint Fragment %main \"main\" %color
+         OpExecutionMode %main OriginUpperLeft
+         OpDecorate %color Location 0
+         %void = OpTypeVoid
+         %signature = OpTypeFunction %void
+         %float = OpTypeFloat 32
+         %f2 = OpConstant %float 2.0
+         %ptr_color = OpTypePointer Output %float
+         %color = OpVariable %ptr_color Output
+         %main = OpFunction %void None %signature
+         %begin = OpLabel
+         OpDemoteToHelperInvocation
+         OpStore %color %f2
+         OpReturn
+         OpFunctionEnd";
+    let (_, program) =
+        build(&assemble(5, text), "main", Stage::Fragment, &Options::default()).unwrap_or_else(|error| panic!("{error}"));
+    let resources = Resources::default();
+    let uniforms = program.uniforms(&resources);
+    let mut executor = Executor::new();
+    let mut batch = executor.bind(&program, &resources, &uniforms);
+    let outcome = batch.run(3, 0).expect("it ends");
+    assert_eq!((outcome.mask, batch.output(0, 0).f32()[0]), (0, 2.0));
+}
