@@ -38,6 +38,10 @@ const ALLOWED: &[Capability] = &[
     Capability::DeviceGroup,
     Capability::StorageInputOutput16,
     Capability::GroupNonUniformQuad,
+    Capability::ShaderLayer,
+    Capability::ShaderViewportIndex,
+    Capability::ShaderViewportIndexLayerEXT,
+    Capability::MultiViewport,
     // They are those of other entry points: these stages are refused.
     Capability::Tessellation,
     Capability::TessellationPointSize,

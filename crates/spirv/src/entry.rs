@@ -2,9 +2,9 @@
 
 use std::collections::{HashMap, HashSet};
 
-use grammar::{ExecutionModel, Op};
+use grammar::{ExecutionModel, Op, StorageClass};
 
-use crate::words::{Parts, text};
+use crate::words::{Inst, Parts, text};
 use crate::{Refusal, Stage};
 
 /// Keeps one entry point and the functions that it calls, and gives the id of its function.
@@ -20,7 +20,7 @@ pub fn select(parts: &mut Parts, name: &str, stage: Stage) -> Result<u32, Refusa
         Stage::Fragment => ExecutionModel::Fragment,
         Stage::Compute => ExecutionModel::GLCompute,
     };
-    let is_asked = |inst: &&crate::words::Inst| {
+    let is_asked = |inst: &&Inst| {
         let named = || text(inst.from(2)).is_some_and(|(text, _)| text == name);
         inst.op == Op::EntryPoint && inst.operand(0) == model as u32 && named()
     };
@@ -58,6 +58,7 @@ pub fn select(parts: &mut Parts, name: &str, stage: Stage) -> Result<u32, Refusa
         Op::ExecutionMode | Op::ExecutionModeId => inst.operand(0) == id,
         _ => true,
     });
+    forget_variables(parts);
     // Names serve nobody here, and those of functions that are gone would name nothing.
     parts.globals.retain(|inst| {
         !matches!(
@@ -77,4 +78,29 @@ pub fn select(parts: &mut Parts, name: &str, stage: Stage) -> Result<u32, Refusa
         insts.retain(|inst| !matches!(inst.op, Op::Line | Op::NoLine | Op::Nop));
     }
     Ok(id)
+}
+
+/// Takes away the variables that the entry point does not use: those of others may be what it cannot have.
+fn forget_variables(parts: &mut Parts) {
+    let Some(entry) = parts.globals.iter_mut().find(|inst| inst.op == Op::EntryPoint) else { return };
+    let before = 2 + text(entry.from(2)).map_or(0, |(_, words)| words);
+    let listed: HashSet<u32> = entry.from(before).iter().copied().collect();
+    let used: HashSet<u32> = parts.functions.iter().flatten().flat_map(|inst| inst.operands.iter().copied()).collect();
+    let stages = [StorageClass::Input, StorageClass::Output].map(|class| class as u32);
+    let is_gone = |inst: &&Inst| {
+        let id = inst.operand(1);
+        let is_kept = if stages.contains(&inst.operand(2)) { listed.contains(&id) } else { used.contains(&id) };
+        inst.op == Op::Variable && !is_kept
+    };
+    let gone: HashSet<u32> = parts.globals.iter().filter(is_gone).map(|inst| inst.operand(1)).collect();
+    parts.globals.retain(|inst| match inst.op {
+        Op::Variable => !gone.contains(&inst.operand(1)),
+        Op::Decorate | Op::DecorateId | Op::DecorateString => !gone.contains(&inst.operand(0)),
+        _ => true,
+    });
+    if let Some(entry) = parts.globals.iter_mut().find(|inst| inst.op == Op::EntryPoint) {
+        let kept: Vec<u32> = entry.from(before).iter().copied().filter(|id| !gone.contains(id)).collect();
+        entry.operands.truncate(before);
+        entry.operands.extend(kept);
+    }
 }

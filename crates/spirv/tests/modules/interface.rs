@@ -203,6 +203,63 @@ fn entry_points_are_chosen_by_name_and_stage() {
 }
 
 #[test]
+fn what_other_entry_points_have_is_forgotten() {
+    let text = "OpCapability Shader
+         OpCapability Geometry
+         OpCapability StorageImageWriteWithoutFormat
+         OpMemoryModel Logical GLSL450
+         OpEntryPoint Fragment %main \"main\" %color
+         OpEntryPoint GLCompute %other \"main\" %image
+         OpEntryPoint Geometry %third \"main\" %layer
+         OpExecutionMode %main OriginUpperLeft
+         OpExecutionMode %other LocalSize 1 1 1
+         OpExecutionMode %third InputPoints
+         OpDecorate %color Location 0
+         OpDecorate %layer BuiltIn Layer
+         OpDecorate %image DescriptorSet 0
+         OpDecorate %image Binding 0
+         %void = OpTypeVoid
+         %signature = OpTypeFunction %void
+         %int = OpTypeInt 32 1
+         %float = OpTypeFloat 32
+         %v2int = OpTypeVector %int 2
+         %v4float = OpTypeVector %float 4
+         %i0 = OpConstant %int 0
+         %zero = OpConstantComposite %v2int %i0 %i0
+         %f1 = OpConstant %float 1.0
+         %ones = OpConstantComposite %v4float %f1 %f1 %f1 %f1
+         %open = OpTypeImage %float 2D 0 0 0 2 Unknown
+         %ptr_open = OpTypePointer UniformConstant %open
+         %ptr_color = OpTypePointer Output %v4float
+         %ptr_layer = OpTypePointer Output %int
+         %image = OpVariable %ptr_open UniformConstant
+         %color = OpVariable %ptr_color Output
+         %layer = OpVariable %ptr_layer Output
+         %main = OpFunction %void None %signature
+         %begin = OpLabel
+         OpStore %color %ones
+         OpReturn
+         OpFunctionEnd
+         %other = OpFunction %void None %signature
+         %start = OpLabel
+         %i = OpLoad %open %image
+         OpImageWrite %i %zero %ones
+         OpReturn
+         OpFunctionEnd
+         %third = OpFunction %void None %signature
+         %first = OpLabel
+         OpStore %layer %i0
+         OpReturn
+         OpFunctionEnd";
+    for minor in [0, 4] {
+        let words = assemble(minor, text);
+        build(&words, "main", Stage::Fragment, &Options::default()).unwrap_or_else(|error| panic!("{error}"));
+        let refused = translate(&words, "main", Stage::Compute, &Options::default()).expect_err("no format");
+        assert_eq!(refused.reason, "the format of the storage image of set 0, binding 0 is not known");
+    }
+}
+
+#[test]
 fn damaged_words_are_refused_with_their_place() {
     let words = fragment("");
     let reason = |words: &[u32]| translate(words, "main", Stage::Fragment, &Options::default()).expect_err("damaged").reason;

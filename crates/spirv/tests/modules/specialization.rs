@@ -209,3 +209,20 @@ fn logical_operations_take_vectors() {
     run(&compute("", "", globals, body), &Options::default(), &bound);
     assert_eq!(bound.words(0, 0), [7, 1, 1, 0]);
 }
+
+#[test]
+fn minima_take_numbers_of_either_sign() {
+    let body = "%place = OpAccessChain %ptr_uint %out %u0 %u0
+        %x = OpLoad %uint %place
+        %y = OpBitcast %int %x
+        %a = OpExtInst %int %glsl 39 %x %i1
+        %b = OpExtInst %uint %glsl 38 %y %u1
+        %c = OpExtInst %uint %glsl 45 %y %i2 %u5
+        %a1 = OpBitcast %uint %a
+        out 1 %a1
+        out 2 %b
+        out 3 %c";
+    let bound = Bound::default().buffer(0, 0, &[-3i32 as u32, 9, 9, 9]);
+    run(&compute("", "", "", body), &Options::default(), &bound);
+    assert_eq!(bound.words(0, 0)[1..], [-3i32 as u32, 1, 2]);
+}
