@@ -1,6 +1,6 @@
 //! What connects a stage to others: locations, built-in values, and y of positions.
 
-use std::collections::HashMap;
+use std::collections::{HashMap, HashSet};
 
 use grammar::{BuiltIn, Decoration as D, Op, StorageClass};
 
@@ -44,9 +44,9 @@ pub fn rewrite(parts: &mut Parts, stage: Stage) -> Result<(), Refusal> {
 fn flatten(parts: &mut Parts, stage: Stage) {
     let (types, decorations) = (parts.types(), parts.decorations());
     let class = if stage == Stage::Vertex { StorageClass::Output } else { StorageClass::Input };
-    let has = |id: u32, member: Option<u32>, kind: D| {
-        decorations.get(&id).into_iter().flatten().any(|d| d.member == member && d.kind == kind as u32)
-    };
+    let all = decorations.iter().flat_map(|(&id, all)| all.iter().map(move |d| (id, d.member, d.kind)));
+    let all: HashSet<(u32, Option<u32>, u32)> = all.collect();
+    let has = |id: u32, member: Option<u32>, kind: D| all.contains(&(id, member, kind as u32));
     let mut added = Vec::new();
     for inst in parts.globals.iter().filter(|inst| inst.op == Op::Variable && inst.operand(2) == class as u32) {
         let Some(&Type::Pointer { to, .. }) = types.get(&inst.operand(0)) else { continue };
@@ -84,10 +84,20 @@ fn builtins(parts: &Parts, builtin: BuiltIn, class: StorageClass) -> Vec<u32> {
     ids.filter(|id| decorations.get(id).into_iter().flatten().any(is_it)).collect()
 }
 
+/// Variables of the view's number that are read: a compiler makes one.
+const VIEWS: usize = 16;
+
 /// Gives the number of the view, and that of the device, their values: the variables become private ones.
-pub fn fix_view(parts: &mut Parts, view: u32) {
+///
+/// # Errors
+/// If there are more variables than any module has.
+pub fn fix_view(parts: &mut Parts, view: u32) -> Result<(), Refusal> {
     for (builtin, value) in [(BuiltIn::ViewIndex, view), (BuiltIn::DeviceIndex, 0)] {
-        for id in builtins(parts, builtin, StorageClass::Input) {
+        let ids = builtins(parts, builtin, StorageClass::Input);
+        if let Some(inst) = parts.globals.last().filter(|_| ids.len() > VIEWS) {
+            return Err(inst.refuse("there are more variables of the number of the view than are supported"));
+        }
+        for id in ids {
             let types = parts.types();
             let Some(at) = parts.globals.iter().position(|inst| inst.op == Op::Variable && inst.operand(1) == id) else {
                 continue;
@@ -104,6 +114,7 @@ pub fn fix_view(parts: &mut Parts, view: u32) {
             unlist(parts, id);
         }
     }
+    Ok(())
 }
 
 /// The variable of the fragment's position.

@@ -237,7 +237,7 @@ pub fn translate(words: &[u32], entry: &str, stage: Stage, options: &Options<'_>
     let mut around = interface::Around::default();
     varyings::rewrite(&mut parts, stage, &mut around)?;
     interface::rewrite(&mut parts, stage)?;
-    interface::fix_view(&mut parts, options.view_index.unwrap_or(0));
+    interface::fix_view(&mut parts, options.view_index.unwrap_or(0))?;
     translated.texel_buffers = texels::rewrite(&mut parts, options.formats)?;
     translated.combined = combined::rewrite(&mut parts)?;
     translated.input_attachments = attachments::rewrite(&mut parts)?;

@@ -125,7 +125,7 @@ impl Layout {
                         let id = parts.fresh();
                         let mut second = inst.clone();
                         second.operands[..2].copy_from_slice(&[id, of]);
-                        self.copy_decorations(&inst, id, &[]);
+                        self.copy_decorations(&inst, id, &HashSet::new());
                         let length = self.constants.get(&inst.operand(2)).copied();
                         self.changed.insert(inst.operand(0), id);
                         self.declare(&inst, id, &[of], Memory::Array { value: inst.operand(0), of, length })?;
@@ -160,7 +160,7 @@ impl Layout {
     }
 
     /// Copies the decorations of a type to its type of memory, but for those of these members that are about matrices.
-    fn copy_decorations(&mut self, inst: &Inst, id: u32, matrices: &[u32]) {
+    fn copy_decorations(&mut self, inst: &Inst, id: u32, matrices: &HashSet<u32>) {
         for decoration in self.decorations.get(&inst.operand(0)).into_iter().flatten() {
             let about_matrices = [D::MatrixStride, D::RowMajor, D::ColMajor].iter().any(|&kind| kind as u32 == decoration.kind);
             if about_matrices && decoration.member.is_some_and(|member| matrices.contains(&member)) {
@@ -178,7 +178,7 @@ impl Layout {
 
     fn structure(&mut self, parts: &mut Parts, inst: &Inst) -> Result<(), Refusal> {
         let id = inst.operand(0);
-        let mut matrices = Vec::new();
+        let mut matrices = HashSet::new();
         let mut members = Vec::new();
         // The stride of each member's matrices, and whether they are stored by rows.
         let mut strides: HashMap<u32, u32> = HashMap::new();
@@ -197,7 +197,7 @@ impl Layout {
                 && let Some(own) = self.matrices(parts, inst, ty, stride, rows.contains(&n), 0)?
             {
                 memory = Some(own);
-                matrices.push(n);
+                matrices.insert(n);
             }
             members.push(memory.unwrap_or(ty));
         }
@@ -260,7 +260,7 @@ impl Layout {
                 let operands = [Some(id), Some(of), length].into_iter().flatten().collect();
                 self.out.push(Inst { at: inst.at, op, operands });
                 let declared = Inst { at: inst.at, op, operands: vec![ty] };
-                self.copy_decorations(&declared, id, &[]);
+                self.copy_decorations(&declared, id, &HashSet::new());
                 let length = length.and_then(|length| self.constants.get(&length).copied());
                 self.declare(inst, id, &[of], Memory::Array { value: ty, of, length })?;
                 Ok(Some(id))

@@ -1,6 +1,6 @@
 //! Specialization constants become constants, with the values that the pipeline gives them.
 
-use std::collections::HashMap;
+use std::collections::{HashMap, HashSet};
 
 use grammar::{BuiltIn, Decoration as D, ExecutionMode, Op};
 use half::f16;
@@ -54,6 +54,8 @@ impl Scalar {
 /// # Errors
 /// If a value has the wrong size, or something is computed that Vulkan does not allow.
 pub fn rewrite(parts: &mut Parts, function: u32, stage: Stage, given: &[Constant<'_>]) -> Result<(), Refusal> {
+    // Of several values for a constant, the first holds.
+    let given: HashMap<u32, &Constant<'_>> = given.iter().rev().map(|constant| (constant.id, constant)).collect();
     let ids: HashMap<u32, u32> = decorated(parts, D::SpecId).collect();
     let sizes: Vec<u32> =
         decorated(parts, D::BuiltIn).filter(|&(_, of)| of == BuiltIn::WorkgroupSize as u32).map(|(id, _)| id).collect();
@@ -61,13 +63,14 @@ pub fn rewrite(parts: &mut Parts, function: u32, stage: Stage, given: &[Constant
     let mut folder =
         Folder { types: HashMap::new(), values: HashMap::new(), out: Vec::with_capacity(globals.len()), written: 0, parts };
     for inst in globals {
-        folder.declaration(inst, &ids, given)?;
+        folder.declaration(inst, &ids, &given)?;
     }
     let mut size = None;
     for id in sizes.iter().filter(|id| folder.values.contains_key(id)) {
         size = Some(folder.triple(*id));
     }
     let mut globals = std::mem::take(&mut folder.out);
+    let sizes: HashSet<u32> = sizes.into_iter().collect();
     for inst in &mut globals {
         if inst.op != Op::ExecutionModeId {
             continue;
@@ -123,14 +126,19 @@ struct Folder<'p> {
 }
 
 impl Folder<'_> {
-    fn declaration(&mut self, mut inst: Inst, ids: &HashMap<u32, u32>, given: &[Constant<'_>]) -> Result<(), Refusal> {
+    fn declaration(
+        &mut self,
+        mut inst: Inst,
+        ids: &HashMap<u32, u32>,
+        given: &HashMap<u32, &Constant<'_>>,
+    ) -> Result<(), Refusal> {
         if let Some((id, ty)) = Parts::type_of(&inst) {
             self.types.insert(id, ty);
             self.out.push(inst);
             return Ok(());
         }
         let (ty, id) = (inst.operand(0), inst.operand(1));
-        let own = |id: &u32| ids.get(id).and_then(|number| given.iter().find(|constant| constant.id == *number));
+        let own = |id: &u32| ids.get(id).and_then(|number| given.get(number).copied());
         let value = match inst.op {
             Op::Constant => self.constant(&inst)?,
             Op::ConstantTrue | Op::ConstantFalse => Value::Scalar((inst.op == Op::ConstantTrue).into()),

@@ -3,7 +3,7 @@
 //! naga has one vector or number for each location. So the variable becomes a private one of the module, and each vector in it gets a variable
 //! of its own. A function around that of the entry point copies inputs before it and outputs after it.
 
-use std::collections::HashMap;
+use std::collections::{HashMap, HashSet};
 
 use grammar::{Decoration as D, Op, StorageClass};
 
@@ -11,7 +11,7 @@ use crate::interface::{Around, list, unlist};
 use crate::words::{Code, Decoration, Inst, Parts, Type};
 use crate::{Refusal, Stage};
 
-/// Vectors of one variable that are read: more than any card has locations.
+/// Vectors of one variable that are read, and variables: more than any card has locations.
 const VECTORS: usize = 256;
 
 /// How a varying is interpolated; an output and an input say it alike.
@@ -26,11 +26,21 @@ struct Part {
     interpolation: Vec<u32>,
 }
 
+/// What a variable is made of.
+#[derive(Default)]
+struct Found {
+    parts: Vec<Part>,
+    /// Types that were looked at: structures may be empty.
+    steps: usize,
+}
+
 /// What is known of a module.
 struct Known {
     types: HashMap<u32, Type>,
     constants: HashMap<u32, u32>,
     decorations: HashMap<u32, Vec<Decoration>>,
+    /// Types that have matrices or arrays.
+    composite: HashSet<u32>,
 }
 
 /// Splits the variables of several locations.
@@ -41,13 +51,33 @@ pub fn rewrite(parts: &mut Parts, stage: Stage, around: &mut Around) -> Result<(
     if stage == Stage::Compute {
         return Ok(());
     }
-    let known = Known { types: parts.types(), constants: parts.constants(), decorations: parts.decorations() };
+    let mut known = Known {
+        types: parts.types(),
+        constants: parts.constants(),
+        decorations: parts.decorations(),
+        composite: HashSet::new(),
+    };
+    for (id, ty) in parts.globals.iter().filter_map(Parts::type_of) {
+        let is_composite = match ty {
+            Type::Matrix { .. } | Type::Array { .. } => true,
+            Type::Struct { members } => members.iter().any(|member| known.composite.contains(member)),
+            _ => false,
+        };
+        if is_composite {
+            known.composite.insert(id);
+        }
+    }
     let classes = [StorageClass::Input, StorageClass::Output];
     let is_varying = |inst: &&Inst| inst.op == Op::Variable && classes.iter().any(|&class| class as u32 == inst.operand(2));
     let variables: Vec<Inst> = parts.globals.iter().filter(is_varying).cloned().collect();
+    let mut all = 0;
     for variable in variables {
         let Some(&Type::Pointer { to, .. }) = known.types.get(&variable.operand(0)) else { continue };
-        if known.is_composite(to, 0) && !known.is_builtin(variable.operand(1)) && !known.is_builtin(to) {
+        if known.composite.contains(&to) && !known.is_builtin(variable.operand(1)) && !known.is_builtin(to) {
+            all += 1;
+            if all > VECTORS {
+                return Err(variable.refuse("there are more inputs and outputs than are supported"));
+            }
             split(parts, &known, &variable, to, around)?;
         }
     }
@@ -57,15 +87,6 @@ pub fn rewrite(parts: &mut Parts, stage: Stage, around: &mut Around) -> Result<(
 impl Known {
     fn is_builtin(&self, id: u32) -> bool {
         self.decorations.get(&id).into_iter().flatten().any(|d| d.kind == D::BuiltIn as u32)
-    }
-
-    /// Whether a type has matrices or arrays.
-    fn is_composite(&self, ty: u32, depth: u32) -> bool {
-        match self.types.get(&ty) {
-            Some(Type::Matrix { .. } | Type::Array { .. }) => true,
-            Some(Type::Struct { members }) if depth < 4 => members.iter().any(|&ty| self.is_composite(ty, depth + 1)),
-            _ => false,
-        }
     }
 
     fn location(&self, id: u32, member: Option<u32>) -> Option<u32> {
@@ -86,14 +107,15 @@ impl Known {
         path: &[u32],
         interpolation: &[u32],
         next: &mut Option<u32>,
-        out: &mut Vec<Part>,
+        found: &mut Found,
     ) -> Result<(), Refusal> {
-        if out.len() >= VECTORS || path.len() > 8 {
+        found.steps += 1;
+        if found.parts.len() >= VECTORS || found.steps > 4 * VECTORS || path.len() > 8 {
             return Err(variable.refuse("an input or output has more vectors than are supported"));
         }
         let mut each = |n: u32, ty: u32, interpolation: &[u32], next: &mut Option<u32>| {
             let path: Vec<u32> = path.iter().copied().chain([n]).collect();
-            self.parts(variable, ty, &path, interpolation, next, out)
+            self.parts(variable, ty, &path, interpolation, next, found)
         };
         match self.types.get(&ty) {
             Some(&Type::Matrix { column, count }) => (0..count).try_for_each(|n| each(n, column, interpolation, next)),
@@ -109,7 +131,7 @@ impl Known {
             _ => {
                 let Some(location) = *next else { return Err(variable.refuse("an input or output has no location")) };
                 *next = location.checked_add(1);
-                out.push(Part { path: path.to_vec(), ty, location, interpolation: interpolation.to_vec() });
+                found.parts.push(Part { path: path.to_vec(), ty, location, interpolation: interpolation.to_vec() });
                 Ok(())
             }
         }
@@ -118,7 +140,7 @@ impl Known {
 
 fn split(parts: &mut Parts, known: &Known, variable: &Inst, to: u32, around: &mut Around) -> Result<(), Refusal> {
     let (at, id, class) = (variable.at, variable.operand(1), variable.operand(2));
-    let mut found = Vec::new();
+    let mut found = Found::default();
     let mut next = known.location(id, None);
     known.parts(variable, to, &[], &known.interpolation(id, None), &mut next, &mut found)?;
 
@@ -136,7 +158,7 @@ fn split(parts: &mut Parts, known: &Known, variable: &Inst, to: u32, around: &mu
 
     let unsigned = parts.int_type(false);
     let mut decorated = Vec::new();
-    for part in found {
+    for part in found.parts {
         let outer = parts.declared(Op::TypePointer, &[class, part.ty]);
         let inner = parts.pointer_type(private, part.ty);
         let own = parts.fresh();

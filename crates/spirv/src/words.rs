@@ -182,7 +182,7 @@ pub struct Parts {
     pub functions: Vec<Vec<Inst>>,
     /// The least number that is no id yet.
     next: u32,
-    /// Declarations that were asked for: instruction and operands, and the id.
+    /// Types of numbers and vectors, and declarations that were asked for: instruction and operands, and the id.
     made: HashMap<(Op, Vec<u32>), u32>,
 }
 
@@ -239,7 +239,10 @@ impl Parts {
             functions.last_mut().unwrap_or(&mut globals).push(inst);
             at += count;
         }
-        Ok(Parts { header, globals, functions, next: header[3], made: HashMap::new() })
+        let is_plain = |op: Op| matches!(op, Op::TypeVoid | Op::TypeBool | Op::TypeInt | Op::TypeFloat | Op::TypeVector);
+        let plain = globals.iter().filter(|inst| is_plain(inst.op));
+        let made = plain.map(|inst| ((inst.op, inst.from(1).to_vec()), inst.operand(0))).collect();
+        Ok(Parts { header, globals, functions, next: header[3], made })
     }
 
     pub fn fresh(&mut self) -> u32 {
@@ -329,20 +332,13 @@ impl Parts {
         id
     }
 
-    /// The id of a declaration without decorations that stands in the module, or is added behind all others.
+    /// The id of a declaration without decorations, which is added behind all others where it is none of a number or vector that the module
+    /// has.
     pub fn declared(&mut self, op: Op, operands: &[u32]) -> u32 {
-        let place = result_at(op).unwrap_or(0).min(operands.len());
-        let same = |inst: &&Inst| {
-            inst.op == op
-                && inst.operands.len() == operands.len() + 1
-                && inst.operands[..place] == operands[..place]
-                && inst.operands[place + 1..] == operands[place..]
-        };
         if let Some(&id) = self.made.get(&(op, operands.to_vec())) {
             return id;
         }
-        let found = self.globals.iter().find(same).map(|inst| inst.operands[place]);
-        let id = found.unwrap_or_else(|| self.declare(op, operands));
+        let id = self.declare(op, operands);
         self.made.insert((op, operands.to_vec()), id);
         id
     }
@@ -361,6 +357,7 @@ impl Parts {
             None => {
                 let id = self.fresh();
                 let word = self.globals.get(at).map_or(5, |inst| inst.at);
+                self.made.insert((op, operands.to_vec()), id);
                 let operands = std::iter::once(id).chain(operands.iter().copied()).collect();
                 self.globals.insert(at, Inst { at: word, op, operands });
                 id

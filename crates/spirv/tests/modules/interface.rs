@@ -349,6 +349,20 @@ fn matrices_and_arrays_take_a_location_for_each_vector() {
     );
     let refused = translate(&far, "main", Stage::Vertex, &Options::default()).expect_err("too many");
     assert_eq!(refused.reason, "an input or output has more vectors than are supported");
+    // Four thousand million structures with nothing in them.
+    let empty = vertex(
+        "OpDecorate %many Location 0",
+        "%many",
+        "%uint = OpTypeInt 32 0
+         %count = OpConstant %uint 4294967295
+         %nothing = OpTypeStruct
+         %nothings = OpTypeArray %nothing %count
+         %ptr_nothings = OpTypePointer Output %nothings
+         %many = OpVariable %ptr_nothings Output",
+        "",
+    );
+    let refused = translate(&empty, "main", Stage::Vertex, &Options::default()).expect_err("too many");
+    assert_eq!(refused.reason, "an input or output has more vectors than are supported");
 }
 
 #[test]
