@@ -5,7 +5,7 @@
 
 use std::collections::{HashMap, HashSet};
 
-use grammar::{Decoration as D, Op, StorageClass};
+use grammar::{BuiltIn, Decoration as D, Op, StorageClass};
 
 use crate::interface::{Around, list, unlist};
 use crate::words::{Code, Decoration, Inst, Parts, Type};
@@ -22,7 +22,8 @@ struct Part {
     /// The numbers of members and elements that lead to it.
     path: Vec<u32>,
     ty: u32,
-    location: u32,
+    /// What its own variable is decorated with: a location, or the mask of samples.
+    place: [u32; 2],
     interpolation: Vec<u32>,
 }
 
@@ -73,7 +74,8 @@ pub fn rewrite(parts: &mut Parts, stage: Stage, around: &mut Around) -> Result<(
     let mut all = 0;
     for variable in variables {
         let Some(&Type::Pointer { to, .. }) = known.types.get(&variable.operand(0)) else { continue };
-        if known.composite.contains(&to) && !known.is_builtin(variable.operand(1)) && !known.is_builtin(to) {
+        let is_builtin = known.is_builtin(variable.operand(1)) || known.is_builtin(to);
+        if known.composite.contains(&to) && (!is_builtin || known.is_mask(variable.operand(1), to)) {
             all += 1;
             if all > VECTORS {
                 return Err(variable.refuse("there are more inputs and outputs than are supported"));
@@ -87,6 +89,14 @@ pub fn rewrite(parts: &mut Parts, stage: Stage, around: &mut Around) -> Result<(
 impl Known {
     fn is_builtin(&self, id: u32) -> bool {
         self.decorations.get(&id).into_iter().flatten().any(|d| d.kind == D::BuiltIn as u32)
+    }
+
+    /// Whether a variable is the mask of samples: an array with one element, where naga has a number.
+    fn is_mask(&self, id: u32, to: u32) -> bool {
+        let is_mask = |d: &Decoration| d.kind == D::BuiltIn as u32 && d.value == BuiltIn::SampleMask as u32;
+        let Some(Type::Array { of, length }) = self.types.get(&to) else { return false };
+        let is_int = matches!(self.types.get(of), Some(Type::Int { bits: 32, .. }));
+        is_int && self.constants.get(length) == Some(&1) && self.decorations.get(&id).into_iter().flatten().any(is_mask)
     }
 
     fn location(&self, id: u32, member: Option<u32>) -> Option<u32> {
@@ -131,7 +141,8 @@ impl Known {
             _ => {
                 let Some(location) = *next else { return Err(variable.refuse("an input or output has no location")) };
                 *next = location.checked_add(1);
-                found.parts.push(Part { path: path.to_vec(), ty, location, interpolation: interpolation.to_vec() });
+                let place = [D::Location as u32, location];
+                found.parts.push(Part { path: path.to_vec(), ty, place, interpolation: interpolation.to_vec() });
                 Ok(())
             }
         }
@@ -140,9 +151,16 @@ impl Known {
 
 fn split(parts: &mut Parts, known: &Known, variable: &Inst, to: u32, around: &mut Around) -> Result<(), Refusal> {
     let (at, id, class) = (variable.at, variable.operand(1), variable.operand(2));
+    let unsigned = parts.int_type(false);
     let mut found = Found::default();
-    let mut next = known.location(id, None);
-    known.parts(variable, to, &[], &known.interpolation(id, None), &mut next, &mut found)?;
+    if known.is_mask(id, to) {
+        let Some(&Type::Array { of, .. }) = known.types.get(&to) else { return Ok(()) };
+        let place = [D::BuiltIn as u32, BuiltIn::SampleMask as u32];
+        found.parts.push(Part { path: vec![0], ty: of, place, interpolation: Vec::new() });
+    } else {
+        let mut next = known.location(id, None);
+        known.parts(variable, to, &[], &known.interpolation(id, None), &mut next, &mut found)?;
+    }
 
     let private = StorageClass::Private;
     let pointer = parts.pointer_type(private, to);
@@ -156,22 +174,28 @@ fn split(parts: &mut Parts, known: &Known, variable: &Inst, to: u32, around: &mu
     parts.globals.push(Inst { at, op: Op::Variable, operands });
     unlist(parts, id);
 
-    let unsigned = parts.int_type(false);
     let mut decorated = Vec::new();
     for part in found.parts {
-        let outer = parts.declared(Op::TypePointer, &[class, part.ty]);
+        // The mask has no sign in naga.
+        let own_type = if part.place[0] == D::BuiltIn as u32 { unsigned } else { part.ty };
+        let outer = parts.declared(Op::TypePointer, &[class, own_type]);
         let inner = parts.pointer_type(private, part.ty);
         let own = parts.fresh();
         parts.globals.push(Inst { at, op: Op::Variable, operands: vec![outer, own, class] });
         list(parts, own);
         let mut decorate = |operands: Vec<u32>| decorated.push(Inst { at, op: Op::Decorate, operands });
-        decorate(vec![own, D::Location as u32, part.location]);
+        decorate(vec![own, part.place[0], part.place[1]]);
         part.interpolation.iter().for_each(|&kind| decorate(vec![own, kind]));
         let path: Vec<u32> = part.path.iter().map(|&n| parts.constant(unsigned, n)).collect();
         let code: &mut Code = if class == StorageClass::Input as u32 { &mut around.before } else { &mut around.after };
         let place = code.value(parts, at, Op::AccessChain, inner, &[&[id], &path[..]].concat());
-        let (from, into) = if class == StorageClass::Input as u32 { (own, place) } else { (place, own) };
-        let value = code.value(parts, at, Op::Load, part.ty, &[from]);
+        let is_input = class == StorageClass::Input as u32;
+        let (from, from_type, into, into_type) =
+            if is_input { (own, own_type, place, part.ty) } else { (place, part.ty, own, own_type) };
+        let mut value = code.value(parts, at, Op::Load, from_type, &[from]);
+        if from_type != into_type {
+            value = code.value(parts, at, Op::Bitcast, into_type, &[value]);
+        }
         code.0.push(Inst { at, op: Op::Store, operands: vec![into, value] });
     }
     let first = parts.first_type();

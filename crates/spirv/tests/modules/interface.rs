@@ -395,3 +395,40 @@ fn a_demoted_invocation_goes_on_as_a_helper() {
     let outcome = batch.run(3, 0).expect("it ends");
     assert_eq!((outcome.mask, batch.output(0, 0).f32()[0]), (0, 2.0));
 }
+
+#[test]
+fn the_mask_of_samples_is_an_array_of_one_number() {
+    let text = "OpCapability Shader
+         OpMemoryModel Logical GLSL450
+         OpEntryPoint Fragment %main \"main\" %in %mask
+         OpExecutionMode %main OriginUpperLeft
+         OpDecorate %in BuiltIn SampleMask
+         OpDecorate %in Flat
+         OpDecorate %mask BuiltIn SampleMask
+         %void = OpTypeVoid
+         %signature = OpTypeFunction %void
+         %int = OpTypeInt 32 1
+         %uint = OpTypeInt 32 0
+         %u1 = OpConstant %uint 1
+         %i0 = OpConstant %int 0
+         %i6 = OpConstant %int 6
+         %ints = OpTypeArray %int %u1
+         %ptr_in = OpTypePointer Input %ints
+         %ptr_mask = OpTypePointer Output %ints
+         %ptr_in_int = OpTypePointer Input %int
+         %ptr_out_int = OpTypePointer Output %int
+         %in = OpVariable %ptr_in Input
+         %mask = OpVariable %ptr_mask Output
+         %main = OpFunction %void None %signature
+         %begin = OpLabel
+         %p = OpAccessChain %ptr_in_int %in %i0
+         %x = OpLoad %int %p
+         %y = OpBitwiseAnd %int %x %i6
+         %q = OpAccessChain %ptr_out_int %mask %i0
+         OpStore %q %y
+         OpReturn
+         OpFunctionEnd";
+    let (_, program) =
+        build(&assemble(0, text), "main", Stage::Fragment, &Options::default()).unwrap_or_else(|error| panic!("{error}"));
+    assert!(program.interface().input(BuiltIn::SampleMask).is_some() && program.interface().writes_sample_mask);
+}
