@@ -40,7 +40,7 @@ impl TraceKind {
             TraceKind::Native => None,
             TraceKind::Wgpu => Some("wgpu"),
             TraceKind::Apitrace | TraceKind::GlInterceptor => Some("opengl"),
-            TraceKind::Gfxr => None,
+            TraceKind::Gfxr => Some("vulkan"),
         }
     }
 }
@@ -113,7 +113,7 @@ fn kind_of_file(file: &Path, links: Links) -> io::Result<Option<TraceKind>> {
     let name = file.file_name().and_then(|name| name.to_str()).unwrap_or("");
     Ok(if start.starts_with(b"PK") {
         Some(TraceKind::Native)
-    } else if start.starts_with(&gfxr::MAGIC) {
+    } else if start.starts_with(b"GFXR") {
         Some(TraceKind::Gfxr)
     } else if start.starts_with(b"GLI0.") || (start.starts_with(b"\x1f\x8b") && name.ends_with(".txt.gz")) {
         Some(TraceKind::GlInterceptor)

@@ -1,8 +1,8 @@
-//! Floor 2: foreign traces → trace.
+//! Floor 3: foreign traces → trace.
 //!
 //! [`open`] takes any trace, native or foreign, and answers the same [`Trace`] for all of them: a foreign one with its commands
-//! translated in memory and its blobs where they are. [`wgpu`] reads API traces of wgpu, [`gl`] recorded OpenGL programs. Each is a feature of
-//! the package; without it, [`open`] refuses such traces.
+//! translated in memory and its blobs where they are. [`wgpu`] reads API traces of wgpu, [`gl`] recorded OpenGL programs, [`vulkan`] captures of
+//! Vulkan programs. Each is a feature of the package; without it, [`open`] refuses such traces.
 //!
 //! ```
 //! use gfx::format::Format;
@@ -25,6 +25,8 @@
 
 #[cfg(feature = "opengl")]
 pub mod gl;
+#[cfg(feature = "vulkan")]
+pub mod vulkan;
 #[cfg(feature = "wgpu")]
 pub mod wgpu;
 
@@ -77,7 +79,9 @@ fn open_as(path: &Path, reading: &Reading, frames: Range<u64>, survey: Survey) -
         Some(FoundTrace { kind: kind @ (TraceKind::Apitrace | TraceKind::GlInterceptor), path }) => {
             return gl::open(&path, kind == TraceKind::Apitrace, links, reading, frames, survey);
         }
-        #[cfg(not(all(feature = "opengl", feature = "wgpu")))]
+        #[cfg(feature = "vulkan")]
+        Some(FoundTrace { kind: TraceKind::Gfxr, path: file }) => vulkan::open(&file, links, reading, frames),
+        #[cfg(not(all(feature = "opengl", feature = "vulkan", feature = "wgpu")))]
         Some(FoundTrace { kind, path }) => {
             let feature = kind.feature().unwrap_or_default();
             Err(TraceError::new(
@@ -85,10 +89,6 @@ fn open_as(path: &Path, reading: &Reading, frames: Range<u64>, survey: Survey) -
                 format!("is a {kind} trace, which this build cannot read: build with the feature `{feature}`"),
             ))
         }
-        Some(Found { kind: Kind::Gfxr, path: file }) => Err(TraceError::new(
-            file,
-            "is a capture of a Vulkan program: `fillrate inspect` says what is in it, and it cannot be replayed",
-        )),
         None => Err(TraceError::new(
             path,
             "is no trace: neither a native one (folder with trace.ron, or zip archive), nor a wgpu API trace (folder with \

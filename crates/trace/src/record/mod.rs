@@ -280,8 +280,13 @@ impl Recorder {
 
     /// A bind group layout: kinds by binding number.
     pub fn create_bind_group_layout(&mut self, entries: impl IntoIterator<Item = (u32, BindingKind)>) -> BindGroupLayoutId {
+        let entry = |(binding, kind)| LayoutEntry { binding, kind, count: None };
+        self.create_bind_group_layout_of(entries.into_iter().map(entry).collect())
+    }
+
+    /// A bind group layout, with arrays.
+    pub fn create_bind_group_layout_of(&mut self, entries: Vec<LayoutEntry>) -> BindGroupLayoutId {
         let id = BindGroupLayoutId(take(&mut self.next.bind_group_layout));
-        let entries = entries.into_iter().map(|(binding, kind)| LayoutEntry { binding, kind, count: None }).collect();
         self.push(Command::CreateBindGroupLayout { id, entries });
         id
     }
@@ -299,8 +304,16 @@ impl Recorder {
         groups: impl IntoIterator<Item = BindGroupLayoutId>,
         immediate_size: u32,
     ) -> PipelineLayoutId {
+        self.create_pipeline_layout_of(groups.into_iter().map(Some).collect(), immediate_size)
+    }
+
+    /// A pipeline layout, some of whose groups may be unused.
+    pub fn create_pipeline_layout_of(
+        &mut self,
+        groups: Vec<Option<BindGroupLayoutId>>,
+        immediate_size: u32,
+    ) -> PipelineLayoutId {
         let id = PipelineLayoutId(take(&mut self.next.pipeline_layout));
-        let groups = groups.into_iter().map(Some).collect();
         self.push(Command::CreatePipelineLayout { id, groups, immediate_size });
         id
     }

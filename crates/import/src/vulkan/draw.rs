@@ -1,0 +1,414 @@
+//! Draws and dispatches.
+
+use std::rc::Rc;
+
+use gfx::state::{IndexFormat, Rect, StepMode, Viewport};
+use num::*;
+use trace::command::*;
+
+use super::args::Args;
+use super::fault::{Outcome, unsupported};
+use super::groups::Plan;
+use super::machine::Vulkan;
+use super::objects::{Descriptor, DescriptorKind, Set, known};
+use super::pass::{ComputeEmitted, Open, OpenPass};
+use super::pipelines::Ready;
+use super::state::Area;
+use super::submission::{BindPoint, BoundSet, Encoder};
+
+/// Viewports reach this far.
+const VIEWPORT_REACH: f32 = 65_000.0;
+
+/// What is drawn.
+#[derive(Clone, Copy, Debug)]
+enum Order {
+    /// Vertices or indices of these numbers.
+    Direct { indexed: bool, first: u32, count: u32, base: i32, first_instance: u32, instances: u32 },
+    /// Arguments in a buffer, each this number of bytes after the one before.
+    Indirect { indexed: bool, buffer: u64, offset: u64, count: u32, stride: u32, counts: Option<(u64, u64)> },
+}
+
+fn words(bytes: &[u8]) -> Vec<u32> {
+    let word = |bytes: &[u8]| u32::from_le_bytes(std::array::from_fn(|at| bytes.get(at).copied().unwrap_or(0)));
+    bytes.chunks(4).map(word).collect()
+}
+
+impl Vulkan {
+    /// Runs a command that draws or dispatches. Answers whether it is one.
+    pub fn draw_command(&mut self, name: &str, call: Args<'_>, encoder: &mut Encoder) -> Outcome<bool> {
+        let indexed = name.starts_with("vkCmdDrawIndexed") || name.starts_with("vkCmdDrawMultiIndexed");
+        match name {
+            "vkCmdDraw" => {
+                let (first, count) = (call.u32("firstVertex")?, call.u32("vertexCount")?);
+                let (first_instance, instances) = (call.u32("firstInstance")?, call.u32("instanceCount")?);
+                self.draw(Order::Direct { indexed, first, count, base: 0, first_instance, instances }, encoder)?;
+            }
+            "vkCmdDrawIndexed" => {
+                let (first, count) = (call.u32("firstIndex")?, call.u32("indexCount")?);
+                let (first_instance, instances) = (call.u32("firstInstance")?, call.u32("instanceCount")?);
+                let base = call.i32("vertexOffset")?;
+                self.draw(Order::Direct { indexed, first, count, base, first_instance, instances }, encoder)?;
+            }
+            "vkCmdDrawMulti" | "vkCmdDrawMultiIndexed" => {
+                let (first_instance, instances) = (call.u32("firstInstance")?, call.u32("instanceCount")?);
+                // The same for all draws, where it is given.
+                let base = if indexed && call.is_some("pVertexOffset")? { Some(call.i32("pVertexOffset")?) } else { None };
+                let list = call.list(if indexed { "pIndexInfo" } else { "pVertexInfo" })?;
+                for info in list {
+                    let (first, count, base) = match indexed {
+                        true => {
+                            let own = info.i32("vertexOffset")?;
+                            (info.u32("firstIndex")?, info.u32("indexCount")?, base.unwrap_or(own))
+                        }
+                        false => (info.u32("firstVertex")?, info.u32("vertexCount")?, 0),
+                    };
+                    self.draw(Order::Direct { indexed, first, count, base, first_instance, instances }, encoder)?;
+                }
+            }
+            "vkCmdDrawIndirect" | "vkCmdDrawIndexedIndirect" => {
+                let (buffer, offset) = (call.u64("buffer")?, call.u64("offset")?);
+                let (count, stride) = (call.u32("drawCount")?, call.u32("stride")?);
+                self.draw(Order::Indirect { indexed, buffer, offset, count, stride, counts: None }, encoder)?;
+            }
+            "vkCmdDrawIndirectCount" | "vkCmdDrawIndexedIndirectCount" => {
+                let (buffer, offset) = (call.u64("buffer")?, call.u64("offset")?);
+                let counts = Some((call.u64("countBuffer")?, call.u64("countBufferOffset")?));
+                let (count, stride) = (call.u32("maxDrawCount")?, call.u32("stride")?);
+                self.draw(Order::Indirect { indexed, buffer, offset, count, stride, counts }, encoder)?;
+            }
+            "vkCmdDispatch" | "vkCmdDispatchBase" => {
+                if name == "vkCmdDispatchBase" {
+                    for axis in ["baseGroupX", "baseGroupY", "baseGroupZ"] {
+                        if call.u32(axis)? != 0 {
+                            return unsupported("a dispatch that does not begin at workgroup 0");
+                        }
+                    }
+                }
+                let groups = [call.u32("groupCountX")?, call.u32("groupCountY")?, call.u32("groupCountZ")?];
+                if groups.iter().any(|&count| count > trace::check::WORKGROUPS_MAX) {
+                    return unsupported(format!("a dispatch of {groups:?} workgroups"));
+                }
+                self.dispatch(Command::Dispatch { groups }, encoder)?;
+            }
+            "vkCmdDispatchIndirect" => {
+                let (buffer, offset, _) = self.range(call.u64("buffer")?, call.u64("offset")?, Some(12))?;
+                self.dispatch(Command::DispatchIndirect { buffer, offset }, encoder)?;
+            }
+            _ => return Ok(false),
+        }
+        Ok(true)
+    }
+
+    /// The contents of a bound set.
+    fn bound(&self, point: &BindPoint, number: u32) -> Outcome<(Set, Vec<u32>)> {
+        match point.sets.get(number as usize) {
+            Some(Some(BoundSet::Allocated(handle, offsets))) => {
+                Ok((known(self.objects.sets.get(*handle), "descriptor set", *handle)?.clone(), offsets.clone()))
+            }
+            Some(Some(BoundSet::Pushed(set))) => Ok((set.clone(), Vec::new())),
+            _ => unsupported(format!("descriptor set {number}, which the shader reads and is not bound")),
+        }
+    }
+
+    /// The native groups of a bind point.
+    fn bound_groups(&mut self, point: &BindPoint, plans: &[Plan]) -> Outcome<Vec<(u32, BindGroupId)>> {
+        let mut groups = Vec::with_capacity(plans.len());
+        for plan in plans {
+            let (set, offsets) = self.bound(point, plan.set)?;
+            groups.push((plan.set, self.group(plan, &set, &offsets)?));
+        }
+        Ok(groups)
+    }
+
+    /// Formats of storage images and texel buffers that are bound: shaders may leave them open.
+    fn bound_formats(&self, point: &BindPoint) -> Outcome<Vec<(u32, u32, u32)>> {
+        let mut formats = Vec::new();
+        for (number, set) in (0..).zip(&point.sets) {
+            if set.is_none() {
+                continue;
+            }
+            let Ok((set, _)) = self.bound(point, number) else { continue };
+            for binding in &set.layout.bindings {
+                let Ok(kind) = &binding.kind else { continue };
+                let first = set.layout.find(binding.binding).map_or(0, |(_, first)| first);
+                let code = match (kind, set.slots.get(first)) {
+                    (DescriptorKind::StorageImage, Some(Descriptor::Image { view, .. })) => {
+                        self.objects.views.get(*view).map(|view| view.code)
+                    }
+                    (DescriptorKind::UniformTexels | DescriptorKind::StorageTexels, Some(Descriptor::Texels(view))) => {
+                        self.objects.buffer_views.get(*view).map(|view| view.code)
+                    }
+                    _ => None,
+                };
+                formats.extend(code.map(|code| (number, binding.binding, code)));
+            }
+        }
+        Ok(formats)
+    }
+
+    fn dispatch(&mut self, command: Command, encoder: &mut Encoder) -> Outcome {
+        if encoder.condition.is_some() {
+            return unsupported("a dispatch under a condition");
+        }
+        let point = encoder.compute.clone();
+        let Some(pipeline) = &point.pipeline else { return unsupported("a dispatch without a pipeline") };
+        let ready = match &encoder.ready_compute {
+            Some(ready) => ready.clone(),
+            None => {
+                let formats = self.bound_formats(&point)?;
+                let ready = Rc::new(self.ready_compute(pipeline, formats)?);
+                encoder.ready_compute.insert(ready).clone()
+            }
+        };
+        let groups = self.bound_groups(&point, &ready.groups)?;
+        if !matches!(encoder.open, Open::Compute(..)) {
+            self.close(&mut encoder.open);
+            encoder.open = Open::Compute(Vec::new(), Box::default());
+        }
+        let Open::Compute(commands, emitted) = &mut encoder.open else { return Ok(()) };
+        let ComputeEmitted { pipeline, groups: known, immediates } = &mut **emitted;
+        if *pipeline != Some(ready.id) {
+            commands.push(Command::SetComputePipeline(ready.id));
+            *pipeline = Some(ready.id);
+        }
+        set_groups(&groups, known, commands);
+        set_immediates(&encoder.constants, ready.immediates, immediates, commands);
+        commands.push(command);
+        Ok(())
+    }
+
+    /// The native range of a bound vertex or index buffer.
+    fn bound_buffer(&mut self, (buffer, offset, size): super::submission::BoundBuffer) -> Outcome<(BufferId, u64, u64)> {
+        let owner = known(self.objects.buffers.get(buffer), "buffer", buffer)?;
+        let left = owner.size.saturating_sub(offset);
+        self.range(buffer, offset.min(owner.size), Some(size.unwrap_or(left).min(left)))
+    }
+
+    fn draw(&mut self, order: Order, encoder: &mut Encoder) -> Outcome {
+        if encoder.pass_refused || encoder.state.discard {
+            return Ok(());
+        }
+        let point = encoder.graphics.clone();
+        let Some(pipeline) = &point.pipeline else { return unsupported("a draw without a pipeline") };
+        let Open::Render(pass) = &encoder.open else { return unsupported("a draw outside of a pass") };
+        let index = match encoder.index {
+            Some((_, code)) => match code {
+                0 => Some(IndexFormat::Uint16),
+                1 => Some(IndexFormat::Uint32),
+                _ => None,
+            },
+            None => None,
+        };
+        let ready = match &encoder.ready {
+            Some(ready) => ready.clone(),
+            None => {
+                let formats = self.bound_formats(&point)?;
+                let ready = Rc::new(self.ready(pipeline, &encoder.state, &pass.formats, index, formats)?);
+                encoder.ready.insert(ready).clone()
+            }
+        };
+        let groups = self.bound_groups(&point, &ready.groups)?;
+        let indexed = matches!(order, Order::Direct { indexed: true, .. } | Order::Indirect { indexed: true, .. });
+        let indices = match (indexed, encoder.index) {
+            (false, _) => None,
+            (true, None) => return unsupported("a draw with indices without a buffer of them"),
+            (true, Some((bound, code))) => {
+                let Some(format) = index else {
+                    return unsupported(format!("indices of {}", super::formats::name("VkIndexType", code)));
+                };
+                let (buffer, offset, size) = self.bound_buffer(bound)?;
+                Some((buffer, offset, size, format))
+            }
+        };
+        let vertex = self.vertex_buffers(&ready, &order, encoder)?;
+        let Some((viewport, scissor)) = view_of(encoder)? else { return Ok(()) };
+        let commands =
+            self.order(order, &ready, indices.map(|(_, _, size, format)| size / u64::from(format.bytes())), encoder)?;
+        let Open::Render(pass) = &mut encoder.open else { return Ok(()) };
+        let state = &encoder.state;
+        let OpenPass { commands: out, emitted, .. } = &mut **pass;
+        if emitted.pipeline != Some(ready.id) {
+            out.push(Command::SetRenderPipeline(ready.id));
+            emitted.pipeline = Some(ready.id);
+        }
+        if emitted.viewport != Some(viewport) {
+            out.push(Command::SetViewport(viewport));
+            emitted.viewport = Some(viewport);
+        }
+        if emitted.scissor != Some(scissor) {
+            out.push(Command::SetScissor(scissor));
+            emitted.scissor = Some(scissor);
+        }
+        let constants = if ready.constant_alpha { [state.blend_constants[3]; 4] } else { state.blend_constants };
+        let blend = constants.map(f64::from);
+        if emitted.blend.unwrap_or_default() != blend {
+            out.push(Command::SetBlendConstant(blend));
+            emitted.blend = Some(blend);
+        }
+        let reference = state.stencil[usize::from(state.cull_mode == 1)].reference & 255;
+        if emitted.stencil.unwrap_or_default() != reference {
+            out.push(Command::SetStencilReference(reference));
+            emitted.stencil = Some(reference);
+        }
+        set_groups(&groups, &mut emitted.groups, out);
+        set_immediates(&encoder.constants, ready.immediates, &mut emitted.immediates, out);
+        emitted.vertex.resize(emitted.vertex.len().max(vertex.len()), None);
+        for (slot, (&(buffer, offset, size), known)) in (0..).zip(vertex.iter().zip(&mut emitted.vertex)) {
+            if *known != Some((buffer, offset, size)) {
+                out.push(Command::SetVertexBuffer { slot, buffer: Some(buffer), offset, size: Some(size) });
+                *known = Some((buffer, offset, size));
+            }
+        }
+        if let Some((buffer, offset, size, format)) = indices
+            && emitted.index != indices
+        {
+            out.push(Command::SetIndexBuffer { buffer, format, offset, size: Some(size) });
+            emitted.index = indices;
+        }
+        out.extend(commands);
+        Ok(())
+    }
+
+    fn vertex_buffers(&mut self, ready: &Ready, order: &Order, encoder: &Encoder) -> Outcome<Vec<(BufferId, u64, u64)>> {
+        let mut bound = Vec::with_capacity(ready.slots.len());
+        for slot in &ready.slots {
+            let Some(Some(buffer)) = encoder.vertex.get(slot.binding as usize) else {
+                return unsupported(format!("vertex buffer {}, which is not bound", slot.binding));
+            };
+            let (id, mut offset, mut size) = self.bound_buffer(*buffer)?;
+            if let Some(stride) = slot.at_first_instance {
+                let first = match order {
+                    Order::Direct { first_instance, .. } => u64::from(*first_instance),
+                    Order::Indirect { .. } => return unsupported("an indirect draw with attributes that do not change"),
+                };
+                let by = (first * u64::from(stride)).min(size);
+                (offset, size) = (offset + by, size - by);
+            }
+            bound.push((id, offset, size));
+        }
+        if let Order::Direct { indexed, first, count, first_instance, instances, .. } = *order {
+            for ((slot, &(.., size)), layout) in ready.slots.iter().zip(&bound).zip(&ready.layouts) {
+                let extent = layout.attributes.iter().map(|own| own.offset + u64::from(own.format.bytes())).max().unwrap_or(0);
+                let by_vertex = (layout.step == StepMode::Vertex) != ready.points;
+                let (first, count) = if by_vertex { (first, count) } else { (first_instance, instances) };
+                let needed = (u64::from(first) + u64::from(count)).saturating_sub(1) * layout.stride + extent;
+                if count > 0 && needed > size && !(by_vertex && indexed) {
+                    let binding = slot.binding;
+                    return unsupported(format!(
+                        "a draw that reads {needed} bytes of vertex buffer {binding}, which has {size}"
+                    ));
+                }
+            }
+        }
+        Ok(bound)
+    }
+
+    /// The native draws of an order.
+    fn order(&mut self, order: Order, ready: &Ready, indices: Option<u64>, encoder: &Encoder) -> Outcome<Vec<Command>> {
+        if let Order::Direct { indexed: true, first, count, .. } = order
+            && indices.is_some_and(|bound| u64::from(first) + u64::from(count) > bound)
+        {
+            return unsupported(format!("indices {first} + {count} of a buffer that has {}", indices.unwrap_or(0)));
+        }
+        if ready.points {
+            let Order::Direct { indexed: false, first, count, first_instance: 0, instances: 1, .. } = order else {
+                return unsupported("points of a size with indices, instances or indirect arguments");
+            };
+            if encoder.condition.is_some() {
+                return unsupported("points of a size under a condition");
+            }
+            return Ok(vec![Command::Draw { vertices: 4, instances: count, first_vertex: 0, first_instance: first }]);
+        }
+        let condition = match encoder.condition {
+            Some((_, _, true)) => return unsupported("draws under an inverted condition"),
+            Some((buffer, offset, false)) => {
+                let (buffer, offset, _) = self.range(buffer, offset, Some(4))?;
+                Some((buffer, offset))
+            }
+            None => None,
+        };
+        Ok(match order {
+            Order::Direct { indexed, first, count, base, first_instance, instances } if condition.is_some() => {
+                let arguments: Vec<u32> = match indexed {
+                    true => vec![count, instances, first, base as u32, first_instance],
+                    false => vec![count, instances, first, first_instance],
+                };
+                let bytes: Vec<u8> = arguments.iter().flat_map(|word| word.to_le_bytes()).collect();
+                let buffer = self.arguments(bytes);
+                vec![Command::DrawIndirect { buffer, offset: 0, indexed, count: 1, count_buffer: condition }]
+            }
+            Order::Direct { indexed: true, first, count, base, first_instance, instances } => {
+                vec![Command::DrawIndexed { indices: count, instances, first_index: first, base_vertex: base, first_instance }]
+            }
+            Order::Direct { indexed: false, first, count, first_instance, instances, .. } => {
+                vec![Command::Draw { vertices: count, instances, first_vertex: first, first_instance }]
+            }
+            Order::Indirect { indexed, buffer, offset, count, stride, counts } => {
+                let record = if indexed { 20 } else { 16 };
+                let bytes = u64::from(count.saturating_sub(1)) * u64::from(stride) + record;
+                if count == 0 {
+                    return Ok(Vec::new());
+                }
+                let (buffer, offset, _) = self.range(buffer, offset, Some(bytes))?;
+                let count_buffer = match (counts, condition) {
+                    (Some((buffer, offset)), None) => {
+                        let (buffer, offset, _) = self.range(buffer, offset, Some(4))?;
+                        Some((buffer, offset))
+                    }
+                    (None, condition) if condition.is_none() || count == 1 => condition,
+                    _ => return unsupported("several indirect draws under a condition"),
+                };
+                if count == 1 || u64::from(stride) == record {
+                    return Ok(vec![Command::DrawIndirect { buffer, offset, indexed, count, count_buffer }]);
+                }
+                if count_buffer.is_some() {
+                    return unsupported(format!("indirect draws with counts, {stride} bytes apart"));
+                }
+                let at = |number: u32| offset + u64::from(number) * u64::from(stride);
+                let one = |number| Command::DrawIndirect { buffer, offset: at(number), indexed, count: 1, count_buffer: None };
+                (0..count).map(one).collect()
+            }
+        })
+    }
+}
+
+/// The viewport and the scissor rectangle; none if nothing can be drawn.
+fn view_of(encoder: &Encoder) -> Outcome<Option<(Viewport, Rect)>> {
+    let Open::Render(pass) = &encoder.open else { return Ok(None) };
+    let Some(&viewport) = encoder.state.viewports.first() else { return unsupported("a draw without a viewport") };
+    let [width, height] = pass.size;
+    let scissor = encoder.state.scissors.first().copied().unwrap_or(Area { x: 0, y: 0, width, height });
+    let area = scissor.common(pass.area).common(Area { x: 0, y: 0, width, height });
+    if area.width == 0 || area.height == 0 || viewport.width == 0.0 || viewport.height == 0.0 {
+        return Ok(None);
+    }
+    let upward = viewport.height < 0.0;
+    let (y, height) = if upward { (viewport.y + viewport.height, -viewport.height) } else { (viewport.y, viewport.height) };
+    let viewport = Viewport { y, height, ..viewport };
+    let far = [viewport.x, y, viewport.x + viewport.width, y + height].into_iter().any(|edge| !(edge.abs() <= VIEWPORT_REACH));
+    let depths = [viewport.min_depth, viewport.max_depth];
+    if far || viewport.width < 0.0 || depths.into_iter().any(|depth| !(0.0..=1.0).contains(&depth)) {
+        return unsupported(format!("a viewport of {viewport:?}"));
+    }
+    Ok(Some((viewport, Rect { x: area.x as u32, y: area.y as u32, width: area.width, height: area.height })))
+}
+
+fn set_groups(groups: &[(u32, BindGroupId)], known: &mut [Option<BindGroupId>; 8], out: &mut Vec<Command>) {
+    for &(index, group) in groups {
+        let slot = &mut known[index as usize];
+        if *slot != Some(group) {
+            out.push(Command::SetBindGroup { index, group: Some(group), offsets: Vec::new() });
+            *slot = Some(group);
+        }
+    }
+}
+
+fn set_immediates(constants: &[u8], size: u32, known: &mut Vec<u32>, out: &mut Vec<Command>) {
+    let mut wanted = words(constants);
+    wanted.resize((size / 4) as usize, 0);
+    let same = known.len() >= wanted.len() && known[..wanted.len()] == *wanted;
+    if !same {
+        out.push(Command::SetImmediates { offset: 0, words: wanted.clone() });
+        *known = wanted;
+    }
+}

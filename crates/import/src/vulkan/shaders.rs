@@ -1,0 +1,119 @@
+//! Shaders: a stage of a pipeline is translated when the first draw needs it, and once for each choice that the draw makes.
+
+use std::collections::BTreeMap;
+use std::rc::Rc;
+
+use gfx::stage::Stage as Kind;
+use num::{Limits, ShaderId};
+use shader::{Interface, Module, Source};
+use trace::record::Recorder;
+
+use super::fault::{Fault, Outcome, unsupported};
+use super::objects::Stage;
+use super::points;
+
+/// What a draw chooses of a shader's form.
+#[derive(Clone, Debug, Default, PartialEq, Eq, PartialOrd, Ord)]
+pub struct Form {
+    /// Positions are turned, as clip space points down in Vulkan.
+    pub flip: bool,
+    /// Depths of clip space begin at -w.
+    pub from_minus_one: bool,
+    /// The view that is drawn, in a pass of several.
+    pub view: Option<u32>,
+    /// Formats of images and texel buffers that are bound: set, binding, `VkFormat`.
+    pub formats: Vec<(u32, u32, u32)>,
+    /// The fragment stage runs for each sample.
+    pub each_sample: bool,
+    /// Points become squares, in a viewport of this size in pixels, as bits of floating-point numbers.
+    pub points: Option<[u32; 2]>,
+    /// The location at which the place in a point goes from vertex to fragment stage.
+    pub point_coord: Option<u32>,
+}
+
+/// A shader that the card has.
+#[derive(Debug)]
+pub struct Shader {
+    /// The native shader.
+    pub id: ShaderId,
+    /// The entry point in it.
+    pub entry: String,
+    /// Its interface.
+    pub interface: Interface,
+    /// What it binds in another form than the program: images with samplers, texel buffers.
+    pub translated: spirv::Translated,
+}
+
+#[derive(PartialEq, Eq, PartialOrd, Ord)]
+struct Key {
+    module: u64,
+    stage: u32,
+    entry: String,
+    constants: Rc<Vec<(u32, Vec<u8>)>>,
+    form: Form,
+}
+
+/// Shaders that have been translated, or refused.
+#[derive(Default)]
+pub struct Shaders {
+    known: BTreeMap<Key, Outcome<Rc<Shader>>>,
+}
+
+/// The stage of a `VkShaderStageFlagBits`.
+fn kinds(stage: u32) -> Outcome<(spirv::Stage, Kind)> {
+    Ok(match stage {
+        1 => (spirv::Stage::Vertex, Kind::Vertex),
+        16 => (spirv::Stage::Fragment, Kind::Fragment),
+        32 => (spirv::Stage::Compute, Kind::Compute),
+        other => return unsupported(format!("shader stage {}", super::formats::name("VkShaderStageFlagBits", other))),
+    })
+}
+
+impl Shaders {
+    /// The shader of a stage in this form.
+    pub fn get(&mut self, stage: &Stage, form: &Form, card: &mut Recorder, limits: &Limits) -> Outcome<Rc<Shader>> {
+        let (constants, form) = (stage.constants.clone(), form.clone());
+        let key = Key { module: stage.module.number, stage: stage.stage, entry: stage.entry.clone(), constants, form };
+        if let Some(known) = self.known.get(&key) {
+            return known.clone();
+        }
+        let made = translate(stage, &key.form, card, limits).map(Rc::new);
+        self.known.insert(key, made.clone());
+        made
+    }
+}
+
+fn translate(stage: &Stage, form: &Form, card: &mut Recorder, limits: &Limits) -> Outcome<Shader> {
+    let (spirv_stage, kind) = kinds(stage.stage)?;
+    let refused = |reason: String| Fault::Unsupported(format!("{} shader: {reason}", kind.name()));
+    let constant = |(id, bytes): &'_ (u32, Vec<u8>)| (*id, bytes.clone());
+    let constants: Vec<(u32, Vec<u8>)> = stage.constants.iter().map(constant).collect();
+    let specialization: Vec<spirv::Constant<'_>> =
+        constants.iter().map(|(id, bytes)| spirv::Constant { id: *id, bytes }).collect();
+    let bound = |&(set, binding, format): &(u32, u32, u32)| spirv::BoundFormat { set, binding, format };
+    let formats: Vec<spirv::BoundFormat> = form.formats.iter().map(bound).collect();
+    let options = spirv::Options {
+        specialization: &specialization,
+        view_index: form.view,
+        flip_y: form.flip,
+        formats: &formats,
+        ..spirv::Options::default()
+    };
+    let translated = spirv::translate(&stage.module.words, &stage.entry, spirv_stage, &options)
+        .map_err(|refusal| refused(refusal.to_string()))?;
+    let bytes = translated.bytes();
+    let text = points::rewritten(&translated.words, form).map_err(refused)?;
+    let source = match &text {
+        Some(text) => Source::NagaIr(text),
+        None => Source::SpirV(&bytes),
+    };
+    let module = Module::with_limits("spirv", source, limits).map_err(|error| refused(error.message))?;
+    let entry = stage.entry.as_str();
+    let program = shader::compile(&module, kind, Some(entry), &Default::default()).map_err(|error| refused(error.message))?;
+    let interface = program.interface().clone();
+    let id = match &text {
+        Some(text) => card.create_shader_naga_ir(kind.name(), text),
+        None => card.create_shader_spirv(kind.name(), &bytes),
+    };
+    Ok(Shader { id, entry: stage.entry.clone(), interface, translated })
+}
