@@ -268,7 +268,7 @@ impl<'s> SweepResult<'s> {
         self.machines.iter().filter_map(|machine| Some((machine, machine.error.as_deref()?)))
     }
 
-    /// The geometric mean of the cycles of those of the [machines from which effects are derived](Outcome::telling) that `of` accepts.
+    /// The geometric mean of the cycles of those of the [machines from which effects are derived](SweepResult::telling) that `of` accepts.
     pub fn mean(&self, of: impl Fn(&MachineResult) -> bool) -> Option<(f64, usize)> {
         mean(self.telling().filter(|(machine, _)| of(machine)).map(|(_, cycles)| cycles))
     }
