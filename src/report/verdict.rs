@@ -162,8 +162,10 @@ pub fn counted(funnel: &Funnel, phase: Option<(&str, f64, (&str, &str), &Waits)>
     let mut said: Vec<String> = Cause::ALL.into_iter().filter_map(named).collect();
     if let Some((name, share, (word, limit), waits)) = phase {
         let takes = format!("{name} takes {:.0} % of the cycles", 100.0 * share);
-        said.push(match object(waits, draws).filter(|_| word == "waits") {
-            Some(object) => sentence(&format!("{takes} and waits for {object}: {limit}")),
+        // Where nothing was estimated, what waits long is known all the same.
+        let waited = object(waits, draws).zip(waits.text()).filter(|_| word == "waits" || limit.is_empty());
+        said.push(match waited {
+            Some((object, text)) => sentence(&format!("{takes} and waits for {object}: {text}")),
             None if limit.is_empty() => sentence(&takes),
             None => sentence(&format!("{takes}; by counts and rates, {limit} limits it")),
         });

@@ -227,7 +227,11 @@ fn phases_add_up(frame: &FrameReport) {
         spent(counts, *cycles);
         let mut of_draws = std::collections::BTreeMap::new();
         draws.iter().for_each(|draw| {
-            spent(&draw.counts, draw.cycles);
+            // Draws that retire together share cycles, and the end of the pass has what their units counted.
+            match draw.halves {
+                None => spent(&draw.counts, draw.cycles),
+                Some(halves) => assert_eq!(halves.iter().sum::<u64>(), draw.cycles, "a draw of {phase}"),
+            }
             add(&mut of_draws, &draw.counts);
         });
         if !draws.is_empty() {
