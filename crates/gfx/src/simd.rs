@@ -52,6 +52,16 @@ pub fn base() -> Base {
     base.expect("part of the architecture")
 }
 
+/// Whether bytes of a vector are chosen by those of another in an instruction.
+#[inline(always)]
+pub fn shuffles_bytes<V: Simd>(simd: V) -> bool {
+    #[cfg(target_arch = "x86_64")]
+    let shuffles = simd.level().as_avx2().is_some();
+    #[cfg(not(target_arch = "x86_64"))]
+    let shuffles = !simd.level().is_fallback();
+    shuffles
+}
+
 /// Whether the host has AVX2 and what came with it.
 #[cfg(target_arch = "x86_64")]
 #[inline]

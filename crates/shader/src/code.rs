@@ -175,9 +175,7 @@ pub(super) mod eval {
     pub fn to_s(x: f32) -> i32 {
         /// The greatest `f32` below 2^31.
         const LAST: f32 = 2_147_483_520.0;
-        let x = within(x, -2_147_483_648.0, LAST);
-        // SAFETY: it is at least -2^31, below 2^31 and not NaN, so the truncated value is an `i32`.
-        unsafe { x.to_int_unchecked::<i32>() }
+        (if x > LAST { LAST } else { x }) as i32
     }
 
     /// As [`to_s`], without a choice that the compiler could make a branch of.
@@ -191,9 +189,7 @@ pub(super) mod eval {
         let upper = u32::from(x >= HALF).wrapping_neg();
         // Exact: both are multiples of 128 there.
         let rest = x - f32::from_bits(upper & HALF.to_bits());
-        // SAFETY: it is at least 0, below 2^31 and not NaN, so the truncated value is an `i32`.
-        let n = unsafe { rest.to_int_unchecked::<i32>() } as u32;
-        n ^ upper & 0x8000_0000
+        rest as i32 as u32 ^ upper & 0x8000_0000
     }
 
     /// WGSL's conversion of an `f16`: an infinity becomes the integer of the last finite `f16`.
@@ -292,10 +288,10 @@ macro_rules! codes {
             #[allow(unused_imports)]
             use eval::{f, u};
             match code {
-                $(Code::$un => k.unary(|$ux| $ue),)*
-                $(Code::$h1 => k.heavy(|x, out| math::lanes::$h1f(x, out)),)*
-                $(Code::$bi => k.binary(|$ba, $bb| $be),)*
-                $(Code::$te => k.ternary(|$ta, $tb, $tc| $tex),)*
+                $(Code::$un => k.unary(#[inline(always)] |$ux| $ue),)*
+                $(Code::$h1 => k.heavy(#[inline(always)] |x, out| math::lanes::$h1f(x, out)),)*
+                $(Code::$bi => k.binary(#[inline(always)] |$ba, $bb| $be),)*
+                $(Code::$te => k.ternary(#[inline(always)] |$ta, $tb, $tc| $tex),)*
                 _ => return false,
             }
             true

@@ -1,14 +1,15 @@
 //! Quads on their way to a batch of fragments.
 
+use fearless_simd::{prelude::*, u8x16, u16x8, u32x4};
 use gfx::interpolate::Site;
 use gfx::setup::Triangle;
+use gfx::simd::Simd;
 use num::QUADS;
 
 /// Room for the quads of a batch, and for as many behind them: sixteen are stored at once ([`Pending::push_block_wide`]).
 const ROOM: usize = 2 * QUADS;
 
 /// Numbers of the bits of a byte, side by side, a byte each.
-#[cfg(target_arch = "x86_64")]
 static ORDER: [u64; 256] = {
     let mut order = [0; 256];
     let mut byte = 0;
@@ -145,14 +146,10 @@ impl Pending {
 
     /// [`Pending::push_block`], all quads at once. Without `pdep` and `pext`: on AMD's processors before Zen 3 these take hundreds of
     /// cycles where a block is covered whole.
-    ///
-    /// # Safety
-    /// The host has the instruction sets.
-    #[cfg(target_arch = "x86_64")]
-    #[target_feature(enable = "avx2,bmi1,bmi2,lzcnt,popcnt")]
-    #[inline]
-    pub fn push_block_wide<const RECORD: bool>(
+    #[inline(always)]
+    pub fn push_block_wide<const RECORD: bool, V: Simd>(
         &mut self,
+        simd: V,
         slot: u32,
         [x, y]: [u16; 2],
         at: u32,
@@ -161,65 +158,68 @@ impl Pending {
         left: u64,
         front: bool,
     ) -> u64 {
-        use std::arch::x86_64::*;
         let n = self.n & (QUADS - 1);
         let room = (QUADS - n) as u32;
         // A byte per quad: its four bits.
         let bytes = |of: u64| {
-            let (of, low) = (_mm_cvtsi64_si128(of as i64), _mm_set1_epi8(15));
-            _mm_unpacklo_epi8(_mm_and_si128(of, low), _mm_and_si128(_mm_srli_epi16::<4>(of), low))
+            let of = u8x16::simd_from(simd, bytemuck::cast::<[u64; 2], [u8; 16]>([of.to_le(), (of >> 4).to_le()]));
+            let low = of & 15;
+            low.zip_low(low.slide::<8>(low))
         };
         // Numbers of the quads, side by side: those of the block's first half, then those of the second.
-        let mask = _mm_movemask_epi8(_mm_cmpgt_epi8(bytes(left), _mm_setzero_si128())) as u32;
+        let mask = !bytes(left).simd_eq(0).to_bitmask() as u32;
         let (first, second) = (mask & 255, mask >> 8 & 255);
         let (first, second) = ((ORDER[first as usize], first.count_ones()), (ORDER[second as usize], second.count_ones()));
         let numbers = u128::from(first.0) | u128::from(second.0 | 0x0808_0808_0808_0808) << (8 * first.1);
         let taken = (first.1 + second.1).min(room);
         // The first for which there is no room.
         let left = if taken < first.1 + second.1 { left & (u64::MAX << (4 * (numbers >> (8 * taken) & 15))) } else { 0 };
-        let numbers = _mm_set_epi64x((numbers >> 64) as i64, numbers as i64);
-        let wide = _mm256_cvtepu8_epi16(numbers);
-        let six = _mm256_set1_epi16(6);
-        let xs = _mm256_add_epi16(_mm256_set1_epi16(x as i16), _mm256_and_si256(_mm256_slli_epi16::<1>(wide), six));
-        let ys = _mm256_add_epi16(_mm256_set1_epi16(y as i16), _mm256_and_si256(_mm256_srli_epi16::<1>(wide), six));
-        // Places of quads 0 to 3 and 8 to 11, then of 4 to 7 and 12 to 15, each behind its triangle.
-        let slots = _mm256_set1_epi32(slot as i32);
-        let (first, second) = (_mm256_unpacklo_epi16(xs, ys), _mm256_unpackhi_epi16(xs, ys));
-        let (a, b) = (_mm256_unpacklo_epi32(slots, first), _mm256_unpackhi_epi32(slots, first));
-        let (c, d) = (_mm256_unpacklo_epi32(slots, second), _mm256_unpackhi_epi32(slots, second));
-        let sites: [Site; QUADS] = bytemuck::cast([
-            _mm256_permute2x128_si256::<0x20>(a, b),
-            _mm256_permute2x128_si256::<0x20>(c, d),
-            _mm256_permute2x128_si256::<0x31>(a, b),
-            _mm256_permute2x128_si256::<0x31>(c, d),
-        ]);
-        let from = |first: u32, bytes: __m128i| -> [u32; QUADS] {
-            let first = _mm256_set1_epi32(first as i32);
-            bytemuck::cast([
-                _mm256_add_epi32(first, _mm256_cvtepu8_epi32(bytes)),
-                _mm256_add_epi32(first, _mm256_cvtepu8_epi32(_mm_srli_si128::<8>(bytes))),
-            ])
-        };
-        if RECORD {
-            // How many quads of the block are before each.
-            let quads = bytes(quads);
-            let mut before = _mm_slli_si128::<1>(quads);
-            before = _mm_add_epi8(before, _mm_slli_si128::<1>(before));
-            before = _mm_add_epi8(before, _mm_slli_si128::<2>(before));
-            before = _mm_add_epi8(before, _mm_slli_si128::<4>(before));
-            before = _mm_add_epi8(before, _mm_slli_si128::<8>(before));
-            self.record[n..n + QUADS].copy_from_slice(&from(record, _mm_shuffle_epi8(before, numbers)));
-        }
-        let (coverage, alive) = (_mm_shuffle_epi8(bytes(coverage), numbers), _mm_shuffle_epi8(bytes(alive), numbers));
-        let samples = |of: __m128i| -> [u16; QUADS] { bytemuck::cast(_mm256_cvtepu8_epi16(of)) };
+        let numbers = u8x16::simd_from(simd, numbers.to_le_bytes());
         // What is written beyond the ends does not count.
-        self.sites[n..n + QUADS].copy_from_slice(&sites);
-        self.at[n..n + QUADS].copy_from_slice(&from(at, numbers));
-        self.coverage[n..n + QUADS].copy_from_slice(&samples(coverage));
-        self.alive[n..n + QUADS].copy_from_slice(&samples(alive));
-        let pairs = _mm_maddubs_epi16(alive, _mm_set1_epi16(0x1001));
-        let lanes = _mm_cvtsi128_si64(_mm_packus_epi16(pairs, pairs)) as u64;
-        self.active |= (lanes & u64::MAX.unbounded_shr(64 - 4 * taken)) << (4 * n);
+        let (sites, places, coverages, lives, records) = (
+            &mut self.sites[n..n + QUADS],
+            &mut self.at[n..n + QUADS],
+            &mut self.coverage[n..n + QUADS],
+            &mut self.alive[n..n + QUADS],
+            &mut self.record[n..n + QUADS],
+        );
+        // Four quads at a time: their sites, and words that count from a first one.
+        let sites: &mut [[u32; 4]] = bytemuck::cast_slice_mut(sites);
+        let slots = u32x4::splat(simd, slot);
+        let (low, high) = numbers.widen();
+        for (half, numbers) in [low, high].into_iter().enumerate() {
+            let xs = (numbers << 1 & 6) + x;
+            let ys = (numbers >> 1 & 6) + y;
+            for (part, xy) in [xs.zip_low(ys), xs.zip_high(ys)].into_iter().enumerate() {
+                let xy: u32x4<V> = xy.bitcast();
+                let first = 4 * half + 2 * part;
+                slots.zip_low(xy).store_slice(&mut sites[first]);
+                slots.zip_high(xy).store_slice(&mut sites[first + 1]);
+            }
+        }
+        let words = |first: u32, bytes: u8x16<V>, out: &mut [u32]| {
+            let (low, high) = bytes.widen();
+            let ([a, b], [c, d]) = (<[u32x4<V>; 2]>::from(low.widen()), <[u32x4<V>; 2]>::from(high.widen()));
+            for (out, words) in out.as_chunks_mut::<4>().0.iter_mut().zip([a, b, c, d]) {
+                (words + first).store_slice(out);
+            }
+        };
+        words(at, numbers, places);
+        if RECORD {
+            // How many quads of the block are before each: nibbles, in which sums of all before them do not overflow.
+            let before = quads.wrapping_mul(0x1111_1111_1111_1110);
+            words(record, bytes(before).swizzle_dyn(numbers), records);
+        }
+        let (coverage, alive) = (bytes(coverage).swizzle_dyn(numbers), bytes(alive).swizzle_dyn(numbers));
+        for (of, out) in [(coverage, coverages), (alive, lives)] {
+            let (low, high) = of.widen();
+            low.store_slice(&mut out[..8]);
+            high.store_slice(&mut out[8..]);
+        }
+        let pairs: u16x8<V> = alive.bitcast();
+        let lanes: [u8; 16] = (pairs | pairs >> 4).narrow(pairs).into();
+        let [lanes, _]: [u64; 2] = bytemuck::cast(lanes);
+        self.active |= (u64::from_le(lanes) & u64::MAX.unbounded_shr(64 - 4 * taken)) << (4 * n);
         let end = n + taken as usize;
         if !front {
             self.back |= ((1_u32 << end) - (1_u32 << n)) as u16;
@@ -316,6 +316,7 @@ pub(super) fn quads(lanes: u64) -> [u16; QUADS] {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use gfx::simd::dispatch;
     use num::Random;
 
     #[test]
@@ -329,12 +330,13 @@ mod tests {
         }
     }
 
-    #[cfg(target_arch = "x86_64")]
     #[test]
     fn blocks_are_added_at_once_as_quad_by_quad() {
-        if !gfx::simd::has_avx2() {
-            return;
-        }
+        dispatch!(simd => compare(simd));
+        compare(gfx::simd::base());
+    }
+
+    fn compare<V: Simd>(simd: V) {
         let mut random = Random::new(7);
         for _ in 0..20_000 {
             let (mut one, mut all) = (Pending::default(), Pending::default());
@@ -357,8 +359,7 @@ mod tests {
                 assert_eq!(all.add_triangle(0, 0), slot);
                 let record = (spread(coverage), bits() as u32 / 2);
                 let left = one.push_block::<true>(slot, place, at, record, [coverage, alive], quads, front);
-                // SAFETY: the host has the instruction sets.
-                let also = unsafe { all.push_block_wide::<true>(slot, place, at, record, [coverage, alive], quads, front) };
+                let also = all.push_block_wide::<true, _>(simd, slot, place, at, record, [coverage, alive], quads, front);
                 assert_eq!((left, one.n, one.active, one.back, one.ends), (also, all.n, all.active, all.back, all.ends));
                 assert_eq!(one.sites[..one.n], all.sites[..one.n]);
                 assert_eq!(one.at[..one.n], all.at[..one.n]);

@@ -4,7 +4,7 @@ use std::sync::atomic::Ordering::Relaxed;
 
 use crate::surface::{TileMut, quad_of};
 use gfx::setup::{Bounds, Triangle};
-use gfx::simd::{Simd, dispatch};
+use gfx::simd::{self, Simd, dispatch};
 use gfx::stage::Stage;
 use gfx::traverse::{Block, Blocks};
 use num::Meter;
@@ -384,14 +384,11 @@ impl TileRun<'_, '_, '_> {
                 let slot = self.slot(triangle);
                 let (place, pixels, front) = ([block.x, block.y], [covered, alive], triangle.front);
                 let record = (quads, first_record);
-                #[cfg(target_arch = "x86_64")]
-                if simd.level().as_avx2().is_some() && (!RECORD || n > FEW) {
-                    // SAFETY: the token says that the host has the instruction sets.
-                    left = unsafe { self.pending.push_block_wide::<RECORD>(slot, place, first, record, pixels, left, front) };
-                    self.flush_if_full::<S, RECORD>();
-                    continue;
-                }
-                left = self.pending.push_block::<RECORD>(slot, place, first, record, pixels, left, front);
+                left = if simd::shuffles_bytes(simd) && (!RECORD || n > FEW) {
+                    self.pending.push_block_wide::<RECORD, _>(simd, slot, place, first, record, pixels, left, front)
+                } else {
+                    self.pending.push_block::<RECORD>(slot, place, first, record, pixels, left, front)
+                };
                 self.flush_if_full::<S, RECORD>();
             }
             return true;

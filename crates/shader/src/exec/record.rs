@@ -583,18 +583,7 @@ impl Recorder {
     /// Ends all quads of a run and interns their costs, with the host's widest vectors.
     #[inline(always)]
     pub(super) fn finish(&mut self, run: &mut Scratch) {
-        #[cfg(target_arch = "x86_64")]
-        {
-            #[target_feature(enable = "avx2,bmi1,bmi2,lzcnt,popcnt")]
-            fn wide(recorder: &mut Recorder, run: &mut Scratch) {
-                recorder.finish_here(run);
-            }
-            if gfx::simd::has_avx2() {
-                // SAFETY: the host has every instruction set that the function is compiled for.
-                return unsafe { wide(self, run) };
-            }
-        }
-        self.finish_here(run);
+        gfx::simd::dispatch!(_simd => self.finish_here(run));
     }
 
     #[inline(always)]

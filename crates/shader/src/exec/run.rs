@@ -4,6 +4,7 @@ use crate::code::{self, Code};
 use crate::program::{Body, NO_REG, Op};
 use crate::resources::Resources;
 use gfx::math;
+use gfx::simd::{self, Simd};
 use num::{Lanes, Mask, Words};
 
 use super::kernels::{self, Apply, CHUNKS, File, apply, truth};
@@ -62,16 +63,11 @@ pub(super) fn chunks_of(mask: Mask) -> usize {
 
 /// The number of chunks that are computed if `chunks` of them have lanes. Draws of few vertices or few pixels leave most of a register empty.
 pub(super) fn computed<const RECORD: bool>(chunks: usize) -> usize {
-    #[cfg(target_arch = "x86_64")]
-    if !RECORD && gfx::simd::has_avx2() {
-        return match chunks {
-            0..=1 => 1,
-            2..=4 => 4,
-            _ => CHUNKS,
-        };
+    match chunks {
+        0..=1 if !RECORD => 1,
+        2..=4 if !RECORD => 4,
+        _ => CHUNKS,
     }
-    let _ = chunks;
-    CHUNKS
 }
 
 /// Runs with the widest vector instructions of the host. The results have the same bits with all of them.
@@ -82,29 +78,11 @@ pub(super) fn dispatch<const RECORD: bool>(
     masks: &mut [Mask],
     recorder: &mut Scratch,
 ) -> Stop {
-    #[cfg(target_arch = "x86_64")]
-    if gfx::simd::has_avx2() {
-        // SAFETY: the host has all the instruction sets that the functions are compiled for.
-        return unsafe {
-            match computed::<RECORD>(machine.chunks) {
-                1 => run_avx2::<false, 1>(machine, file, masks, recorder),
-                4 => run_avx2::<false, 4>(machine, file, masks, recorder),
-                _ => run_avx2::<RECORD, CHUNKS>(machine, file, masks, recorder),
-            }
-        };
+    match computed::<RECORD>(machine.chunks) {
+        1 => simd::dispatch!(simd => run::<false, 1, _>(simd, machine, file, masks, recorder)),
+        4 => simd::dispatch!(simd => run::<false, 4, _>(simd, machine, file, masks, recorder)),
+        _ => simd::dispatch!(simd => run::<RECORD, CHUNKS, _>(simd, machine, file, masks, recorder)),
     }
-    run::<RECORD, false, CHUNKS>(machine, file, masks, recorder)
-}
-
-#[cfg(target_arch = "x86_64")]
-#[target_feature(enable = "avx2,bmi1,bmi2,lzcnt,popcnt")]
-fn run_avx2<const RECORD: bool, const K: usize>(
-    machine: &mut BatchState<'_>,
-    file: &mut [Lanes],
-    masks: &mut [Mask],
-    recorder: &mut Scratch,
-) -> Stop {
-    run::<RECORD, true, K>(machine, file, masks, recorder)
 }
 
 /// All lanes of the quads that have a lane in the mask.
@@ -122,10 +100,10 @@ fn leave(masks: &mut [Mask], op: &Op, lanes: Mask) {
     }
 }
 
-/// Runs until the end, a barrier or an error. `WIDE`: the caller is compiled for AVX2 and its companions. `K`: as many chunks of the
-/// registers are computed.
+/// Runs until the end, a barrier or an error. `K`: the number of chunks of the registers that are computed.
 #[inline(always)]
-fn run<const RECORD: bool, const WIDE: bool, const K: usize>(
+fn run<const RECORD: bool, const K: usize, V: Simd>(
+    simd: V,
     m: &mut BatchState<'_>,
     file: &mut [Lanes],
     masks: &mut [Mask],
@@ -192,7 +170,7 @@ fn run<const RECORD: bool, const WIDE: bool, const K: usize>(
             Code::Atomic => super::memory::atomic::<RECORD>(m, file, mask, op.imm, recorder),
             Code::ArrayLength => super::memory::array_length(m, file, op),
             Code::Texture | Code::TextureStore | Code::TextureAtomic | Code::TextureQuery => {
-                super::texture::access::<RECORD, WIDE>(m, file, mask, op.imm, recorder);
+                super::texture::access::<RECORD, _>(simd, m, file, mask, op.imm, recorder);
             }
             Code::Subgroup => super::subgroup::run(m, file, mask, op),
             Code::If => {

@@ -5,6 +5,7 @@ use std::sync::atomic::Ordering::Relaxed;
 use crate::program::{Level, NO_REG, Reg, TextureAction, TextureOp};
 use crate::resources::{Resource, StorageImage};
 use gfx::format::Format;
+use gfx::simd::Simd;
 use gfx::texel;
 use gfx::texture::{Lod, Sample, View};
 use gfx::tiling::Tiled;
@@ -32,32 +33,21 @@ fn same_element(elements: &Lanes, mask: Mask) -> (Mask, u32) {
     (same, first)
 }
 
-/// Runs a texture operation; binding arrays element by element. `WIDE`: the caller is compiled for AVX2 and its companions.
-#[inline(always)]
-pub(super) fn access<const RECORD: bool, const WIDE: bool>(
+/// Runs a texture operation; binding arrays element by element. It is not inlined into the loop over operations. Registers that are copied, and
+/// the requests of quads, pass in vectors.
+#[inline(never)]
+pub(super) fn access<const RECORD: bool, V: Simd>(
+    simd: V,
     m: &BatchState<'_>,
     file: File<'_>,
     mask: Mask,
     entry: u32,
     recorder: &mut Scratch,
 ) {
-    // Not inlined into the loop over operations. Registers that are copied, and the requests of quads, pass in vectors.
-    #[cfg(target_arch = "x86_64")]
-    if WIDE {
-        #[target_feature(enable = "avx2,bmi1,bmi2,lzcnt,popcnt")]
-        #[inline(never)]
-        fn wide<const RECORD: bool>(m: &BatchState<'_>, file: File<'_>, mask: Mask, entry: u32, recorder: &mut Scratch) {
-            access_here::<RECORD>(m, file, mask, entry, recorder);
-        }
-        // SAFETY: `dispatch` has found the instruction sets on this host.
-        return unsafe { wide::<RECORD>(m, file, mask, entry, recorder) };
-    }
-    access_plain::<RECORD>(m, file, mask, entry, recorder);
-}
-
-#[inline(never)]
-fn access_plain<const RECORD: bool>(m: &BatchState<'_>, file: File<'_>, mask: Mask, entry: u32, recorder: &mut Scratch) {
-    access_here::<RECORD>(m, file, mask, entry, recorder);
+    simd.vectorize(
+        #[inline(always)]
+        || access_here::<RECORD>(m, file, mask, entry, recorder),
+    );
 }
 
 #[inline(always)]
