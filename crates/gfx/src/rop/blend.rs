@@ -3,16 +3,12 @@
 use super::channels::{
     blends_codes, distinct_run, floats, join, lanes, limit, names_second, pack, quantize, range, split, unpack, write_bits,
 };
-use super::codes::Equation;
 use super::equation::blend_channel;
 use super::number::Number;
-#[cfg(target_arch = "x86_64")]
 use super::pairs::Pairs;
 use super::{ColorRefs, Colors, code_words, four, select_mask};
 use crate::format::{Format, TexelKind};
-#[cfg(target_arch = "x86_64")]
-use crate::simd::has_avx2;
-use crate::simd::wide;
+use crate::simd::{dispatch, wide};
 use crate::state::{BlendComponent, BlendFactor, BlendOp, ColorTarget};
 use crate::texel::{Rgba8, decode_code, encode_code, f32_to_f16, unorm};
 use num::{LANES, Lanes, QUADS};
@@ -50,10 +46,7 @@ pub struct ColorState {
     constant: [f32; 4],
     /// The constant in 8-bit codes.
     constant_codes: [u16; 4],
-    /// The blend equation in codes over the pixels of a group, where it can be computed so.
-    equation: Option<Equation>,
-    /// The state for two quads at a time, where they can be so on this host.
-    #[cfg(target_arch = "x86_64")]
+    /// The state for two quads at a time: of four 8-bit channels, not sRGB.
     pairs: Option<Pairs>,
     /// Range that source colours and constants are clamped to before blending (fixed-point formats).
     clamp: [f32; 2],
@@ -82,16 +75,10 @@ impl ColorState {
         let clamp = range(format);
         let constant_codes = constant.map(|c| unorm(c, 255.0) as u16);
         let dual = [blend.color.src, blend.color.dst, blend.alpha.src, blend.alpha.dst].into_iter().any(names_second);
-        let equation = match path {
-            Path::Blend8(Rgba8 { srgb: false, bgra }) => Equation::of([blend.color, blend.alpha], bgra, constant_codes, dual),
-            _ => None,
-        };
-        #[cfg(target_arch = "x86_64")]
         let pairs = match path {
-            _ if !has_avx2() => None,
             Path::Replace8(Rgba8 { srgb: false, bgra }) => Some(Pairs::replace(bgra, bits[0])),
             Path::Blend8(Rgba8 { srgb: false, bgra }) => {
-                Pairs::blend([blend.color, blend.alpha], bgra, constant_codes, bits[0])
+                Some(Pairs::blend([blend.color, blend.alpha], bgra, dual, constant_codes, bits[0]))
             }
             _ => None,
         };
@@ -106,8 +93,6 @@ impl ColorState {
             words: code_words(format),
             constant: constant.map(|c| limit(c, clamp)),
             constant_codes,
-            equation,
-            #[cfg(target_arch = "x86_64")]
             pairs,
             clamp,
         }
@@ -136,10 +121,7 @@ impl ColorState {
     /// Whether a batch is written two quads at a time, so that to have its codes already saves nothing.
     #[inline(always)]
     pub fn takes_pairs(&self) -> bool {
-        #[cfg(target_arch = "x86_64")]
-        return self.pairs.is_some();
-        #[cfg(not(target_arch = "x86_64"))]
-        false
+        self.pairs.is_some()
     }
 
     /// Blends a quad into its stored codes (one run, see [`super`]).
@@ -175,7 +157,7 @@ impl ColorState {
     /// Whether quads of a block are blended together ([`ColorState::blend_group`]).
     #[inline(always)]
     pub fn groups(&self) -> bool {
-        self.equation.is_some()
+        self.pairs.is_some() && self.blends()
     }
 
     /// Blends up to four quads at distinct places of a block, as [`ColorState::blend_quad`] one after the other: quad `q` is the `at[q]`-th of the
@@ -183,7 +165,7 @@ impl ColorState {
     /// leave the block as it is.
     ///
     /// # Panics
-    /// If a quad with coverage lies outside the block.
+    /// If a quad with coverage lies outside the block, or a pixel has neither one nor four samples.
     pub fn blend_group(
         &self,
         samples: usize,
@@ -192,40 +174,8 @@ impl ColorState {
         src1: &Colors<16>,
         block: &mut [u32],
     ) {
-        #[cfg(target_arch = "x86_64")]
         if let Some(pairs) = self.pairs.as_ref().filter(|_| self.groups()) {
-            match samples {
-                // SAFETY: the host has AVX2, which is all that the function requires: else the state has no pairs.
-                1 => return unsafe { pairs.group::<1>(at, coverage, src, block) },
-                // SAFETY: as above.
-                4 => return unsafe { pairs.group::<4>(at, coverage, src, block) },
-                _ => {}
-            }
-        }
-        blend_group(self, samples, (at, coverage), src, src1, block);
-    }
-
-    #[inline(always)]
-    fn blend_group_body(
-        &self,
-        samples: usize,
-        (at, coverage): (&[u8; 4], &[u16; 4]),
-        src: &Colors<16>,
-        src1: &Colors<16>,
-        block: &mut [u32],
-    ) {
-        let Some(equation) = &self.equation else { return };
-        for s in 0..samples {
-            let mask = |q: usize| (coverage[q] >> (4 * s)) as u8 & 15;
-            let place = |q: usize| (usize::from(at[q]) * samples + s) * 4;
-            let mut old = [0_u32; 16];
-            for q in (0..4).filter(|&q| mask(q) != 0) {
-                old[4 * q..4 * q + 4].copy_from_slice(&four(block, place(q)));
-            }
-            let new = equation.blend(src, src1, &old);
-            for q in (0..4).filter(|&q| mask(q) != 0) {
-                self.put_word(mask(q), &four(&new, 4 * q), &mut block[place(q)..place(q) + 4]);
-            }
+            dispatch!(simd => pairs.group(simd, samples, (at, coverage), [src, src1], block));
         }
     }
 
@@ -285,7 +235,7 @@ impl ColorState {
     /// (any colours where the state does not use one). A quad that occurs twice in the batch is blended twice, in order.
     ///
     /// # Panics
-    /// If a quad with coverage lies outside the tile.
+    /// If a quad with coverage lies outside the tile, or a pixel has neither one nor four samples.
     pub fn blend_batch(
         &self,
         samples: usize,
@@ -296,17 +246,12 @@ impl ColorState {
         src1: [&Lanes; 4],
         tile: &mut [u32],
     ) {
-        #[cfg(target_arch = "x86_64")]
-        if let Some(pairs) = &self.pairs {
-            match samples {
-                // SAFETY: the host has AVX2, which is all that the function requires: else the state has no pairs.
-                1 => return unsafe { pairs.batch::<1>(quads, at, coverage, src, tile) },
-                // SAFETY: as above.
-                4 => return unsafe { pairs.batch::<4>(quads, at, coverage, src, tile) },
-                _ => {}
+        match &self.pairs {
+            Some(pairs) => {
+                dispatch!(simd => pairs.batch(simd, samples, quads, (at, coverage), [src, src1], tile));
             }
+            None => blend_batch(self, samples, quads, at, coverage, src, src1, tile),
         }
-        blend_batch(self, samples, quads, at, coverage, src, src1, tile);
     }
 
     #[inline(always)]
@@ -509,14 +454,6 @@ impl ColorState {
 }
 
 wide! {
-    fn blend_group(
-        state: &ColorState,
-        samples: usize,
-        quads: (&[u8; 4], &[u16; 4]),
-        src: &Colors<16>,
-        src1: &Colors<16>,
-        block: &mut [u32],
-    ) = ColorState::blend_group_body;
     fn blend_batch(
         state: &ColorState,
         samples: usize,

@@ -8,13 +8,11 @@
 mod blend;
 mod block;
 mod channels;
-mod codes;
 mod compose;
 mod depth;
 mod equation;
 mod late;
 mod number;
-#[cfg(target_arch = "x86_64")]
 mod pairs;
 mod resolve;
 

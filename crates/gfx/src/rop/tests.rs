@@ -495,9 +495,7 @@ proptest! {
         let block: Vec<u32> = (0..16 * size).map(|_| random.bits()).collect();
         let (mut group, mut single) = (block.clone(), block);
         state.blend_group(samples, (&at, &coverage), &src, &src1, &mut group);
-        let lesser = factors[..2].contains(&BlendFactor::SrcAlphaSaturated);
-        let replaces = !state.blends();
-        prop_assert_eq!(state.groups(), !lesser && !replaces && !matches!(op, BlendOp::Min | BlendOp::Max));
+        prop_assert_eq!(state.groups(), state.blends());
         if state.groups() {
             for q in 0..4 {
                 let quad = |c: &Colors<16>| c.map(|c| std::array::from_fn(|p| c[4 * q + p].to_bits()));
