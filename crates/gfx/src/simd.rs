@@ -62,13 +62,6 @@ pub fn shuffles_bytes<V: Simd>(simd: V) -> bool {
     shuffles
 }
 
-/// Whether the host has AVX2 and what came with it.
-#[cfg(target_arch = "x86_64")]
-#[inline]
-pub fn has_avx2() -> bool {
-    matches!(host(), Host::Wide(_))
-}
-
 /// A closure of vector operations that is called in several places: `inlined(#[inline(always)] |v| v + v)`. Were it left to the compiler to
 /// inline it, it could stay a function of its own, which is compiled for the architecture's least instruction set.
 #[inline(always)]

@@ -1,12 +1,14 @@
 //! Sampling of any format, dimension and mode, a lane at a time.
 
 use super::ellipse::{self, Ellipses};
+use super::fast;
 use super::lod::{Levels, Selection};
 use super::sampler::BORDER;
 use super::taps::{Taps, TexturePoint, gather_taps, taps};
-use super::view::{Level, ROWS, Texels, word_in_columns};
+use super::view::{FIXED_ONE, Level, ROWS, Texels, word_in_columns};
 use super::{Sample, Sampler, View};
 use crate::simd::wide;
+use crate::state::AddressMode;
 use crate::texel::srgb_table;
 use num::{LANES, Lanes, Mask};
 
@@ -94,6 +96,9 @@ fn linear_place(level: &Level, [x, y, slice]: [i32; 3]) -> usize {
 
 /// Samples the lanes of a mask; integer texels, which do not filter, give zeros.
 pub(super) fn sample(view: &View, sampler: &Sampler, args: &Sample<'_>, mask: Mask, out: &mut [Lanes; 4]) {
+    if is_fixed(view, sampler, args) {
+        return sample_fixed(view, sampler, args, mask, out);
+    }
     match &view.texels {
         Texels::Unorm8(columns) => sample_from(view, Unorm(columns), sampler, args, mask, out),
         Texels::Srgb8 { codes, .. } => sample_from(view, Srgb(codes, srgb_table()), sampler, args, mask, out),
@@ -141,6 +146,83 @@ fn sample_from<S: TexelSource>(view: &View, source: S, sampler: &Sampler, args: 
             out[c].f32_mut()[lane] = value[c];
         }
     }
+}
+
+/// Whether a sample is filtered in 16-bit fixed point: four 8-bit channels of a flat texture, all texels filtered, no border.
+///
+/// A channel is an 8-bit code times 128 (an sRGB code's linear value, as exactly), so that 32640 is 1 and differences fit 16 bits; weights have
+/// 15 bits; a product is rounded to nearest. A trilinear result is within a fiftieth of an 8-bit step of the exact one, and exact where all
+/// texels are equal.
+pub(super) fn is_fixed(view: &View, sampler: &Sampler, args: &Sample<'_>) -> bool {
+    let codes = matches!(view.texels, Texels::Unorm8(_) | Texels::Srgb8 { .. });
+    codes && fast::is_flat(view, sampler) && args.offset == [0; 3] && args.compare.is_none()
+}
+
+fn sample_fixed(view: &View, sampler: &Sampler, args: &Sample<'_>, mask: Mask, out: &mut [Lanes; 4]) {
+    let selection = Selection::new(view, sampler, args);
+    let address = [sampler.address[0], sampler.address[1]];
+    for lane in lanes_of(mask) {
+        let levels = Levels::new(selection.lambda[lane], view.levels.len(), sampler);
+        let TexturePoint { coords: [u, v, _], slice } = TexturePoint::new(view, args, lane);
+        let at = [fast::fold(address[0], u), fast::fold(address[1], v)];
+        let mut value = bilinear(view, address, at, levels.first, slice);
+        if levels.weight > 0.0 {
+            value = fixed_mix(value, bilinear(view, address, at, levels.second, slice), fixed_weight(levels.weight));
+        }
+        for (channel, value) in out.iter_mut().zip(value) {
+            channel.f32_mut()[lane] = f32::from(value) * (1.0 / FIXED_ONE);
+        }
+    }
+}
+
+/// A weight in [0, 1) in 15 bits, to nearest.
+#[inline(always)]
+pub(super) fn fixed_weight(weight: f32) -> u32 {
+    (weight * 32767.0 + 8_388_608.0).to_bits() & 0x7fff
+}
+
+/// `a + (b - a) * weight`, the product rounded to nearest.
+#[inline(always)]
+pub(super) fn fixed_mix(a: [i16; 4], b: [i16; 4], weight: u32) -> [i16; 4] {
+    std::array::from_fn(|c| {
+        let difference = i32::from(b[c].wrapping_sub(a[c]));
+        let product = (((difference * weight as i32) >> 14) + 1) >> 1;
+        a[c].wrapping_add(product as i16)
+    })
+}
+
+/// The bilinear value of four 8-bit channels at a folded place of a level.
+fn bilinear(view: &View, address: [AddressMode; 2], folded: [f32; 2], level: usize, slice: u32) -> [i16; 4] {
+    let level = &view.levels[level];
+    let (x, x_weight) = fast::place(address[0], folded[0], level.size[0] as f32);
+    let (y, y_weight) = fast::place(address[1], folded[1], level.size[1] as f32);
+    // Rows end with their first texel again; where the last one is clamped to, its right neighbour has no weight.
+    let [base, per_slice] = view.texels.geometry(level);
+    let at = |row: i32| (base + slice * per_slice + x as u32 + row as u32 * level.stride) as usize;
+    let [a, b, c, d] = match &view.texels {
+        Texels::Unorm8(columns) => {
+            let (group, row) = (at(y / ROWS as i32), (y % ROWS as i32) as usize);
+            let (left, right) = (columns[group], columns[group + 1]);
+            let spread = |code: u32| code.to_le_bytes().map(|c| i16::from(c) << 7);
+            [left[row], right[row], left[row + 1], right[row + 1]].map(spread)
+        }
+        Texels::Srgb8 { linear, .. } => {
+            let below = if y + 1 < level.size[1] as i32 {
+                y + 1
+            } else if address[1] == AddressMode::Repeat {
+                0
+            } else {
+                y
+            };
+            // Red, blue, green, alpha from the low end.
+            let of = |t: u64| [t as i16, (t >> 32) as i16, (t >> 16) as i16, (t >> 48) as i16];
+            let (upper, lower) = (at(y), at(below));
+            [linear[upper], linear[upper + 1], linear[lower], linear[lower + 1]].map(of)
+        }
+        _ => [[0; 4]; 4],
+    };
+    let (x_weight, y_weight) = (fixed_weight(x_weight), fixed_weight(y_weight));
+    fixed_mix(fixed_mix(a, b, x_weight), fixed_mix(c, d, x_weight), y_weight)
 }
 
 wide! {

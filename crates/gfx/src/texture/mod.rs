@@ -1,27 +1,23 @@
 //! Textures as shaders see them: sampling with every mode, gathering, loading, and what it costs the card.
 //!
 //! A [`View`] holds the texels of a texture view in a form that filters read directly, built once for each content of the
-//! texture. Sampling works on whole batches of 64 lanes, 16 quads; the level of detail is that of a quad. State is looked at
-//! once per batch: the common case (four 8-bit channels, two dimensions, linear) has a path of its own, other flat textures are
-//! sampled in stages over all lanes, and everything else goes through one general filter, a lane at a time.
+//! texture. Sampling works on whole batches of 64 lanes, 16 quads; the level of detail is that of a quad. There are two samplers with the
+//! same bits: [`general`] is the definition, a lane at a time, and [`fast`] samples flat textures, all lanes at a time.
 //!
 //! The rules are Vulkan's ("Image Operations"), where that leaves freedom: exact scale factors, unrounded level weights, sRGB
 //! decoded before filtering, seamless cubes with the missing corner texel's weight given to the other three, comparison of each
 //! texel before filtering, anisotropy by elliptical weighted averages ([`ellipse`]; on cubes, where an ellipse could leave its
-//! face, by equally spaced probes along the major axis). The fast path's weights have 15 bits.
+//! face, by equally spaced probes along the major axis). Four 8-bit channels are filtered in fixed point ([`general::is_fixed`]).
 
-mod averaged;
 mod cube;
 mod ellipse;
 mod fast;
-mod fixed;
 mod general;
 mod lod;
 mod read;
 mod record;
 mod sampler;
 mod squares;
-mod staged;
 mod taps;
 mod view;
 
@@ -99,11 +95,7 @@ impl View {
         found: &mut Option<fast::QuadLevels>,
         out: &mut [Lanes; 4],
     ) {
-        if fast::sample(self, sampler, args, found, out) {
-            return;
-        }
-        *out = [Lanes::ZERO; 4];
-        if !staged::sample(self, sampler, args, mask, out) && !averaged::sample(self, sampler, args, mask, out) {
+        if !fast::sample(self, sampler, args, mask, found, out) {
             general::sample(self, sampler, args, mask, out);
         }
     }

@@ -4,12 +4,13 @@
 //! comparisons tell which quads read one line alone. Of the 16 texels of any other quad (32 between two levels) the distinct lines are taken
 //! out one after another: each is compared with all texels at once, which leaves those of other lines.
 
+use fearless_simd::{prelude::*, u32x4, u32x8, u64x2};
+
 use super::fast::{QuadLevels, choose, fold, following, is_flat, pair, place};
 use super::lod::quad_rho;
 use super::record::Footprint;
 use super::{Lod, Sample, Sampler, View};
-#[cfg(target_arch = "x86_64")]
-use crate::simd::has_avx2;
+use crate::simd::{Simd, dispatch, inlined};
 use crate::state::AddressMode;
 use num::{LANES, Lanes, Mask, QUADS};
 
@@ -26,38 +27,14 @@ pub(super) fn record(
 ) -> bool {
     let applies = is_flat(view, sampler) && args.offset == [0; 3];
     if applies {
-        record_wide(view, sampler, args, found, mask, out);
+        dispatch!(simd => record_body(simd, view, sampler, args, found, mask, out));
     }
     applies
 }
 
-/// Records with the widest vectors of the host.
 #[inline(always)]
-fn record_wide(view: &View, sampler: &Sampler, args: &Sample<'_>, found: Option<&QuadLevels>, mask: Mask, out: &mut Footprint) {
-    #[cfg(target_arch = "x86_64")]
-    {
-        #[target_feature(enable = "avx2,bmi1,bmi2,lzcnt,popcnt")]
-        fn vectors(
-            view: &View,
-            sampler: &Sampler,
-            args: &Sample<'_>,
-            found: Option<&QuadLevels>,
-            mask: Mask,
-            out: &mut Footprint,
-        ) {
-            record_body::<true>(view, sampler, args, found, mask, out);
-        }
-        if has_avx2() {
-            // SAFETY: the host has every instruction set that the function is compiled for.
-            return unsafe { vectors(view, sampler, args, found, mask, out) };
-        }
-    }
-    record_body::<false>(view, sampler, args, found, mask, out);
-}
-
-/// `WIDE`: the caller is compiled for AVX2 and its companions.
-#[inline(always)]
-fn record_body<const WIDE: bool>(
+fn record_body<V: Simd>(
+    simd: V,
     view: &View,
     sampler: &Sampler,
     args: &Sample<'_>,
@@ -75,11 +52,11 @@ fn record_body<const WIDE: bool>(
     find(view, sampler, args, same, layers, &level, first);
     if two == 0 {
         // The compiler makes less of what it knows to be one level.
-        out.squares::<WIDE>(mask, 0, first, first, lines);
+        out.squares(simd, mask, 0, first, first, lines);
     } else {
         level.iter_mut().for_each(|level| *level = following(view, *level));
         find(view, sampler, args, same, layers, &level, second);
-        out.squares::<WIDE>(mask, two, first, second, lines);
+        out.squares(simd, mask, two, first, second, lines);
     }
     out.room = Some(room);
 }
@@ -119,41 +96,21 @@ impl Corners {
         self.y[0][lane].wrapping_add(self.x[0][lane])
     }
 
-    /// The quads that read one line alone, whichever of their lanes are live: bit `4 q` each. `WIDE`: the caller is compiled for AVX2.
+    /// The quads that read one line alone, whichever of their lanes are live: bit `4 q` each.
     #[inline(always)]
-    fn alike<const WIDE: bool>(&self) -> Mask {
-        #[cfg(target_arch = "x86_64")]
-        if WIDE {
-            // SAFETY: `record_wide` has found the instruction set on this host.
-            return unsafe { self.alike_avx2() };
-        }
-        let mut out = 0;
-        for q in 0..QUADS {
-            let mut different = 0;
-            for i in 4 * q..4 * q + 4 {
-                different |= self.x[0][i] ^ self.x[1][i] | self.y[0][i] ^ self.y[1][i] | self.line(i) ^ self.line(4 * q);
-            }
-            out |= Mask::from(different == 0) << (4 * q);
-        }
-        out
-    }
-
-    /// [`Corners::alike`], two quads at a time.
-    #[cfg(target_arch = "x86_64")]
-    #[target_feature(enable = "avx2")]
-    #[inline]
-    fn alike_avx2(&self) -> Mask {
-        use std::arch::x86_64::*;
+    fn alike<V: Simd>(&self, simd: V) -> Mask {
         let mut equal: Mask = 0;
         for chunk in 0..LANES / 8 {
-            let of = |lanes: &[u32; LANES]| -> __m256i { bytemuck::cast(lanes.as_chunks::<8>().0[chunk]) };
-            let ([left, right], [upper, lower]) = (self.x.each_ref().map(of), self.y.each_ref().map(of));
-            let line = _mm256_add_epi32(upper, left);
-            let of_first_lane = _mm256_shuffle_epi32::<0>(line);
-            let between = _mm256_or_si256(_mm256_xor_si256(left, right), _mm256_xor_si256(upper, lower));
-            let different = _mm256_or_si256(between, _mm256_xor_si256(line, of_first_lane));
-            let lanes = _mm256_movemask_ps(_mm256_castsi256_ps(_mm256_cmpeq_epi32(different, _mm256_setzero_si256())));
-            equal |= Mask::from(lanes as u8) << (8 * chunk);
+            let of = inlined(
+                #[inline(always)]
+                |lanes: &[u32; LANES]| u32x8::simd_from(simd, lanes.as_chunks().0[chunk]),
+            );
+            let (left, right) = (of(&self.x[0]), of(&self.x[1]));
+            let (upper, lower) = (of(&self.y[0]), of(&self.y[1]));
+            // All lanes of a quad have one line if each has that of the next.
+            let line = upper + left;
+            let different = (left ^ right) | (upper ^ lower) | (line ^ line.slide_within_blocks::<1>(line));
+            equal |= different.simd_eq(0).to_bitmask() << (8 * chunk);
         }
         let pairs = equal & equal >> 1;
         pairs & pairs >> 2 & 0x1111_1111_1111_1111
@@ -322,26 +279,14 @@ const APART: [u32; 16] = {
     out
 };
 
-/// Where the texel of each bit of a quad is among words that have lanes of levels of texels.
-#[cfg(target_arch = "x86_64")]
-const WORD: [u8; 32] = {
-    let mut out = [0; 32];
-    let mut at = 0;
-    while at < 32 {
-        out[at] = (at % 4 * 8 + at / 4 % 2 * 4 + at / 8) as u8;
-        at += 1;
-    }
-    out
-};
-
 impl Footprint {
     /// Records quads in order from the lines of each lane's texels in two levels. The lanes of `two`, which are live, read both: first the
-    /// texels of the one, then those of the other. `WIDE`: the caller is compiled for AVX2.
+    /// texels of the one, then those of the other.
     #[inline(always)]
-    fn squares<const WIDE: bool>(&mut self, mask: Mask, two: Mask, first: &Corners, second: &Corners, lines: &mut [u32; MOST]) {
-        let mut alike = first.alike::<WIDE>();
+    fn squares<V: Simd>(&mut self, simd: V, mask: Mask, two: Mask, first: &Corners, second: &Corners, lines: &mut [u32; MOST]) {
+        let mut alike = first.alike(simd);
         if two != 0 {
-            alike &= second.alike::<WIDE>();
+            alike &= second.alike(simd);
         }
         // Lines are put where there is room for all, and then added to the others at once.
         let (start, mut n) = (self.lines.len(), 0);
@@ -352,7 +297,7 @@ impl Footprint {
             if alike >> (4 * q) & 1 == 0 {
                 // Bit `8 p + t` for texel t of lane p in the first level, `8 p + 4 + t` in the second.
                 let wanted = APART[live] * 0xf | APART[twice] * 0xf0;
-                n = distinct::<WIDE>(first, second, q, wanted, lines, n);
+                n = distinct(simd, [first, second], q, wanted, lines, n);
             } else if live != 0 {
                 let (line, other) = (first.line(4 * q), second.line(4 * q));
                 lines[n % MOST] = line;
@@ -366,82 +311,50 @@ impl Footprint {
 }
 
 /// Adds the distinct lines of the texels of a quad that have a bit in `left`, in the order of the bits. Returns how many lines there are then.
-/// `WIDE`: the caller is compiled for AVX2.
 #[inline(always)]
-fn distinct<const WIDE: bool>(
-    first: &Corners,
-    second: &Corners,
-    q: usize,
-    mut left: u32,
-    lines: &mut [u32; MOST],
-    mut n: usize,
-) -> usize {
-    #[cfg(target_arch = "x86_64")]
-    if WIDE {
-        // SAFETY: `record_wide` has found the instruction sets on this host.
-        return unsafe { distinct_avx2(first, second, q, left, lines, n) };
-    }
-    let texels: [u32; 32] = std::array::from_fn(|at| {
-        let level = if at & 4 == 0 { first } else { second };
-        let lane = 4 * q + at / 8;
-        level.y[at / 2 % 2][lane].wrapping_add(level.x[at % 2][lane])
-    });
-    while left != 0 {
-        let line = texels[left.trailing_zeros() as usize % 32];
-        lines[n % MOST] = line;
-        n += 1;
-        left &= !texels.iter().enumerate().fold(0, |equal, (at, texel)| equal | u32::from(*texel == line) << at);
-    }
-    n
-}
-
-/// [`distinct`], all texels at once.
-#[cfg(target_arch = "x86_64")]
-#[target_feature(enable = "avx2,bmi1")]
-#[inline]
-fn distinct_avx2(first: &Corners, second: &Corners, q: usize, mut left: u32, lines: &mut [u32; MOST], mut n: usize) -> usize {
-    use std::arch::x86_64::*;
-    // A texel of four lanes in the first level, and behind it in the second.
-    let of = |one: &[u32; LANES], other: &[u32; LANES]| -> __m256i {
-        let [one, other] = [one, other].map(|lanes| bytemuck::cast(lanes.as_chunks::<4>().0[q]));
-        _mm256_set_m128i(other, one)
-    };
-    let (left_column, right_column) = (of(&first.x[0], &second.x[0]), of(&first.x[1], &second.x[1]));
-    let (upper, lower) = (of(&first.y[0], &second.y[0]), of(&first.y[1], &second.y[1]));
-    let texels = [
-        _mm256_add_epi32(upper, left_column),
-        _mm256_add_epi32(upper, right_column),
-        _mm256_add_epi32(lower, left_column),
-        _mm256_add_epi32(lower, right_column),
-    ];
-    let words: [u32; 32] = bytemuck::cast(texels);
-    // From texels of lanes to lanes of texels, and from levels of lanes to lanes of levels.
-    let by_lane = _mm256_broadcastsi128_si256(_mm_setr_epi8(0, 4, 8, 12, 1, 5, 9, 13, 2, 6, 10, 14, 3, 7, 11, 15));
-    let by_level = _mm256_setr_epi32(0, 4, 1, 5, 2, 6, 3, 7);
+fn distinct<V: Simd>(simd: V, levels: [&Corners; 2], q: usize, mut left: u32, lines: &mut [u32; MOST], mut n: usize) -> usize {
+    // The lines of the four texels of each lane in a level.
+    let texels = inlined(
+        #[inline(always)]
+        |corners: &Corners| -> [u32x4<V>; 4] {
+            let of = inlined(
+                #[inline(always)]
+                |lanes: &[u32; LANES]| u32x4::simd_from(simd, lanes.as_chunks().0[q]),
+            );
+            let (left, right) = (of(&corners.x[0]), of(&corners.x[1]));
+            let (upper, lower) = (of(&corners.y[0]), of(&corners.y[1]));
+            let (a, b) = (upper + left).interleave(upper + right);
+            let (c, d) = (lower + left).interleave(lower + right);
+            let [a, b, c, d]: [u64x2<V>; 4] = [a.bitcast(), b.bitcast(), c.bitcast(), d.bitcast()];
+            [a.zip_low(c).bitcast(), a.zip_high(c).bitcast(), b.zip_low(d).bitcast(), b.zip_high(d).bitcast()]
+        },
+    );
+    let ([a, b, c, d], [e, f, g, h]) = (texels(levels[0]), texels(levels[1]));
+    let lanes: [u32x8<V>; 4] = [a.combine(e), b.combine(f), c.combine(g), d.combine(h)];
+    let [a, b, c, d] = lanes;
+    let words: [[u32; 8]; 4] = [a.into(), b.into(), c.into(), d.into()];
     while left != 0 {
         let at = left.trailing_zeros() as usize;
-        let line = words[usize::from(WORD[at % 32]) % 32];
+        let line = words[at / 8 % 4][at % 8];
         lines[n % MOST] = line;
         n += 1;
-        let line = _mm256_set1_epi32(line as i32);
-        let [a, b, c, d] = texels.map(|texel| _mm256_cmpeq_epi32(texel, line));
-        let equal = _mm256_packs_epi16(_mm256_packs_epi32(a, b), _mm256_packs_epi32(c, d));
-        let equal = _mm256_permutevar8x32_epi32(_mm256_shuffle_epi8(equal, by_lane), by_level);
-        left &= !(_mm256_movemask_epi8(equal) as u32);
+        let equal = inlined(
+            #[inline(always)]
+            |lane: u32x8<V>| lane.simd_eq(line).to_bitmask() as u32,
+        );
+        left &= !(equal(a) | equal(b) << 8 | equal(c) << 16 | equal(d) << 24);
     }
     n
 }
 
-#[cfg(all(test, target_arch = "x86_64"))]
+#[cfg(test)]
 mod tests {
     use super::*;
     use num::Random;
 
     #[test]
-    fn vectors_find_the_lines_that_a_loop_finds() {
-        if !has_avx2() {
-            return;
-        }
+    fn quads_have_the_distinct_lines_of_their_texels() {
+        let base = crate::simd::base();
         let mut random = Random::new(11);
         let mut most = 0;
         for round in 0..4000 {
@@ -456,12 +369,23 @@ mod tests {
             let mask = bits() | bits();
             let two = if round % 3 == 0 { 0 } else { mask & bits() };
             let [mut one, mut other] = [Footprint::new(), Footprint::new()];
-            one.squares::<false>(mask, two, &first, &second, &mut room[0].lines);
-            other.squares::<true>(mask, two, &first, &second, &mut room[1].lines);
+            one.squares(base, mask, two, &first, &second, &mut room[0].lines);
+            dispatch!(simd => other.squares(simd, mask, two, &first, &second, &mut room[1].lines));
             assert_eq!((&one.lines, one.bounds, one.operations), (&other.lines, other.bounds, other.operations));
             for q in 0..QUADS {
                 let (lines, operations) = one.quad(q);
-                assert!(lines.iter().enumerate().all(|(i, line)| !lines[..i].contains(line)), "{lines:?}");
+                let mut wanted = Vec::new();
+                for lane in 4 * q..4 * q + 4 {
+                    for (corners, _) in [(&first, mask), (&second, two)].into_iter().filter(|(_, live)| live >> lane & 1 == 1) {
+                        for texel in 0..4 {
+                            let line = corners.y[texel / 2][lane].wrapping_add(corners.x[texel % 2][lane]);
+                            if !wanted.contains(&line) {
+                                wanted.push(line);
+                            }
+                        }
+                    }
+                }
+                assert_eq!(lines, wanted);
                 assert_eq!(lines.is_empty(), operations == 0);
                 most = most.max(lines.len());
             }

@@ -80,7 +80,7 @@ pub enum ViewError {
 pub(super) struct Level {
     /// Width, height, and slices (3D) or layers.
     pub size: [u32; 3],
-    /// Place of the first texel.
+    /// TexturePoint of the first texel.
     pub offset: u32,
     /// From a row to the next: with one sample, the width and one texel more, which repeats the row's first.
     pub stride: u32,

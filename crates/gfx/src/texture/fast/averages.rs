@@ -1,16 +1,16 @@
-//! What [`super::general`] computes of a flat texture by [elliptical weighted averages](super::ellipse), a texel of each lane at a time
-//! instead of a lane at a time: footprints of neighbouring lanes have about as many rows, and rows about as many texels.
+//! [Elliptical weighted averages](crate::texture::ellipse), a texel of each lane at a time: footprints of neighbouring lanes have about as many
+//! rows, and rows about as many texels.
 //!
 //! Each number comes from the operations of the general filter in the same order, so both have the same bits; a test compares them.
 
-use super::ellipse::{self, Ellipse, Ellipses};
-use super::fast::{Geometry, integer};
-use super::sampler::fold;
 use super::staged::{LANES_MIN, Store, Stores, Values, bordered};
-use super::{Lod, Sample, Sampler, View};
+use super::{Geometry, integer};
 use crate::math::exp;
 use crate::simd::wide;
 use crate::state::AddressMode;
+use crate::texture::ellipse::{self, Ellipse, Ellipses};
+use crate::texture::sampler::fold;
+use crate::texture::{Lod, Sample, Sampler, View};
 use num::{LANES, Lanes, Mask};
 
 /// Samples where the view, sampler and operands allow; says whether they did.

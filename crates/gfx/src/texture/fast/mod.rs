@@ -1,17 +1,17 @@
-//! Flat textures whose texels are filtered within a level, without a border: the common case, batch by batch.
+//! Sampling of flat textures, all 64 lanes at a time, with the bits of [`super::general`].
 //!
-//! Stages over all 64 lanes, each a straight loop: level of detail, levels and their geometry, places and weights, texels,
-//! arithmetic. Four 8-bit channels go on to [`super::fixed`]; single numbers (depth, with or without comparison) are filtered
-//! here in `f32`.
+//! Stages over all lanes, each a straight loop: level of detail, levels and their geometry, places and weights, texels, arithmetic. Four 8-bit
+//! channels of which all are filtered go on to [`fixed`], anisotropic samples to [`averages`], everything else to [`staged`].
 
-use super::fixed;
-use super::general::reference;
+mod averages;
+mod fixed;
+mod staged;
+
+use super::general::is_fixed;
 use super::lod::{self, clamp, clamp_one, flat_lambda, quad_lambda};
-use super::view::Texels;
 use super::{Lod, Sample, Sampler, View};
-use crate::simd::wide;
 use crate::state::{AddressMode, ViewDimension};
-use num::{LANES, Lanes, QUADS};
+use num::{LANES, Lanes, Mask, QUADS};
 
 /// The levels that quads read.
 #[derive(Clone, Copy, Debug, Default)]
@@ -43,24 +43,22 @@ impl QuadLevels {
 }
 
 /// Samples where the view, sampler and operands allow; says whether they did. `found` receives the levels of the quads, where sampling
-/// looks for them.
+/// looks for them. Where it is false, `out` has zeros.
 #[inline]
 pub(super) fn sample(
     view: &View,
     sampler: &Sampler,
     args: &Sample<'_>,
+    mask: Mask,
     found: &mut Option<QuadLevels>,
     out: &mut [Lanes; 4],
 ) -> bool {
-    if !is_flat(view, sampler) || args.offset != [0; 3] {
-        return false;
+    if is_fixed(view, sampler, args) {
+        fixed::sample(view, sampler, args, found, out);
+        return true;
     }
-    match &view.texels {
-        Texels::Unorm8(_) | Texels::Srgb8 { .. } if args.compare.is_none() => fixed::sample(view, sampler, args, found, out),
-        Texels::F32(texels) if view.levels.len() == 1 => single(view, texels, sampler, args, out),
-        _ => return false,
-    }
-    true
+    *out = [Lanes::ZERO; 4];
+    staged::sample(view, sampler, args, mask, out) || averages::sample(view, sampler, args, mask, out)
 }
 
 /// Whether places are two-dimensional and all texels of a level are filtered, without a border.
@@ -68,46 +66,6 @@ pub(super) fn is_flat(view: &View, sampler: &Sampler) -> bool {
     let bordered = sampler.address[..2].contains(&AddressMode::ClampToBorder);
     let filters = sampler.mag_linear && sampler.min_linear && sampler.anisotropy <= 1.0;
     matches!(view.dimension, ViewDimension::D2 | ViewDimension::D2Array) && !bordered && filters
-}
-
-wide! {
-    fn single(view: &View, texels: &[f32], sampler: &Sampler, args: &Sample<'_>, out: &mut [Lanes; 4]) = single_body;
-}
-
-/// Samples or compares single numbers of one level.
-#[inline(always)]
-fn single_body(view: &View, texels: &[f32], sampler: &Sampler, args: &Sample<'_>, out: &mut [Lanes; 4]) {
-    let level = [0; LANES];
-    let at = Geometry::new(view, args, &level, true);
-    let mut corners = Corners::ZERO;
-    find_corners(sampler, args, &at, &mut corners);
-    let mut taps = [[0.0_f32; LANES]; 4];
-    for i in 0..LANES {
-        let base = at.base[i];
-        let row = |y: u32| base.wrapping_add(y.wrapping_mul(at.stride[i]));
-        let (top, bottom) = (row(corners.y[i][0]), row(corners.y[i][1]));
-        let read = |place: u32| texels.get(place as usize).copied().unwrap_or(0.0);
-        let [left, right] = corners.x[i];
-        taps[0][i] = read(top.wrapping_add(left));
-        taps[1][i] = read(top.wrapping_add(right));
-        taps[2][i] = read(bottom.wrapping_add(left));
-        taps[3][i] = read(bottom.wrapping_add(right));
-    }
-    if let Some(r) = args.compare {
-        for i in 0..LANES {
-            let r = reference(view, r.f32()[i]);
-            for tap in &mut taps {
-                tap[i] = f32::from(u8::from(sampler.compare.test(r, tap[i])));
-            }
-        }
-    }
-    let [r, g, b, a] = out;
-    for i in 0..LANES {
-        let (x, y) = (corners.weight[0][i], corners.weight[1][i]);
-        let top = taps[0][i] * ((1.0 - x) * (1.0 - y)) + taps[1][i] * (x * (1.0 - y));
-        r.f32_mut()[i] = top + taps[2][i] * ((1.0 - x) * y) + taps[3][i] * (x * y);
-    }
-    (*g, *b, *a) = (Lanes::ZERO, Lanes::ZERO, Lanes::splat_f32(1.0));
 }
 
 /// A texel and its neighbour to the right (below), which is the first again where the address repeats, else the same.
@@ -215,38 +173,6 @@ impl Geometry {
             }
         }
         out
-    }
-}
-
-/// The columns and the rows of the texels about every lane's place, and the weights of the right and lower ones.
-#[derive(Clone, Copy)]
-struct Corners {
-    x: [[u32; 2]; LANES],
-    y: [[u32; 2]; LANES],
-    weight: [[f32; LANES]; 2],
-}
-
-impl Corners {
-    const ZERO: Corners = Corners { x: [[0; 2]; LANES], y: [[0; 2]; LANES], weight: [[0.0; LANES]; 2] };
-}
-
-#[inline(always)]
-fn find_corners(sampler: &Sampler, args: &Sample<'_>, at: &Geometry, out: &mut Corners) {
-    let mut index = [0_i32; LANES];
-    for (c, size, pairs) in [(0, &at.width, &mut out.x), (1, &at.height, &mut out.y)] {
-        axis(sampler.address[c], args.coords[c].f32(), size, &mut index, &mut out.weight[c]);
-        for i in 0..LANES {
-            pairs[i] = pair(sampler.address[c], index[i], size[i]);
-        }
-    }
-}
-
-/// The left (upper) texel of each lane and the weight of its neighbour.
-#[inline(always)]
-fn axis(mode: AddressMode, u: &[f32; LANES], size: &[f32; LANES], index: &mut [i32; LANES], weight: &mut [f32; LANES]) {
-    for i in 0..LANES {
-        let (texel, w) = place(mode, fold(mode, u[i]), size[i]);
-        (index[i], weight[i]) = (texel, w);
     }
 }
 

@@ -1,18 +1,16 @@
-//! What [`super::general`] computes of a flat texture, in stages over all lanes instead of a lane at a time: texels that are not
-//! filtered, filters of which one is for magnification alone, borders, formats of numbers, comparison in several levels.
+//! Texels that are not filtered, filters of which one is for magnification alone, borders, formats of numbers, comparison.
 //!
 //! Each number comes from the operations of the general filter in the same order, so both have the same bits; a test compares them.
-//! Stages are straight loops: levels, places along each axis, texels, arithmetic. Reading a texel is the one that is not vectors.
+//! Reading a texel is the one stage that is not vectors.
 
-use super::fast::{Geometry, following, integer, split};
-use super::general::reference;
-use super::lod;
-use super::sampler::{BORDER, fold};
-use super::view::{Level, Texels, word_in_columns};
-use super::{Lod, Sample, Sampler, View, ellipse};
+use super::{Geometry, following, integer, split};
 use crate::simd::wide;
 use crate::state::{AddressMode, ViewDimension};
 use crate::texel::srgb_table;
+use crate::texture::general::reference;
+use crate::texture::sampler::{BORDER, fold};
+use crate::texture::view::{Level, Texels, word_in_columns};
+use crate::texture::{Lod, Sample, Sampler, View, ellipse, lod};
 use num::{LANES, Lanes, Mask};
 
 /// Four channels of all lanes.
@@ -429,7 +427,7 @@ impl Axis {
     const ZERO: Axis = Axis { texel: [[0; LANES]; 2], weight: [0.0; LANES] };
 }
 
-/// [`super::sampler::nearest`] of all lanes.
+/// [`crate::texture::sampler::nearest`] of all lanes.
 #[inline(always)]
 fn nearest_along(mode: AddressMode, u: &[f32; LANES], size: &[f32; LANES], out: &mut [i32; LANES]) {
     #[inline(always)]
@@ -447,7 +445,7 @@ fn nearest_along(mode: AddressMode, u: &[f32; LANES], size: &[f32; LANES], out: 
     }
 }
 
-/// [`super::sampler::linear`] of all lanes.
+/// [`crate::texture::sampler::linear`] of all lanes.
 #[inline(always)]
 fn linear_along(mode: AddressMode, u: &[f32; LANES], size: &[f32; LANES], out: &mut Axis) {
     #[inline(always)]
@@ -468,7 +466,7 @@ fn linear_along(mode: AddressMode, u: &[f32; LANES], size: &[f32; LANES], out: &
     }
 }
 
-/// [`super::sampler::wrap`] without a division, for places of a folded coordinate: from -1 to `n` (mirrored: to `2 n`) where they
+/// [`crate::texture::sampler::wrap`] without a division, for places of a folded coordinate: from -1 to `n` (mirrored: to `2 n`) where they
 /// repeat, any others.
 #[inline(always)]
 fn wrap(mode: AddressMode, i: i32, n: i32) -> i32 {
