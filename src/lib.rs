@@ -44,7 +44,7 @@
 //!
 //! | floor | packages (`crates/`), modules of this library |
 //! |---|---|
-//! | 0 | [`num`], [`host`], [`gfxr`] |
+//! | 0 | [`num`], [`host`], `gfxr` |
 //! | 1 | [`gfx`], [`trace`], [`knob`], [`stats`], [`sim`] |
 //! | 2 | [`work`], [`shader`], [`mem`], [`import`] |
 //! | 3 | [`render`], [`mod@unit`], [`synthetic`] |
@@ -60,7 +60,9 @@
 
 #[cfg(feature = "accuracy")]
 pub use accuracy;
-pub use {gfx, gfxr, host, import, knob, machine, mem, num, render, run, shader, sim, stats, synthetic, trace, unit, work};
+#[cfg(feature = "vulkan")]
+pub use gfxr;
+pub use {gfx, host, import, knob, machine, mem, num, render, run, shader, sim, stats, synthetic, trace, unit, work};
 
 pub use machine::Config;
 pub use run::picture;

@@ -1,4 +1,5 @@
 //! How the C library's allocator shares memory out among threads.
+#![allow(unsafe_code, reason = "a call of the C library")]
 
 /// Makes glibc's allocator keep one heap for all threads. Call it before there are other threads. With other allocators it does nothing. The
 /// environment variable `MALLOC_ARENA_MAX`, glibc's own setting for this, takes precedence.

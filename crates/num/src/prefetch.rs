@@ -1,4 +1,5 @@
 //! Asking the host's caches for data ahead of their use.
+#![allow(unsafe_code, reason = "the host's prefetch takes a pointer")]
 
 /// Asks for the cache lines of a value.
 #[inline(always)]

@@ -1,4 +1,5 @@
 //! Time of the host, for figures of speed only: no result depends on it.
+#![allow(unsafe_code, reason = "a call of the C library")]
 
 use std::time::{Duration, Instant};
 

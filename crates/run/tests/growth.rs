@@ -1,4 +1,5 @@
 //! Memory does not grow with the frames of a sequence, in any fidelity.
+#![allow(unsafe_code, reason = "an allocator that counts")]
 
 use std::alloc::{GlobalAlloc, Layout, System};
 use std::num::NonZeroU32;

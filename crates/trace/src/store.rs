@@ -58,6 +58,7 @@ impl Bytes {
         // SAFETY: the mapping is private to this process and read-only, and every access goes through a shared slice. What is
         // left is that another process truncates or rewrites the file meanwhile, which no reader of mapped files can rule out;
         // the documentation of `Trace` makes it the caller's duty. Gain: 100 MB of blobs are ready at once and not copied.
+        #[allow(unsafe_code, reason = "a file that is mapped may change")]
         let map = unsafe { Mmap::map(&file)? };
         let end = map.len();
         Ok(Bytes(Repr::Mapped { map: Arc::new(map), start: 0, end }))

@@ -1,4 +1,5 @@
 //! Reading a large trace copies nothing: 100 MB of blobs are used where they lie in their files.
+#![allow(unsafe_code, reason = "an allocator that counts")]
 
 use std::alloc::{GlobalAlloc, Layout, System};
 use std::sync::atomic::{AtomicUsize, Ordering};

@@ -1,5 +1,6 @@
 //! `fillrate inspect`
 
+#[cfg(feature = "vulkan")]
 mod vulkan;
 
 use std::path::PathBuf;
@@ -37,7 +38,8 @@ pub struct Arguments {
 }
 
 pub fn run(arguments: &Arguments) -> Result<Verdict> {
-    if let Some(import::Found { kind: import::Kind::Gfxr, path }) = import::detect(&arguments.trace) {
+    #[cfg(feature = "vulkan")]
+    if let Some(import::FoundTrace { kind: import::TraceKind::Gfxr, path }) = import::detect(&arguments.trace) {
         return vulkan::run(arguments, &path);
     }
     let (trace, report) = arguments.reading.open_to_inspect(&arguments.trace)?;

@@ -9,7 +9,7 @@ use serde_json::json;
 use super::{Arguments, cut_line};
 use crate::cli::{Verdict, say_json};
 use crate::host::{self, Links};
-use crate::import::Kind;
+use crate::import::TraceKind;
 use crate::report::summary::{bytes, grouped};
 
 pub fn run(arguments: &Arguments, file: &Path) -> Result<Verdict> {
@@ -27,7 +27,7 @@ pub fn run(arguments: &Arguments, file: &Path) -> Result<Verdict> {
         faults(&contents).iter().for_each(|fault| eprintln!("{fault}"));
         return Ok(verdict);
     }
-    println!("{}: {} trace", arguments.trace.display(), Kind::Gfxr);
+    println!("{}: {} trace", arguments.trace.display(), TraceKind::Gfxr);
     program(&contents);
     let row = |name: &str, value: String| println!("  {name:<40}{value:>16}");
     row("frames", grouped(contents.frames));
