@@ -163,8 +163,22 @@ pub struct Around {
     pub after: Code,
 }
 
-/// Turns y of positions.
-pub fn flip_y(parts: &mut Parts, around: &mut Around) {
+/// Interpolates what a fragment stage reads at each sample.
+pub fn sample_inputs(parts: &mut Parts) {
+    let decorations = parts.decorations();
+    let has = |id: u32, kind: D| {
+        decorations.get(&id).into_iter().flatten().any(|own| own.member.is_none() && own.kind == kind as u32)
+    };
+    let inputs = parts.globals.iter().filter(|inst| inst.op == Op::Variable && inst.operand(2) == StorageClass::Input as u32);
+    let read = inputs.map(|inst| (inst.at, inst.operand(1))).filter(|&(_, id)| has(id, D::Location) && !has(id, D::Flat));
+    let first = parts.first_type();
+    for (at, id) in read.collect::<Vec<_>>() {
+        parts.globals.insert(first, Inst { at, op: Op::Decorate, operands: vec![id, D::Sample as u32] });
+    }
+}
+
+/// Turns y of positions, and moves their depths from those between -w and w to those from 0 on.
+pub fn move_positions(parts: &mut Parts, around: &mut Around, flip: bool, from_minus_one: bool) {
     let (types, decorations) = (parts.types(), parts.decorations());
     let is_position = |d: &&Decoration| d.kind == D::BuiltIn as u32 && d.value == BuiltIn::Position as u32;
     // Each position: the variable, the number of the member where it is one of a block, and the place in the module.
@@ -184,14 +198,26 @@ pub fn flip_y(parts: &mut Parts, around: &mut Around) {
     }
     let (float, unsigned) = (parts.float_type(), parts.int_type(false));
     let pointer = parts.pointer_type(StorageClass::Output, float);
-    let one = parts.constant(unsigned, 1);
+    let [one, two, three] = [1, 2, 3].map(|axis| parts.constant(unsigned, axis));
+    let half = parts.constant(float, 0.5f32.to_bits());
     for (variable, member, at) in positions {
-        let path: Vec<u32> =
-            [Some(variable), member.map(|member| parts.constant(unsigned, member)), Some(one)].into_iter().flatten().collect();
-        let y = around.after.value(parts, at, Op::AccessChain, pointer, &path);
-        let value = around.after.value(parts, at, Op::Load, float, &[y]);
-        let negative = around.after.value(parts, at, Op::FNegate, float, &[value]);
-        around.after.0.push(Inst { at, op: Op::Store, operands: vec![y, negative] });
+        let member = member.map(|member| parts.constant(unsigned, member));
+        let mut load = |parts: &mut Parts, axis: u32| {
+            let path: Vec<u32> = [Some(variable), member, Some(axis)].into_iter().flatten().collect();
+            let place = around.after.value(parts, at, Op::AccessChain, pointer, &path);
+            (place, around.after.value(parts, at, Op::Load, float, &[place]))
+        };
+        let y = flip.then(|| load(parts, one));
+        let depth = from_minus_one.then(|| (load(parts, two), load(parts, three)));
+        if let Some((place, value)) = y {
+            let negative = around.after.value(parts, at, Op::FNegate, float, &[value]);
+            around.after.0.push(Inst { at, op: Op::Store, operands: vec![place, negative] });
+        }
+        if let Some(((place, z), (_, w))) = depth {
+            let sum = around.after.value(parts, at, Op::FAdd, float, &[z, w]);
+            let middle = around.after.value(parts, at, Op::FMul, float, &[sum, half]);
+            around.after.0.push(Inst { at, op: Op::Store, operands: vec![place, middle] });
+        }
     }
 }
 

@@ -140,6 +140,10 @@ pub struct Options<'a> {
     pub view_index: Option<u32>,
     /// Turns y of positions: for viewports of positive height, as Vulkan's y points down.
     pub flip_y: bool,
+    /// Depths of positions are from -w to w, and become those from 0 to w.
+    pub from_minus_one: bool,
+    /// The fragment stage runs once for each sample: its inputs are interpolated there.
+    pub each_sample: bool,
     /// Formats of what is bound, for storage images whose type has none, and for texel buffers.
     pub formats: &'a [BoundFormat],
 }
@@ -246,8 +250,11 @@ pub fn translate(words: &[u32], entry: &str, stage: Stage, options: &Options<'_>
     blocks::refuse_arrays(&parts)?;
     blocks::allow_reads(&mut parts);
     translated.uniform_as_storage = blocks::move_uniforms(&mut parts)?;
-    if options.flip_y && stage == Stage::Vertex {
-        interface::flip_y(&mut parts, &mut around);
+    if options.each_sample && stage == Stage::Fragment {
+        interface::sample_inputs(&mut parts);
+    }
+    if (options.flip_y || options.from_minus_one) && stage == Stage::Vertex {
+        interface::move_positions(&mut parts, &mut around, options.flip_y, options.from_minus_one);
     }
     interface::surround(&mut parts, function, around)?;
     parts.write(&mut translated.words, &mut translated.origins)?;

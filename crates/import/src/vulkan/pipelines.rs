@@ -16,6 +16,7 @@ use super::formats;
 use super::groups::{Origin, Plan, Planned};
 use super::machine::Vulkan;
 use super::objects::{DescriptorKind, Pipeline, SetLayout};
+use super::points;
 use super::shaders::{Form, Shader};
 use super::state::Fixed;
 
@@ -262,7 +263,7 @@ impl Vulkan {
         let mut form =
             Form { flip, from_minus_one: state.negative_one_to_one, view: pass.view, formats: bound, ..Form::default() };
         let mut vertex = self.shaders.get(vertex_stage, &form, &mut self.card, &self.limits)?;
-        let points = topology == Topology::PointList && vertex.interface.output(BuiltIn::PointSize).is_some();
+        let points = topology == Topology::PointList && points::writes_size(&vertex.translated.words);
         let mut fragment_form = Form { view: pass.view, formats: form.formats.clone(), ..Form::default() };
         fragment_form.each_sample = state.sample_shading && pass.samples > 1;
         let mut fragment = match find(16) {

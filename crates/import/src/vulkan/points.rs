@@ -28,6 +28,25 @@ pub fn rewritten(words: &[u32], form: &Form) -> Result<Option<String>, String> {
     ron::to_string(&module).map(Some).map_err(|error| error.to_string())
 }
 
+fn read(words: &[u32]) -> Result<Module, String> {
+    let options =
+        naga::front::spv::Options { adjust_coordinate_space: false, strict_capabilities: true, block_ctx_dump_prefix: None };
+    let parsed = host::guarded(|| ir_text::read_spirv(words, &options, &Cell::new(0)).map_err(|error| error.to_string()));
+    parsed.and_then(|parsed| parsed)
+}
+
+/// Whether a vertex stage writes the size of points.
+pub fn writes_size(words: &[u32]) -> bool {
+    let is_size = |member: &StructMember| member.binding == Some(Binding::BuiltIn(BuiltIn::PointSize));
+    read(words).is_ok_and(|module| {
+        let results = module.entry_points.iter().filter_map(|entry| entry.function.result.as_ref());
+        results.into_iter().any(|result| match &module.types[result.ty].inner {
+            TypeInner::Struct { members, .. } => members.iter().any(is_size),
+            _ => false,
+        })
+    })
+}
+
 fn varying(location: u32) -> Binding {
     Binding::Location {
         location,
