@@ -232,6 +232,10 @@ fn recordings(manifest: &Path, root: &Path, limits: &Limits) -> Result<bool> {
                 continue;
             }
         };
+        if let Some(refused) = &recording.refused {
+            (all, near) = (all + 1, near + 1);
+            println!("{}", one_line(&format!("{name:<width$}  refused: {refused}")));
+        }
         for row in rows {
             all += 1;
             let standing = recording.standing(&manifest, &row);

@@ -55,6 +55,12 @@ pub struct Recording {
     pub folder: PathBuf,
     /// Which of [`Manifest::kinds`] it is.
     pub kind: String,
+    /// The number that the reference of the first frame has: some recorders count from 1.
+    #[serde(default)]
+    pub first: u32,
+    /// What the message must say with which the recording is refused; none: it must be replayed.
+    #[serde(default)]
+    pub refused: Option<String>,
     /// PSNR in dB that all its pictures have reached: one below it is a step back, also where the limits of its kind hold.
     #[serde(default)]
     pub least: Option<f64>,
@@ -133,14 +139,23 @@ impl Recording {
         }
     }
 
-    /// Replays the recording as far as its last reference, and compares.
+    /// Replays the recording as far as its last reference, and compares. A recording that must be refused has no pictures.
     ///
     /// # Errors
     /// If there is no recording or no reference, if either cannot be read, if the recording asks for what is not supported, or if sizes
     /// differ.
     pub fn compare(&self, root: &Path, limits: &num::Limits) -> Result<Vec<Row>> {
         let folder = root.join(&self.folder);
-        let references = references(&folder)?;
+        if let Some(refused) = &self.refused {
+            let Some(found) = import::detect(&folder) else { bail!("{} holds no recording", folder.display()) };
+            match import::open(&found.path) {
+                Err(error) if error.unsupported && error.reason.contains(refused.as_str()) => return Ok(Vec::new()),
+                Err(error) => return Err(anyhow::Error::new(error).context(format!("it is not refused for {refused}"))),
+                Ok(_) => bail!("{} is replayed; it must be refused for {refused}", found.path.display()),
+            }
+        }
+        let numbered = |(number, path): (u32, PathBuf)| (number.saturating_sub(self.first), path);
+        let references: BTreeMap<u32, PathBuf> = references(&folder)?.into_iter().map(numbered).collect();
         let Some(last) = references.keys().next_back() else {
             bail!("{} has no reference: no frameNNNN.png or .ppm", folder.display());
         };

@@ -41,6 +41,7 @@ mod report;
 mod scenes;
 mod sweep;
 mod timeline;
+mod vulkan;
 mod why;
 mod workloads;
 mod your_unit;

@@ -94,12 +94,13 @@ fn references(of: Args<'_>, name: &str) -> Outcome<Vec<Option<usize>>> {
 
 fn render_pass(info: Args<'_>) -> Outcome<RenderPass> {
     let attachment = |of: Args<'_>| -> Outcome<Attachment> {
-        let is = |name: &str, value: u32| -> Outcome<bool> { Ok(of.u32(name)? == value) };
+        // The contents are lost only if the program does not care: 1 among stores.
+        let is_one = |name: &str| -> Outcome<bool> { Ok(of.u32(name)? == 1) };
         Ok(Attachment {
-            clear: is("loadOp", 1)?,
-            store: is("storeOp", 0)?,
-            stencil_clear: is("stencilLoadOp", 1)?,
-            stencil_store: is("stencilStoreOp", 0)?,
+            clear: is_one("loadOp")?,
+            store: !is_one("storeOp")?,
+            stencil_clear: is_one("stencilLoadOp")?,
+            stencil_store: !is_one("stencilStoreOp")?,
         })
     };
     let masks = match info.chained("VkRenderPassMultiviewCreateInfo") {
@@ -210,7 +211,9 @@ impl Vulkan {
             "vkCreateFramebuffer" => {
                 let info = call.of("pCreateInfo")?;
                 let views = if info.u32("flags")? & 1 != 0 { Vec::new() } else { info.numbers("pAttachments")? };
-                self.objects.framebuffers.insert(call.u64("pFramebuffer")?, Rc::new(Framebuffer { views }));
+                self.objects
+                    .framebuffers
+                    .insert(call.u64("pFramebuffer")?, Rc::new(Framebuffer { views, layers: info.u32("layers")? }));
             }
             "vkDestroyFramebuffer" => drop(self.objects.framebuffers.remove(call.u64("framebuffer")?)),
             "vkCreateShaderModule" => {
@@ -407,6 +410,19 @@ impl Vulkan {
             [(2, "tessellation"), (4, "tessellation"), (8, "a geometry stage"), (64, "a task stage"), (128, "a mesh stage")];
         for (bit, name) in names {
             if pipeline.stages.iter().any(|stage| stage.stage == bit) {
+                pipeline.refused = Some(Fault::Unsupported(name.to_owned()));
+            }
+        }
+        for (state, chained, name) in [
+            ("pRasterizationState", "VkPipelineRasterizationConservativeStateCreateInfo", "conservative rasterisation"),
+            ("pMultisampleState", "VkPipelineSampleLocationsStateCreateInfo", "samples at places of the program's"),
+        ] {
+            let state = info.maybe(state)?;
+            let asked = state.and_then(|state| state.chained(chained)).map(|of| match chained.contains("Conservative") {
+                true => of.u32("conservativeRasterizationMode"),
+                false => of.u32("sampleLocationsEnable"),
+            });
+            if asked.transpose()?.is_some_and(|value| value != 0) {
                 pipeline.refused = Some(Fault::Unsupported(name.to_owned()));
             }
         }

@@ -32,6 +32,8 @@ struct Count {
 #[derive(Default)]
 pub struct Log {
     refused: NameMap<Count>,
+    /// What a person who sees the pictures needs to know.
+    pub notes: Vec<String>,
     /// The number of the block that is read.
     pub block: u64,
 }
@@ -40,6 +42,13 @@ impl Log {
     /// Counts what is refused of a call.
     pub fn refuse(&mut self, call: &str, block: u64, what: &str) {
         self.refused.get_or_insert_with(&format!("{call}: {what}"), || Count { times: 0, first: block }).times += 1;
+    }
+
+    /// Notes what a person who sees the pictures needs to know, once.
+    pub fn note(&mut self, note: String) {
+        if !self.notes.contains(&note) {
+            self.notes.push(note);
+        }
     }
 
     /// All that was refused on one line, by the first block; none if nothing was.

@@ -278,6 +278,8 @@ pub struct RenderPass {
 pub struct Framebuffer {
     /// Views; empty where they are given when the pass begins.
     pub views: Vec<Handle>,
+    /// Layers.
+    pub layers: u32,
 }
 
 /// A shader module.

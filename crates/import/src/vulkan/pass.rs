@@ -42,7 +42,7 @@ pub struct Targets {
     pub views: u32,
 }
 
-/// What the native pass has been told.
+/// The state that commands of the native pass have set.
 #[derive(Default)]
 pub struct Emitted {
     pub pipeline: Option<RenderPipelineId>,
@@ -87,7 +87,7 @@ pub enum Open {
     Compute(Vec<Command>, Box<ComputeEmitted>),
 }
 
-/// What a native compute pass has been told.
+/// The state that commands of a native compute pass have set.
 #[derive(Default)]
 pub struct ComputeEmitted {
     pub pipeline: Option<ComputePipelineId>,
@@ -269,7 +269,7 @@ impl Vulkan {
             let resolves = of.u32("resolveMode")? != 0;
             let resolve = Some(of.u64("resolveImageView")?).filter(|&resolve| resolves && resolve != 0);
             let clear = if load == 1 { Some(four(&of.words("clearValue")?)) } else { None };
-            Ok(Some(Target { view, clear, store: store == 0, resolve, ..Target::default() }))
+            Ok(Some(Target { view, clear, store: store != 1, resolve, ..Target::default() }))
         };
         let color = info.list("pColorAttachments")?.into_iter().map(target).collect::<Outcome<_>>()?;
         let depth = info.maybe("pDepthAttachment")?.map(target).transpose()?.flatten();
@@ -294,7 +294,11 @@ impl Vulkan {
             }),
             (None, None) => None,
         };
-        Ok(Targets { color, depth, area: Area::new(info.of("renderArea")?)?, views: info.u32("viewMask")? })
+        let views = info.u32("viewMask")?;
+        if views == 0 && info.u32("layerCount")? > 1 {
+            return unsupported("a pass with several layers");
+        }
+        Ok(Targets { color, depth, area: Area::new(info.of("renderArea")?)?, views })
     }
 }
 
@@ -304,6 +308,7 @@ pub struct Begun {
     views: Vec<Handle>,
     clears: Vec<[u32; 4]>,
     area: Area,
+    layers: u32,
     /// The subpass that is open.
     pub subpass: usize,
 }
@@ -319,7 +324,7 @@ impl Begun {
             _ => framebuffer.views.clone(),
         };
         let clears = info.clear_values("pClearValues")?.iter().map(|words| four(words)).collect();
-        Ok(Begun { pass, views, clears, area: Area::new(info.of("renderArea")?)?, subpass: 0 })
+        Ok(Begun { pass, views, clears, area: Area::new(info.of("renderArea")?)?, layers: framebuffer.layers, subpass: 0 })
     }
 
     /// The targets of the open subpass.
@@ -328,6 +333,9 @@ impl Begun {
         let subpass = self.pass.subpasses.get(self.subpass).ok_or_else(|| damaged("such subpass"))?;
         if let Some(refused) = &subpass.refused {
             return unsupported(refused.clone());
+        }
+        if self.layers > 1 && subpass.views == 0 {
+            return unsupported("a pass with several layers");
         }
         let uses = |subpass: &super::objects::Subpass, attachment: usize| {
             let color =

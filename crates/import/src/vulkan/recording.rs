@@ -141,7 +141,7 @@ impl Recording {
             let _ = hand_over(&mut vulkan, take, read.get());
         }
         let mut origin = Origin::default();
-        origin.left_out = refusal;
+        (origin.left_out, origin.notes) = (refusal, std::mem::take(&mut vulkan.log.notes));
         origin.facts = std::mem::take(&mut vulkan.facts);
         origin.cut = reader.cut().map(|cut| {
             format!(
@@ -296,7 +296,7 @@ fn is_ignored(name: &str) -> bool {
         "vkSetHdr",
         "vkSetPrivateData",
     ];
-    const CREATED: [&str; 13] = [
+    const CREATED: [&str; 14] = [
         "vkCreateInstance",
         "vkCreateDevice",
         "vkCreateFence",
@@ -310,8 +310,9 @@ fn is_ignored(name: &str) -> bool {
         "vkCreatePrivateDataSlot",
         "vkCreateHeadlessSurface",
         "vkCreateDisplay",
+        "vkCreateSamplerYcbcrConversion",
     ];
-    const OTHERS: [&str; 7] = [
+    const OTHERS: [&str; 9] = [
         "vkSignalSemaphore",
         "vkSignalSemaphoreKHR",
         "vkSetEvent",
@@ -319,6 +320,8 @@ fn is_ignored(name: &str) -> bool {
         "vkMergePipelineCaches",
         "vkSetDeviceMemoryPriorityEXT",
         "vkSetLatencyMarkerNV",
+        "vkTransitionImageLayout",
+        "vkTransitionImageLayoutEXT",
     ];
     let surface = name.starts_with("vkCreate") && name.contains("Surface");
     let starts = |list: &[&str]| list.iter().any(|start| name.starts_with(start));

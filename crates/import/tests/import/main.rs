@@ -8,4 +8,5 @@ mod oracle;
 mod peers;
 mod recorder;
 mod shaders;
+mod vulkan;
 mod wgpu;
