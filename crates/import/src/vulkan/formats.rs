@@ -59,7 +59,7 @@ pub fn format(code: u32) -> Outcome<Format> {
         127 => Stencil8,
         129 => Depth24PlusStencil8,
         130 => Depth32FloatStencil8,
-        // Without alpha: its blocks are those with alpha, whose third colour would be transparent. It is taken as opaque by programs.
+        // Blocks without alpha have the same colours: only where they have three of them, the fourth code is black, and not transparent as well.
         131 | 133 => Bc1RgbaUnorm,
         132 | 134 => Bc1RgbaUnormSrgb,
         135 => Bc2RgbaUnorm,

@@ -75,13 +75,16 @@ pub struct ReadyCompute {
 /// Layouts of a pipeline: the native one, and its groups.
 type Layouts = (PipelineLayoutId, Vec<Plan>, u32);
 
+/// What a native pipeline layout is made of: its groups, and bytes of immediates.
+type LayoutKey = (Vec<Option<BindGroupLayoutId>>, u32);
+
 /// Pipelines that have been made.
 #[derive(Default)]
 pub struct Pipelines {
     render: NumberMap<u64, Vec<(RenderPipelineDesc, RenderPipelineId)>>,
     compute: NumberMap<u64, Vec<(ShaderId, ComputePipelineId)>>,
     group_layouts: Vec<(Vec<LayoutEntry>, BindGroupLayoutId)>,
-    layouts: Vec<((Vec<Option<BindGroupLayoutId>>, u32), PipelineLayoutId)>,
+    layouts: Vec<(LayoutKey, PipelineLayoutId)>,
 }
 
 impl Pipelines {

@@ -93,7 +93,7 @@ impl Recording {
         let read = Rc::new(Cell::new(0));
         let counting = Counting { file, read: read.clone() };
         let mut reader = Reader::new(BufReader::with_capacity(1 << 16, counting)).map_err(broken)?;
-        let header = reader.header().clone();
+        let header = *reader.header();
         let mut vulkan = Vulkan::new(path, &self.reading.limits);
         if take.is_some() {
             vulkan.card.keep_each();
