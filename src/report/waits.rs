@@ -108,14 +108,14 @@ pub fn limited<'l>(limit: &'l str, waits: &Waits) -> (&'static str, Cow<'l, str>
 mod tests {
     use super::*;
 
-    fn phase(units: &[(&str, [u64; 4])], requests: [u64; 2], textures: u64) -> Waits {
+    fn phase(units: &[(&'static str, [u64; 4])], requests: [u64; 2], textures: u64) -> Waits {
         let mut tree = Tree::new();
         for (unit, cycles) in units {
-            let own = tree.child("units").child(unit);
+            let own = tree.child("units").child(*unit);
             ["busy", "memory", "latency", "starved"].iter().zip(cycles).for_each(|(name, cycles)| own.count(name, *cycles));
         }
         for (client, requests) in ["index", "vertex"].iter().zip(requests) {
-            tree.child("memory").child("clients").child(client).count("requests", requests);
+            tree.child("memory").child("clients").child(*client).count("requests", requests);
         }
         tree.child("shading").child("core").count("texture_waits", textures);
         Waits::of(&tree)

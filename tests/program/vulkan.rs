@@ -3,8 +3,8 @@
 
 use std::path::Path;
 
-use fillrate::accuracy::references::{Manifest, Standing};
 use fillrate::num::Limits;
+use fillrate::report::references::{Manifest, Standing};
 
 #[test]
 fn captures_look_as_their_references_or_are_refused_by_name() {

@@ -89,7 +89,8 @@ pub(super) fn detect_with(path: &Path, links: Links) -> Result<Option<FoundTrace
         let name = file.file_name()?.to_str()?;
         let likely = name.ends_with(".trace") || name.ends_with(".txt") || name.ends_with(".txt.gz") || name.ends_with(".gfxr");
         let kind = likely.then(|| found(file, links).ok().flatten()).flatten()?.kind;
-        matches!(kind, TraceKind::Apitrace | TraceKind::GlInterceptor | TraceKind::Gfxr).then(|| FoundTrace { kind, path: file.clone() })
+        matches!(kind, TraceKind::Apitrace | TraceKind::GlInterceptor | TraceKind::Gfxr)
+            .then(|| FoundTrace { kind, path: file.clone() })
     };
     Ok(files.iter().find_map(single))
 }

@@ -1,14 +1,15 @@
 //! A trace is opened by its importer. Without the importer it is refused, with the feature to turn on.
 
-use import::Kind;
+use import::TraceKind;
 
 #[test]
 fn a_trace_needs_the_feature_of_its_importer() {
     let folder = tempfile::tempdir().expect("a folder");
     let traces = [
-        (Kind::Wgpu, "trace.ron", b"[\n]\n".as_slice(), cfg!(feature = "wgpu")),
-        (Kind::Apitrace, "a.trace", b"at", cfg!(feature = "opengl")),
-        (Kind::GlInterceptor, "a.txt", b"GLI0.", cfg!(feature = "opengl")),
+        (TraceKind::Wgpu, "trace.ron", b"[\n]\n".as_slice(), cfg!(feature = "wgpu")),
+        (TraceKind::Apitrace, "a.trace", b"at", cfg!(feature = "opengl")),
+        (TraceKind::GlInterceptor, "a.txt", b"GLI0.", cfg!(feature = "opengl")),
+        (TraceKind::Gfxr, "a.gfxr", b"GFXR", cfg!(feature = "vulkan")),
     ];
     for (kind, name, bytes, is_compiled) in traces {
         let path = folder.path().join(name);

@@ -210,7 +210,9 @@ impl Pairs {
             BlendOperation::AddTo(factor) if factor.is_one() => {
                 run!(|of: &Operands<V>| join(of.source).saturating_add(join(of.stored)));
             }
-            BlendOperation::AddTo(factor) => run!(|of: &Operands<V>| times(of.source, factor, of).saturating_add(join(of.stored))),
+            BlendOperation::AddTo(factor) => {
+                run!(|of: &Operands<V>| times(of.source, factor, of).saturating_add(join(of.stored)))
+            }
             // The most frequent of all.
             BlendOperation::Add([a, b]) if a.is_by_source_alpha() && b.is_by_source_alpha() => run!(|of: &Operands<V>| {
                 let alpha = alphas(of.source);

@@ -353,8 +353,8 @@ impl Vulkan {
     }
 }
 
-fn native_stage(shader: &Shader) -> Stage {
-    Stage { shader: shader.id, entry: Some(shader.entry.clone()), constants: Vec::new(), zero_workgroup_memory: false }
+fn native_stage(shader: &Shader) -> StageDesc {
+    StageDesc { shader: shader.id, entry: Some(shader.entry.clone()), constants: Vec::new(), zero_workgroup_memory: false }
 }
 
 /// Refuses state that the card does not have.

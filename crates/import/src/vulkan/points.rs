@@ -1,8 +1,6 @@
 //! Points larger than a pixel: each becomes a square of four vertices, which is an instance. What advanced with the vertex advances with the
 //! instance then, and the place in the point goes to the fragment stage as a varying.
 
-use std::cell::Cell;
-
 use naga::proc::Emitter;
 use naga::{
     Arena, BinaryOperator, Binding, BuiltIn, EntryPoint, Expression, FunctionArgument, Handle, Interpolation, Literal, Module,
@@ -18,7 +16,9 @@ pub fn rewritten(words: &[u32], form: &Form) -> Result<Option<String>, String> {
     }
     let options =
         naga::front::spv::Options { adjust_coordinate_space: false, strict_capabilities: true, block_ctx_dump_prefix: None };
-    let parsed = host::guarded(|| ir_text::read_spirv(words, &options, &Cell::new(0)).map_err(|error| error.to_string()));
+    let parsed = host::guarded(|| {
+        naga::front::spv::Frontend::new(words.iter().copied(), &options).parse().map_err(|error| error.to_string())
+    });
     let mut module = parsed.and_then(|parsed| parsed)?;
     let location = form.point_coord.unwrap_or(0);
     match form.points {
@@ -31,7 +31,9 @@ pub fn rewritten(words: &[u32], form: &Form) -> Result<Option<String>, String> {
 fn read(words: &[u32]) -> Result<Module, String> {
     let options =
         naga::front::spv::Options { adjust_coordinate_space: false, strict_capabilities: true, block_ctx_dump_prefix: None };
-    let parsed = host::guarded(|| ir_text::read_spirv(words, &options, &Cell::new(0)).map_err(|error| error.to_string()));
+    let parsed = host::guarded(|| {
+        naga::front::spv::Frontend::new(words.iter().copied(), &options).parse().map_err(|error| error.to_string())
+    });
     parsed.and_then(|parsed| parsed)
 }
 

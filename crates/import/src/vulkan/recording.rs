@@ -11,7 +11,7 @@ use std::sync::{Mutex, PoisonError};
 use gfxr::{Body, Reader};
 use host::Links;
 use trace::command::Command;
-use trace::{Origin, Part, Reading, Stream, Trace, TraceError};
+use trace::{CommandChunk, Origin, Reading, Stream, Trace, TraceError};
 
 use super::args::Args;
 use super::fault::Fault;
@@ -52,10 +52,10 @@ pub fn open(path: &Path, links: Links, reading: &Reading, frames: Range<u64>) ->
 }
 
 /// A function that takes the parts of a stream.
-type Take<'a> = &'a mut dyn FnMut(Part) -> ControlFlow<()>;
+type Take<'a> = &'a mut dyn FnMut(CommandChunk) -> ControlFlow<()>;
 
 impl Stream for Recording {
-    fn make(&self, take: &mut dyn FnMut(Part) -> ControlFlow<()>) -> Result<(), TraceError> {
+    fn make(&self, take: &mut dyn FnMut(CommandChunk) -> ControlFlow<()>) -> Result<(), TraceError> {
         let (_, origin) = self.import(&mut Some(take))?;
         *self.origin.lock().unwrap_or_else(PoisonError::into_inner) = origin;
         Ok(())
@@ -154,7 +154,7 @@ impl Recording {
 }
 
 fn hand_over(vulkan: &mut Vulkan, take: &mut Take<'_>, read: u64) -> ControlFlow<()> {
-    take(Part { read, ..vulkan.card.drain() })
+    take(CommandChunk { read, ..vulkan.card.drain() })
 }
 
 fn stop(path: &Path, block: u64, name: &str, fault: &Fault) -> TraceError {

@@ -5,7 +5,7 @@ use std::rc::Rc;
 
 use gfx::stage::Stage as Kind;
 use num::{Limits, ShaderId};
-use shader::{Interface, Module, Source};
+use shader::{Interface, Module, ModuleSource};
 use trace::record::Recorder;
 
 use super::fault::{Fault, Outcome, unsupported};
@@ -104,8 +104,8 @@ fn translate(stage: &Stage, form: &Form, card: &mut Recorder, limits: &Limits) -
     let bytes = translated.bytes();
     let text = points::rewritten(&translated.words, form).map_err(refused)?;
     let source = match &text {
-        Some(text) => Source::NagaIr(text),
-        None => Source::SpirV(&bytes),
+        Some(text) => ModuleSource::NagaIr(text),
+        None => ModuleSource::SpirV(&bytes),
     };
     let module = Module::with_limits("spirv", source, limits).map_err(|error| refused(error.message))?;
     let entry = stage.entry.as_str();

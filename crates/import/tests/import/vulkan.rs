@@ -3,7 +3,7 @@
 use std::path::PathBuf;
 
 use gfxr::{Call, Header, Struct, Value, Writer};
-use import::Kind;
+use import::TraceKind;
 use tempfile::TempDir;
 use trace::command::Command;
 use trace::{Reading, Trace, TraceError};
@@ -103,7 +103,7 @@ fn cleared_twice() -> (TempDir, PathBuf) {
 #[test]
 fn a_capture_becomes_a_trace_that_keeps_the_rules() {
     let (home, path) = cleared_twice();
-    assert_eq!(import::detect(home.path()).expect("a capture").kind, Kind::Gfxr);
+    assert_eq!(import::detect(home.path()).expect("a capture").kind, TraceKind::Gfxr);
     let trace = import::open(&path).expect("a trace");
     let summary = trace::check(&trace).expect("rules");
     assert_eq!((summary.frames, summary.presented), (2, Some([8, 4])));

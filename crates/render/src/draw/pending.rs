@@ -112,8 +112,7 @@ impl Pending {
     pub fn push_block<const RECORD: bool>(
         &mut self,
         slot: u32,
-        [x, y]: [u16; 2],
-        at: u32,
+        ([x, y], at): ([u16; 2], u32),
         (quads, record): (u64, u32),
         [coverage, alive]: [u64; 2],
         mut left: u64,
@@ -151,8 +150,7 @@ impl Pending {
         &mut self,
         simd: V,
         slot: u32,
-        [x, y]: [u16; 2],
-        at: u32,
+        ([x, y], at): ([u16; 2], u32),
         (quads, record): (u64, u32),
         [coverage, alive]: [u64; 2],
         left: u64,
@@ -358,8 +356,8 @@ mod tests {
                 let slot = one.add_triangle(0, 0);
                 assert_eq!(all.add_triangle(0, 0), slot);
                 let record = (spread(coverage), bits() as u32 / 2);
-                let left = one.push_block::<true>(slot, place, at, record, [coverage, alive], quads, front);
-                let also = all.push_block_wide::<true, _>(simd, slot, place, at, record, [coverage, alive], quads, front);
+                let left = one.push_block::<true>(slot, (place, at), record, [coverage, alive], quads, front);
+                let also = all.push_block_wide::<true, _>(simd, slot, (place, at), record, [coverage, alive], quads, front);
                 assert_eq!((left, one.n, one.active, one.back, one.ends), (also, all.n, all.active, all.back, all.ends));
                 assert_eq!(one.sites[..one.n], all.sites[..one.n]);
                 assert_eq!(one.at[..one.n], all.at[..one.n]);

@@ -385,9 +385,9 @@ impl TileRun<'_, '_, '_> {
                 let (place, pixels, front) = ([block.x, block.y], [covered, alive], triangle.front);
                 let record = (quads, first_record);
                 left = if simd::shuffles_bytes(simd) && (!RECORD || n > FEW) {
-                    self.pending.push_block_wide::<RECORD, _>(simd, slot, place, first, record, pixels, left, front)
+                    self.pending.push_block_wide::<RECORD, _>(simd, slot, (place, first), record, pixels, left, front)
                 } else {
-                    self.pending.push_block::<RECORD>(slot, place, first, record, pixels, left, front)
+                    self.pending.push_block::<RECORD>(slot, (place, first), record, pixels, left, front)
                 };
                 self.flush_if_full::<S, RECORD>();
             }

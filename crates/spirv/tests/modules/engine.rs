@@ -7,7 +7,7 @@ use gfx::image::ImageDesc;
 use gfx::state::{AddressMode, Aspect, SamplerDesc, TextureDimension, ViewDimension};
 use gfx::texture::{Sampler, View, ViewRange};
 use num::Words;
-use shader::{BufferRange, Executor, Module, Program, Resource, Resources, Source, StorageImage, compile};
+use shader::{BufferRange, Executor, Module, ModuleSource, Program, Resource, Resources, StorageImage, compile};
 use spirv::{Options, Refusal, Stage, Translated, translate};
 
 use crate::assembler::assemble;
@@ -100,7 +100,7 @@ pub fn engine_stage(stage: Stage) -> shader::Stage {
 /// A module translated and compiled.
 pub fn build(words: &[u32], entry: &str, stage: Stage, options: &Options<'_>) -> Result<(Translated, Program), String> {
     let translated = translate(words, entry, stage, options).map_err(|refusal| refusal.to_string())?;
-    let module = Module::new("test", Source::SpirV(&translated.bytes())).map_err(|error| error.to_string())?;
+    let module = Module::new("test", ModuleSource::SpirV(&translated.bytes())).map_err(|error| error.to_string())?;
     let program = compile(&module, engine_stage(stage), Some(entry), &shader::Options::default()).map_err(|e| e.to_string())?;
     Ok((translated, program))
 }

@@ -88,7 +88,7 @@ fn modules_of_recorded_programs_compile() {
             let compiled = translate(words, &name, stage, &Options { flip_y: true, ..Options::default() })
                 .map_err(|refusal| refusal.to_string())
                 .and_then(|translated| {
-                    let module = shader::Module::new("recorded", shader::Source::SpirV(&translated.bytes()));
+                    let module = shader::Module::new("recorded", shader::ModuleSource::SpirV(&translated.bytes()));
                     let module = module.map_err(|error| error.to_string())?;
                     let options = shader::Options::default();
                     shader::compile(&module, engine_stage(stage), Some(&name), &options).map_err(|error| error.to_string())

@@ -3,7 +3,7 @@
 
 use naga::back::spv;
 use naga::proc::{BoundsCheckPolicies, BoundsCheckPolicy};
-use shader::{Module, Source};
+use shader::{Module, ModuleSource};
 use spirv::{Options, Stage, translate};
 
 use crate::differential::{Setting, Verdict, check_module, expect, resolve};
@@ -48,7 +48,7 @@ fn rewritten_modules_leave_what_the_programs_leave() {
             _ => Stage::Compute,
         };
         let bytes: Vec<u8> = words.iter().flat_map(|word| word.to_le_bytes()).collect();
-        let verdict = |bytes: &[u8]| match Module::new("written", Source::SpirV(bytes)) {
+        let verdict = |bytes: &[u8]| match Module::new("written", ModuleSource::SpirV(bytes)) {
             Ok(module) => check_module(&module, &program, &expected, &[Setting::USUAL]),
             Err(error) => Verdict::Refused(error.to_string()),
         };
