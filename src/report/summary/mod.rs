@@ -423,7 +423,7 @@ mod tests {
             lines[1],
             "  rop is busy in the largest share of cycles, 70.0 %; of its other cycles most count as starved."
         );
-        assert!(lines[2].starts_with("  starved: no input; blocked: "), "{text}");
+        assert!(lines[3].starts_with("  starved: no input; blocked: "), "{text}");
     }
 
     #[test]

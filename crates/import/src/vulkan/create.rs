@@ -582,7 +582,7 @@ fn fixed_state(info: Args<'_>, fixed: &mut Fixed) -> Outcome {
     }
     if let Some(of) = info.maybe("pMultisampleState")? {
         fixed.samples = of.u32("rasterizationSamples")?;
-        fixed.sample_shading = of.flag("sampleShadingEnable")? && of.f32("minSampleShading")? > 0.0;
+        fixed.sample_shading = if of.flag("sampleShadingEnable")? { of.f32("minSampleShading")? } else { 0.0 };
         fixed.sample_mask = of.words("pSampleMask")?.first().copied().unwrap_or(!0);
         fixed.alpha_to_coverage = of.flag("alphaToCoverageEnable")?;
         fixed.alpha_to_one = of.flag("alphaToOneEnable")?;

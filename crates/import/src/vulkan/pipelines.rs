@@ -127,7 +127,10 @@ fn plan(shader: &Shader, sets: &[Option<Rc<SetLayout>>], out: &mut Vec<(u32, Pla
     for bound in &interface.bindings {
         let (set, native) = (bound.group, bound.binding);
         let split = |combined: &&spirv::Combined| combined.place.set == set && combined.sampler_binding == native;
-        let binding = shader.translated.combined.iter().find(split).map_or(native, |combined| combined.place.binding);
+        let moved = |own: &&spirv::Moved| own.place.set == set && own.binding == native;
+        let split = shader.translated.combined.iter().find(split).map(|combined| combined.place.binding);
+        let moved = shader.translated.uniform_as_storage.iter().find(moved).map(|own| own.place.binding);
+        let binding = split.or(moved).unwrap_or(native);
         let place = format!("set {set}, binding {binding}");
         let Some(Some(layout)) = sets.get(set as usize) else {
             return unsupported(format!("{place}, whose set the pipeline's layout does not have"));
@@ -273,7 +276,7 @@ impl Vulkan {
         let mut vertex = self.shaders.get(vertex_stage, &form, &mut self.card, &self.limits)?;
         let points = topology == Topology::PointList && points::writes_size(&vertex.translated.words);
         let mut fragment_form = Form { view: pass.view, formats: form.formats.clone(), ..Form::default() };
-        fragment_form.each_sample = state.sample_shading && pass.samples > 1;
+        fragment_form.each_sample = state.sample_shading * pass.samples as f32 > 1.0;
         let mut fragment = match find(16) {
             Some(stage) => Some(self.shaders.get(stage, &fragment_form, &mut self.card, &self.limits)?),
             None => None,

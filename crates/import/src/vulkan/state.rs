@@ -147,7 +147,8 @@ pub struct Fixed {
     pub negative_one_to_one: bool,
     pub samples: u32,
     pub sample_mask: u32,
-    pub sample_shading: bool,
+    /// The share of samples for which the fragment stage runs at least; 0: once for each pixel.
+    pub sample_shading: f32,
     pub alpha_to_coverage: bool,
     pub alpha_to_one: bool,
     pub depth_test: bool,
@@ -186,7 +187,7 @@ impl Default for Fixed {
             negative_one_to_one: false,
             samples: 1,
             sample_mask: !0,
-            sample_shading: false,
+            sample_shading: 0.0,
             alpha_to_coverage: false,
             alpha_to_one: false,
             depth_test: false,
