@@ -369,7 +369,7 @@ fn archives_become_what_they_say() {
     done(&inspect().run());
     refused(&inspect().arg("--limit").arg("trace.bytes=1_000_000").run(), &["honest.zip", "trace.ron", "trace.bytes=N"]);
     // As large as the limit allows, and there is no memory for it.
-    refused(&inspect().memory_mib(80).run(), &["honest.zip", "memory"]);
+    refused(&inspect().memory_mib(100).run(), &["honest.zip", "memory"]);
 }
 
 #[test]
