@@ -7,17 +7,21 @@ use num::*;
 use trace::command::*;
 
 use super::args::Args;
+use super::conversions::ListDraw;
 use super::fault::{Outcome, unsupported};
 use super::groups::Plan;
 use super::machine::Vulkan;
 use super::objects::{Descriptor, DescriptorKind, Set, known};
 use super::pass::{ComputeEmitted, Open, OpenPass};
 use super::pipelines::Ready;
-use super::state::Area;
+use super::state::{Area, Fixed};
 use super::submission::{BindPoint, BoundSet, Encoder};
 
 /// Viewports reach this far.
 const VIEWPORT_REACH: f32 = 65_000.0;
+
+/// `VK_INDEX_TYPE_UINT8`.
+const INDICES_OF_8_BITS: u32 = 1_000_265_000;
 
 /// What is drawn.
 #[derive(Clone, Copy, Debug)]
@@ -26,6 +30,15 @@ enum Order {
     Direct { indexed: bool, first: u32, count: u32, base: i32, first_instance: u32, instances: u32 },
     /// Arguments in a buffer, each this number of bytes after the one before.
     Indirect { indexed: bool, buffer: u64, offset: u64, count: u32, stride: u32, counts: Option<(u64, u64)> },
+    /// Arguments of one draw with indices in a native buffer.
+    Written { buffer: BufferId },
+}
+
+/// Native indices: the buffer, first byte, bytes.
+type Indices = (BufferId, u64, u64, IndexFormat);
+
+fn bytes_of(words: &[u32]) -> Vec<u8> {
+    words.iter().flat_map(|word| word.to_le_bytes()).collect()
 }
 
 fn words(bytes: &[u8]) -> Vec<u32> {
@@ -147,9 +160,6 @@ impl Vulkan {
     }
 
     fn dispatch(&mut self, command: Command, encoder: &mut Encoder) -> Outcome {
-        if encoder.condition.is_some() {
-            return unsupported("a dispatch under a condition");
-        }
         let point = encoder.compute.clone();
         let Some(pipeline) = &point.pipeline else { return unsupported("a dispatch without a pipeline") };
         let ready = match &encoder.ready_compute {
@@ -161,6 +171,21 @@ impl Vulkan {
             }
         };
         let groups = self.bound_groups(&point, &ready.groups)?;
+        let command = match encoder.condition {
+            Some(condition) => {
+                // What an earlier dispatch writes may be the condition.
+                self.close(&mut encoder.open);
+                let (buffer, offset) = match command {
+                    Command::DispatchIndirect { buffer, offset } => (buffer, offset),
+                    Command::Dispatch { groups } => (self.arguments(bytes_of(&groups)), 0),
+                    _ => return Ok(()),
+                };
+                let buffer = self.under_condition((buffer, offset, 12), condition)?;
+                encoder.open = Open::Compute(Vec::new(), Box::default());
+                Command::DispatchIndirect { buffer, offset: 0 }
+            }
+            None => command,
+        };
         if !matches!(encoder.open, Open::Compute(..)) {
             self.close(&mut encoder.open);
             encoder.open = Open::Compute(Vec::new(), Box::default());
@@ -193,7 +218,8 @@ impl Vulkan {
         let Open::Render(pass) = &encoder.open else { return unsupported("a draw outside of a pass") };
         let index = match encoder.index {
             Some((_, code)) => match code {
-                0 => Some(IndexFormat::Uint16),
+                // Those of 8 bits are converted.
+                0 | INDICES_OF_8_BITS => Some(IndexFormat::Uint16),
                 1 => Some(IndexFormat::Uint32),
                 _ => None,
             },
@@ -207,6 +233,14 @@ impl Vulkan {
                 encoder.ready.insert(ready).clone()
             }
         };
+        // Points and lines have no faces.
+        if encoder.state.cull_mode & 3 == 3 && encoder.state.topology >= 3 {
+            return if ready.writes {
+                unsupported("culling of both faces where the vertex shader writes to memory")
+            } else {
+                Ok(())
+            };
+        }
         let groups = self.bound_groups(&point, &ready.groups)?;
         let indexed = matches!(order, Order::Direct { indexed: true, .. } | Order::Indirect { indexed: true, .. });
         let indices = match (indexed, encoder.index) {
@@ -217,11 +251,18 @@ impl Vulkan {
                     return unsupported(format!("indices of {}", super::formats::name("VkIndexType", code)));
                 };
                 let (buffer, offset, size) = self.bound_buffer(bound)?;
-                Some((buffer, offset, size, format))
+                Some((buffer, offset, size, format, code == INDICES_OF_8_BITS))
             }
         };
         let vertex = self.vertex_buffers(&ready, &order, encoder)?;
         let Some((viewport, scissor)) = view_of(encoder)? else { return Ok(()) };
+        let (order, indices) = match indices {
+            Some((buffer, offset, size, format, bytes)) => {
+                let (order, indices) = self.indices(order, (buffer, offset, size), format, bytes, &encoder.state)?;
+                (order, Some(indices))
+            }
+            None => (order, None),
+        };
         let commands =
             self.order(order, &ready, indices.map(|(_, _, size, format)| size / u64::from(format.bytes())), encoder)?;
         let Open::Render(pass) = &mut encoder.open else { return Ok(()) };
@@ -245,7 +286,7 @@ impl Vulkan {
             out.push(Command::SetBlendConstant(blend));
             emitted.blend = Some(blend);
         }
-        let reference = state.stencil[usize::from(state.cull_mode == 1)].reference & 255;
+        let reference = if state.stencil_test { state.stencil_values()?.reference & 255 } else { 0 };
         if emitted.stencil.unwrap_or_default() != reference {
             out.push(Command::SetStencilReference(reference));
             emitted.stencil = Some(reference);
@@ -279,7 +320,7 @@ impl Vulkan {
             if let Some(stride) = slot.at_first_instance {
                 let first = match order {
                     Order::Direct { first_instance, .. } => u64::from(*first_instance),
-                    Order::Indirect { .. } => return unsupported("an indirect draw with attributes that do not change"),
+                    _ => return unsupported("an indirect draw with attributes that do not change"),
                 };
                 let by = (first * u64::from(stride)).min(size);
                 (offset, size) = (offset + by, size - by);
@@ -314,34 +355,23 @@ impl Vulkan {
             let Order::Direct { indexed: false, first, count, first_instance: 0, instances: 1, .. } = order else {
                 return unsupported("points of a size with indices, instances or indirect arguments");
             };
-            if encoder.condition.is_some() {
-                return unsupported("points of a size under a condition");
-            }
-            return Ok(vec![Command::Draw { vertices: 4, instances: count, first_vertex: 0, first_instance: first }]);
+            let draw = Command::Draw { vertices: 4, instances: count, first_vertex: 0, first_instance: first };
+            return Ok(vec![self.draw_under(draw, encoder.condition)?]);
         }
-        let condition = match encoder.condition {
-            Some((_, _, true)) => return unsupported("draws under an inverted condition"),
-            Some((buffer, offset, false)) => {
-                let (buffer, offset, _) = self.range(buffer, offset, Some(4))?;
-                Some((buffer, offset))
-            }
-            None => None,
-        };
+        let condition = encoder.condition;
         Ok(match order {
-            Order::Direct { indexed, first, count, base, first_instance, instances } if condition.is_some() => {
-                let arguments: Vec<u32> = match indexed {
-                    true => vec![count, instances, first, base as u32, first_instance],
-                    false => vec![count, instances, first, first_instance],
-                };
-                let bytes: Vec<u8> = arguments.iter().flat_map(|word| word.to_le_bytes()).collect();
-                let buffer = self.arguments(bytes);
-                vec![Command::DrawIndirect { buffer, offset: 0, indexed, count: 1, count_buffer: condition }]
+            Order::Written { buffer } => {
+                let draw = Command::DrawIndirect { buffer, offset: 0, indexed: true, count: 1, count_buffer: None };
+                vec![self.draw_under(draw, condition)?]
             }
             Order::Direct { indexed: true, first, count, base, first_instance, instances } => {
-                vec![Command::DrawIndexed { indices: count, instances, first_index: first, base_vertex: base, first_instance }]
+                let draw =
+                    Command::DrawIndexed { indices: count, instances, first_index: first, base_vertex: base, first_instance };
+                vec![self.draw_under(draw, condition)?]
             }
             Order::Direct { indexed: false, first, count, first_instance, instances, .. } => {
-                vec![Command::Draw { vertices: count, instances, first_vertex: first, first_instance }]
+                let draw = Command::Draw { vertices: count, instances, first_vertex: first, first_instance };
+                vec![self.draw_under(draw, condition)?]
             }
             Order::Indirect { indexed, buffer, offset, count, stride, counts } => {
                 let record = if indexed { 20 } else { 16 };
@@ -350,24 +380,111 @@ impl Vulkan {
                     return Ok(Vec::new());
                 }
                 let (buffer, offset, _) = self.range(buffer, offset, Some(bytes))?;
-                let count_buffer = match (counts, condition) {
-                    (Some((buffer, offset)), None) => {
+                let count_buffer = match counts {
+                    Some((buffer, offset)) => {
                         let (buffer, offset, _) = self.range(buffer, offset, Some(4))?;
                         Some((buffer, offset))
                     }
-                    (None, condition) if condition.is_none() || count == 1 => condition,
-                    _ => return unsupported("several indirect draws under a condition"),
+                    None => None,
                 };
                 if count == 1 || u64::from(stride) == record {
-                    return Ok(vec![Command::DrawIndirect { buffer, offset, indexed, count, count_buffer }]);
+                    let draw = Command::DrawIndirect { buffer, offset, indexed, count, count_buffer };
+                    return Ok(vec![self.draw_under(draw, condition)?]);
                 }
                 if count_buffer.is_some() {
                     return unsupported(format!("indirect draws with counts, {stride} bytes apart"));
                 }
                 let at = |number: u32| offset + u64::from(number) * u64::from(stride);
                 let one = |number| Command::DrawIndirect { buffer, offset: at(number), indexed, count: 1, count_buffer: None };
-                (0..count).map(one).collect()
+                (0..count).map(|number| self.draw_under(one(number), condition)).collect::<Outcome<_>>()?
             }
+        })
+    }
+
+    /// The range of a buffer, or a buffer of zeros in its place unless a condition holds.
+    fn under_condition(
+        &mut self,
+        words: (BufferId, u64, u64),
+        (buffer, offset, inverted): (u64, u64, bool),
+    ) -> Outcome<BufferId> {
+        let (buffer, offset, _) = self.range(buffer, offset, Some(4))?;
+        Ok(self.conditional(words, (buffer, offset, inverted)))
+    }
+
+    /// A draw, which happens only if a condition holds: the number of draws is zero then.
+    pub fn draw_under(&mut self, draw: Command, condition: Option<(u64, u64, bool)>) -> Outcome<Command> {
+        let Some(condition) = condition else { return Ok(draw) };
+        let (words, indexed) = match draw {
+            Command::Draw { vertices, instances, first_vertex, first_instance } => {
+                (vec![vertices, instances, first_vertex, first_instance], false)
+            }
+            Command::DrawIndexed { indices, instances, first_index, base_vertex, first_instance } => {
+                (vec![indices, instances, first_index, base_vertex as u32, first_instance], true)
+            }
+            Command::DrawIndirect { buffer, offset, indexed, count, count_buffer } => {
+                let (counts, at) = match count_buffer {
+                    Some(counts) => counts,
+                    None => (self.arguments(bytes_of(&[count])), 0),
+                };
+                let count_buffer = Some((self.under_condition((counts, at, 4), condition)?, 0));
+                return Ok(Command::DrawIndirect { buffer, offset, indexed, count, count_buffer });
+            }
+            other => return Ok(other),
+        };
+        let buffer = self.arguments(bytes_of(&words));
+        let count_buffer = match condition {
+            // The condition itself is a count, of which one is used.
+            (condition, offset, false) => {
+                let (condition, offset, _) = self.range(condition, offset, Some(4))?;
+                (condition, offset)
+            }
+            inverted => {
+                let one = self.arguments(bytes_of(&[1]));
+                (self.under_condition((one, 0, 4), inverted)?, 0)
+            }
+        };
+        Ok(Command::DrawIndirect { buffer, offset: 0, indexed, count: 1, count_buffer: Some(count_buffer) })
+    }
+
+    /// The order with native indices: the card has none of 8 bits, and none that end primitives in lists.
+    fn indices(
+        &mut self,
+        order: Order,
+        (buffer, offset, size): (BufferId, u64, u64),
+        format: IndexFormat,
+        bytes: bool,
+        state: &Fixed,
+    ) -> Outcome<(Order, Indices)> {
+        let each = if bytes { 1 } else { format.bytes() as u32 };
+        let bound = size / u64::from(each);
+        let direct = match order {
+            Order::Direct { first, count, .. } if u64::from(first) + u64::from(count) > bound => {
+                return unsupported(format!("indices {first} + {count} of a buffer that has {bound}"));
+            }
+            Order::Direct { first, count, base, first_instance, instances, .. } => {
+                Some(ListDraw { first, count, base, first_instance, instances })
+            }
+            _ => None,
+        };
+        if state.restart
+            && let Some(primitive) = [1, 2, 0, 3].get(state.topology as usize).filter(|&&of| of > 0)
+        {
+            let Some(draw) = direct else { return unsupported("indirect draws with indices that end primitives in lists") };
+            let count = u64::from(draw.count);
+            let written = self.list_indices((buffer, offset, size), each, *primitive, &draw)?;
+            return Ok((Order::Written { buffer: written }, (written, 32, 4 * count, IndexFormat::Uint32)));
+        }
+        if !bytes {
+            return Ok((order, (buffer, offset, size, format)));
+        }
+        Ok(match direct {
+            Some(ListDraw { first, count, base, first_instance, instances }) => {
+                let count_bytes = u64::from(count);
+                let wide = self.wide_indices((buffer, offset + u64::from(first), count_bytes), state.restart)?;
+                let order = Order::Direct { indexed: true, first: 0, count, base, first_instance, instances };
+                (order, (wide, 0, 2 * count_bytes, format))
+            }
+            None => (order, (self.wide_indices((buffer, offset, size), state.restart)?, 0, 2 * size, format)),
         })
     }
 }

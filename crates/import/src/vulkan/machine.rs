@@ -9,6 +9,7 @@ use trace::check::rules;
 use trace::command::*;
 use trace::record::Recorder;
 
+use super::conversions::Conversions;
 use super::fault::{Fault, Log, Outcome, unsupported};
 use super::generated::Generated;
 use super::groups::Groups;
@@ -33,6 +34,8 @@ pub struct Vulkan {
     pub groups: Groups,
     /// Pipelines of draws that stand for commands that the card does not have.
     pub generated: Generated,
+    /// Dispatches that convert what commands read.
+    pub conversions: Conversions,
     /// What was refused.
     pub log: Log,
     /// Frames so far.
@@ -61,6 +64,7 @@ impl Vulkan {
             pipelines: Pipelines::default(),
             groups: Groups::default(),
             generated: Generated::default(),
+            conversions: Conversions::default(),
             log: Log::default(),
             frames: 0,
             copied_out: None,

@@ -7,7 +7,8 @@
 //! submission            runs the lists of command buffers
 //! draw, transfer,       commands become native ones: draws and dispatches, copies and clears, queries
 //!   queries
-//! generated             draws that stand for commands that the card does not have
+//! generated,            draws that stand for commands that the card does not have, dispatches that convert what a command reads
+//!   conversions
 //! create, descriptors   the program's objects
 //! pass                  passes
 //! pipelines, groups,    native pipelines, bind groups and shaders, made when a draw needs them
@@ -29,6 +30,7 @@
 //! * What is not supported is counted by name with the first block, and never gives a wrong picture without a message.
 
 mod args;
+mod conversions;
 mod create;
 mod descriptors;
 mod draw;

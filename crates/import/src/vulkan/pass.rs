@@ -226,6 +226,7 @@ impl Vulkan {
                 self.card.push(Command::EndComputePass);
             }
         }
+        self.conversions.end(&mut self.card);
     }
 
     /// Takes up a pass anew, to which more has to be drawn: its contents are loaded.

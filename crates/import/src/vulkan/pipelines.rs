@@ -59,6 +59,8 @@ pub struct Ready {
     pub constant_alpha: bool,
     /// Points are drawn as squares.
     pub points: bool,
+    /// The vertex shader writes to memory.
+    pub writes: bool,
 }
 
 /// A compute pipeline that is ready.
@@ -302,9 +304,6 @@ impl Vulkan {
         let (buffers, slots) = vertex_buffers(state, &vertex.interface, points)?;
         let (targets, constant_alpha) = targets(state, pass, fragment.as_ref().map(|shader| &shader.interface))?;
         let strip = state.restart && topology.is_strip();
-        if state.restart && !topology.is_strip() && index.is_some() {
-            return unsupported("indices that end primitives in lists");
-        }
         let unclipped = state.depth_clip.map_or(state.depth_clamp, |clip| !clip);
         let primitive = Primitive {
             topology: if points { Topology::TriangleStrip } else { topology },
@@ -314,7 +313,6 @@ impl Vulkan {
                 _ if points => CullMode::None,
                 1 => CullMode::Front,
                 2 => CullMode::Back,
-                3 => return unsupported("culling of both faces"),
                 _ => CullMode::None,
             },
             polygon_mode: match state.polygon_mode {
@@ -352,7 +350,11 @@ impl Vulkan {
                 id
             }
         };
-        Ok(Ready { id, groups, slots, layouts: buffers, immediates, constant_alpha, points })
+        let writable = |bound: &shader::Binding| {
+            matches!(bound.kind, Bound::Storage { writable: true, .. } | Bound::StorageTexture { .. })
+        };
+        let writes = vertex.interface.bindings.iter().any(writable);
+        Ok(Ready { id, groups, slots, layouts: buffers, immediates, constant_alpha, points, writes })
     }
 }
 
@@ -503,17 +505,8 @@ fn depth_stencil(state: &Fixed, format: Format) -> Outcome<DepthStencil> {
     let mut masks = [!0; 2];
     if stencilled {
         faces = [face(0)?, face(1)?];
-        // Faces that are culled do not count.
-        let counts = match state.cull_mode {
-            1 => 1,
-            _ => 0,
-        };
-        let [front, back] = state.stencil;
-        let same = front.compare_mask == back.compare_mask && front.write_mask == back.write_mask;
-        if state.cull_mode == 0 && (!same || front.reference != back.reference) {
-            return unsupported("stencil masks or references that differ between faces");
-        }
-        masks = [state.stencil[counts].compare_mask, state.stencil[counts].write_mask];
+        let own = state.stencil_values()?;
+        masks = [own.compare_mask, own.write_mask];
     }
     let [constant, clamp, slope] = if state.depth_bias { state.bias } else { [0.0; 3] };
     Ok(DepthStencil {

@@ -4,7 +4,7 @@ use num::QuerySetId;
 use trace::command::*;
 
 use super::args::Args;
-use super::fault::{Outcome, unsupported};
+use super::fault::{Fault, Outcome, unsupported};
 use super::machine::Vulkan;
 use super::objects::{Handle, PoolKind, known};
 use super::pass::Open;
@@ -125,14 +125,26 @@ impl Vulkan {
             PoolKind::Statistics(flags) => flags.count_ones(),
             _ => 1,
         };
-        let stride = 8 * u64::from(results);
-        // 64 bits, without a word that says whether the result is there.
-        if call.u32("flags")? & 1 == 0 || call.u32("flags")? & 4 != 0 || call.u64("stride")? != stride && count > 1 {
-            return unsupported("results of queries in 32 bits, or with gaps");
+        let pool_count = known(self.objects.query_pools.get(pool), "query pool", pool)?.count;
+        if first.checked_add(count).is_none_or(|end| end > pool_count) {
+            return Err(Fault::Damaged(format!("queries {first} + {count} of pool {pool}, which has {pool_count}")));
         }
-        let bytes = Some(stride * u64::from(count));
-        let (to, offset, _) = self.range(call.u64("dstBuffer")?, call.u64("dstOffset")?, bytes)?;
-        self.card.resolve_queries(set, first, count, to, offset);
-        Ok(())
+        let (flags, stride) = (call.u32("flags")?, call.u64("stride")?);
+        // With a word behind them that says whether the results are there.
+        let each = u64::from(results + (flags >> 2 & 1)) * if flags & 1 != 0 { 8 } else { 4 };
+        if count == 0 {
+            return Ok(());
+        }
+        let bytes = stride.saturating_mul(u64::from(count - 1)).saturating_add(each);
+        let (buffer, at) = (call.u64("dstBuffer")?, call.u64("dstOffset")?);
+        if count > 1 && (stride % 4 != 0 || stride < each) || at % 4 != 0 {
+            return Err(Fault::Damaged(format!("results of {each} bytes, {stride} apart from byte {at} on")));
+        }
+        let (to, offset, _) = self.range(buffer, at, Some(bytes))?;
+        if flags & 5 == 1 && (stride == each || count == 1) {
+            self.card.resolve_queries(set, first, count, to, offset);
+            return Ok(());
+        }
+        self.write_results((set, first, count), results, flags, stride, (to, offset, bytes))
     }
 }

@@ -96,9 +96,9 @@ fn translate(stage: &Stage, form: &Form, card: &mut Recorder, limits: &Limits) -
         specialization: &specialization,
         view_index: form.view,
         flip_y: form.flip,
-        formats: &formats,
         from_minus_one: form.from_minus_one,
         each_sample: form.each_sample,
+        formats: &formats,
     };
     let translated = spirv::translate(&stage.module.words, &stage.entry, spirv_stage, &options)
         .map_err(|refusal| refused(refusal.to_string()))?;

@@ -363,11 +363,15 @@ impl Vulkan {
         if encoder.pass_refused {
             return Ok(());
         }
-        if encoder.condition.is_some() {
-            return unsupported("a clear under a condition");
-        }
         let mut open = std::mem::take(&mut encoder.open);
-        let cleared = self.clear_in(call, &mut open);
+        let waiting = if let Open::Render(pass) = &open { pass.commands.len() } else { 0 };
+        let mut cleared = self.clear_in(call, &mut open);
+        if let (Open::Render(pass), Some(_)) = (&mut open, encoder.condition) {
+            for command in &mut pass.commands[waiting..] {
+                let draw = self.draw_under(command.clone(), encoder.condition);
+                cleared = cleared.and(draw.map(|draw| *command = draw));
+            }
+        }
         encoder.open = open;
         cleared
     }
