@@ -233,7 +233,7 @@ impl Splitter {
 }
 
 /// Whether an instruction takes a sampled image as its first operand.
-fn samples(op: Op) -> bool {
+pub fn samples(op: Op) -> bool {
     matches!(
         op,
         Op::ImageSampleImplicitLod

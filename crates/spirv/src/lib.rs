@@ -15,6 +15,8 @@
 //! texel buffers                           storage buffers of words, and their conversion      Translated::texel_buffers
 //! uniform blocks with dense arrays        storage buffers that are only read                  Translated::uniform_as_storage
 //! storage images without a format         images of the format of Options::formats            as before
+//! channels that views exchange             exchanges behind each read                          as before, without them
+//! biases of samplers                      sums of levels                                      as before, without them
 //! specialization constants                constants; what is computed from them is folded     nothing
 //! the number of the view                  a constant                                          nothing
 //! the memory model of Vulkan              that of GLSL                                        nothing
@@ -70,6 +72,7 @@ mod memory;
 mod specialize;
 mod texels;
 mod varyings;
+mod views;
 mod words;
 
 use words::Parts;
@@ -131,6 +134,24 @@ pub struct BoundFormat {
     pub format: u32,
 }
 
+/// A view that exchanges channels.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Swizzle {
+    /// The descriptor that holds it.
+    pub place: Place,
+    /// What each channel reads, as `VkComponentSwizzle`.
+    pub channels: [u32; 4],
+}
+
+/// A sampler that adds to the level.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Bias {
+    /// The descriptor that holds it.
+    pub place: Place,
+    /// What it adds.
+    pub bias: f32,
+}
+
 /// What the pipeline says of a module.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Options<'a> {
@@ -146,6 +167,10 @@ pub struct Options<'a> {
     pub each_sample: bool,
     /// Formats of what is bound, for storage images whose type has none, and for texel buffers.
     pub formats: &'a [BoundFormat],
+    /// Views that exchange channels.
+    pub swizzles: &'a [Swizzle],
+    /// Samplers that add to the level.
+    pub biases: &'a [Bias],
 }
 
 /// A descriptor's place.
@@ -245,6 +270,7 @@ pub fn translate(words: &[u32], entry: &str, stage: Stage, options: &Options<'_>
     translated.texel_buffers = texels::rewrite(&mut parts, options.formats)?;
     translated.combined = combined::rewrite(&mut parts)?;
     translated.input_attachments = attachments::rewrite(&mut parts)?;
+    views::rewrite(&mut parts, options.swizzles, options.biases)?;
     images::rewrite(&mut parts, options.formats)?;
     matrices::rewrite(&mut parts)?;
     blocks::refuse_arrays(&parts)?;

@@ -39,12 +39,13 @@ fn texture_desc(info: Args<'_>) -> Outcome<TextureDesc> {
     Ok(TextureDesc { dimension, size, levels, samples, format, opaque: false })
 }
 
-fn sampler_desc(info: Args<'_>) -> Outcome<SamplerDesc> {
+fn sampler(info: Args<'_>) -> Outcome<Sampler> {
     if info.flag("unnormalizedCoordinates")? {
         return unsupported("a sampler with coordinates in texels");
     }
-    if info.f32("mipLodBias")? != 0.0 {
-        return unsupported("a sampler with a bias of levels");
+    let bias = info.f32("mipLodBias")?;
+    if !bias.is_finite() {
+        return Err(Fault::Damaged(format!("a sampler with a bias of {bias}")));
     }
     if info.chained("VkSamplerYcbcrConversionInfo").is_some() {
         return unsupported("a sampler that converts YCbCr");
@@ -63,7 +64,8 @@ fn sampler_desc(info: Args<'_>) -> Outcome<SamplerDesc> {
     let compare = if info.flag("compareEnable")? { Some(formats::compare(info.u32("compareOp")?)?) } else { None };
     let lod_min = info.f32("minLod")?.max(0.0);
     let lod_max = info.f32("maxLod")?.max(lod_min).min(1000.0);
-    Ok(SamplerDesc { address, mag, min, mipmap, lod_min, lod_max, compare, anisotropy, border })
+    let desc = SamplerDesc { address, mag, min, mipmap, lod_min, lod_max, compare, anisotropy, border };
+    Ok(Sampler { desc, bias })
 }
 
 fn set_layout(info: Args<'_>) -> Outcome<SetLayout> {
@@ -184,11 +186,12 @@ impl Vulkan {
             }
             "vkDestroyBufferView" => drop(self.objects.buffer_views.remove(call.u64("bufferView")?)),
             "vkCreateSampler" => {
-                let desc = match sampler_desc(call.of("pCreateInfo")?) {
+                let made = match sampler(call.of("pCreateInfo")?) {
                     Err(damaged @ Fault::Damaged(_)) => return Err(damaged),
-                    desc => desc,
+                    made => made,
                 };
-                self.objects.samplers.insert(call.u64("pSampler")?, desc);
+                self.objects.rewritten |= made.as_ref().is_ok_and(|made| made.bias != 0.0);
+                self.objects.samplers.insert(call.u64("pSampler")?, made);
             }
             "vkDestroySampler" => drop(self.objects.samplers.remove(call.u64("sampler")?)),
             "vkCreateDescriptorSetLayout" => {
@@ -360,6 +363,7 @@ impl Vulkan {
         };
         let (aspects, code) = (range.u32("aspectMask")?, info.u32("format")?);
         let swizzle = (swizzle != [0; 4]).then_some(swizzle);
+        self.objects.rewritten |= swizzle.is_some();
         self.objects.views.insert(handle, View { image, desc, aspects, code, swizzle });
         Ok(())
     }

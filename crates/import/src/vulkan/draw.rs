@@ -8,12 +8,13 @@ use trace::command::*;
 
 use super::args::Args;
 use super::conversions::ListDraw;
-use super::fault::{Outcome, unsupported};
+use super::fault::{Fault, Outcome, unsupported};
 use super::groups::Plan;
 use super::machine::Vulkan;
 use super::objects::{Descriptor, DescriptorKind, Set, known};
 use super::pass::{ComputeEmitted, Open, OpenPass};
 use super::pipelines::Ready;
+use super::shaders::Bound;
 use super::state::{Area, Fixed};
 use super::submission::{BindPoint, BoundSet, Encoder};
 
@@ -133,9 +134,11 @@ impl Vulkan {
         Ok(groups)
     }
 
-    /// Formats of storage images and texel buffers that are bound: shaders may leave them open.
-    fn bound_formats(&self, point: &BindPoint) -> Outcome<Vec<(u32, u32, u32)>> {
-        let mut formats = Vec::new();
+    /// What is bound, as far as shaders depend on it: they may leave formats of storage images and texel buffers open, and do what views and
+    /// samplers of the card do not.
+    fn reads(&self, point: &BindPoint) -> Outcome<Bound> {
+        use DescriptorKind::*;
+        let mut all = Bound::default();
         for (number, set) in (0..).zip(&point.sets) {
             if set.is_none() {
                 continue;
@@ -145,18 +148,43 @@ impl Vulkan {
                 let Ok(kind) = &binding.kind else { continue };
                 let first = set.layout.find(binding.binding).map_or(0, |(_, first)| first);
                 let code = match (kind, set.slots.get(first)) {
-                    (DescriptorKind::StorageImage, Some(Descriptor::Image { view, .. })) => {
-                        self.objects.views.get(*view).map(|view| view.code)
-                    }
-                    (DescriptorKind::UniformTexels | DescriptorKind::StorageTexels, Some(Descriptor::Texels(view))) => {
+                    (StorageImage, Some(Descriptor::Image { view, .. })) => self.objects.views.get(*view).map(|view| view.code),
+                    (UniformTexels | StorageTexels, Some(Descriptor::Texels(view))) => {
                         self.objects.buffer_views.get(*view).map(|view| view.code)
                     }
                     _ => None,
                 };
-                formats.extend(code.map(|code| (number, binding.binding, code)));
+                all.formats.extend(code.map(|code| (number, binding.binding, code)));
+                if self.objects.rewritten && matches!(kind, Sampler | Combined | Sampled | Input) {
+                    let slots = set.slots.get(first..first + binding.slots()).unwrap_or_default();
+                    let swizzle =
+                        self.common(slots, |view, _| self.objects.views.get(view).map(|view| view.swizzle.unwrap_or_default()));
+                    let bias = self.common(slots, |_, sampler| {
+                        self.objects.samplers.get(sampler)?.as_ref().ok().map(|sampler| sampler.bias.to_bits())
+                    });
+                    let of = |what| format!("set {number}, binding {}: an array of {what}", binding.binding);
+                    let swizzle = swizzle.ok_or_else(|| Fault::Unsupported(of("views that exchange different channels")))?;
+                    let bias = bias.ok_or_else(|| Fault::Unsupported(of("samplers of different biases")))?;
+                    all.swizzles.extend(swizzle.filter(|own| *own != [0; 4]).map(|own| (number, binding.binding, own)));
+                    all.biases.extend(bias.filter(|own| f32::from_bits(*own) != 0.0).map(|own| (number, binding.binding, own)));
+                }
             }
         }
-        Ok(formats)
+        Ok(all)
+    }
+
+    /// What all descriptors that hold a view or a sampler have in common; none if they differ.
+    fn common<T: PartialEq>(&self, slots: &[Descriptor], of: impl Fn(u64, u64) -> Option<T>) -> Option<Option<T>> {
+        let mut found = None;
+        for slot in slots {
+            let Descriptor::Image { view, sampler } = slot else { continue };
+            match (of(*view, *sampler), &found) {
+                (Some(own), None) => found = Some(own),
+                (Some(own), Some(known)) if own != *known => return None,
+                _ => {}
+            }
+        }
+        Some(found)
     }
 
     fn dispatch(&mut self, command: Command, encoder: &mut Encoder) -> Outcome {
@@ -165,8 +193,8 @@ impl Vulkan {
         let ready = match &encoder.ready_compute {
             Some(ready) => ready.clone(),
             None => {
-                let formats = self.bound_formats(&point)?;
-                let ready = Rc::new(self.ready_compute(pipeline, formats)?);
+                let reads = self.reads(&point)?;
+                let ready = Rc::new(self.ready_compute(pipeline, reads)?);
                 encoder.ready_compute.insert(ready).clone()
             }
         };
@@ -228,8 +256,8 @@ impl Vulkan {
         let ready = match &encoder.ready {
             Some(ready) => ready.clone(),
             None => {
-                let formats = self.bound_formats(&point)?;
-                let ready = Rc::new(self.ready(pipeline, &encoder.state, &pass.formats, index, formats)?);
+                let reads = self.reads(&point)?;
+                let ready = Rc::new(self.ready(pipeline, &encoder.state, &pass.formats, index, reads)?);
                 encoder.ready.insert(ready).clone()
             }
         };

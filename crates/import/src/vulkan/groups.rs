@@ -177,7 +177,7 @@ impl Vulkan {
                 (Origin::View, Descriptor::Image { view, .. }) if view != 0 => views.push(self.bound_view(view, false)?),
                 (Origin::Storage, Descriptor::Image { view, .. }) if view != 0 => views.push(self.bound_view(view, true)?),
                 (Origin::Sampler, Descriptor::Image { sampler, .. }) if sampler != 0 => {
-                    let desc = known(self.objects.samplers.get(sampler), "sampler", sampler)?.clone()?;
+                    let desc = known(self.objects.samplers.get(sampler), "sampler", sampler)?.clone()?.desc;
                     samplers.push(self.groups.sampler(desc, &mut self.card)?);
                 }
                 (Origin::Buffer(needed), Descriptor::Buffer { buffer, offset, range }) if buffer != 0 => {

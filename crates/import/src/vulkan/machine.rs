@@ -151,8 +151,9 @@ impl Vulkan {
     pub fn bound_view(&mut self, handle: Handle, storage: bool) -> Outcome<ViewId> {
         let view = known(self.objects.views.get(handle), "image view", handle)?;
         let (image, mut desc, aspects) = (view.image, view.desc.clone(), view.aspects);
-        if view.swizzle.is_some() {
-            return unsupported("a view that exchanges channels");
+        // Shaders exchange channels of other views.
+        if storage && view.swizzle.is_some() {
+            return unsupported("a storage image whose view exchanges channels");
         }
         let format = self.texture_desc(image)?.format;
         if format.has_depth() && format.has_stencil() {

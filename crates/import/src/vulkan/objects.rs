@@ -75,6 +75,15 @@ pub struct View {
     pub swizzle: Option<[u32; 4]>,
 }
 
+/// A sampler.
+#[derive(Clone)]
+pub struct Sampler {
+    /// The native one.
+    pub desc: SamplerDesc,
+    /// What it adds to the level.
+    pub bias: f32,
+}
+
 /// A view of a buffer as texels.
 pub struct BufferView {
     /// The buffer.
@@ -392,7 +401,9 @@ pub struct Objects {
     pub images: NumberMap<Handle, Image>,
     pub views: NumberMap<Handle, View>,
     pub buffer_views: NumberMap<Handle, BufferView>,
-    pub samplers: NumberMap<Handle, Outcome<SamplerDesc>>,
+    pub samplers: NumberMap<Handle, Outcome<Sampler>>,
+    /// Whether shaders depend on views or samplers: one exchanges channels or adds to the level.
+    pub rewritten: bool,
     pub set_layouts: NumberMap<Handle, Rc<SetLayout>>,
     pub pipeline_layouts: NumberMap<Handle, Rc<PipelineLayout>>,
     pub sets: NumberMap<Handle, Set>,

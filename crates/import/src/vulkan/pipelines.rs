@@ -17,7 +17,7 @@ use super::groups::{Origin, Plan, Planned};
 use super::machine::Vulkan;
 use super::objects::{DescriptorKind, Pipeline, SetLayout};
 use super::points;
-use super::shaders::{Form, Shader};
+use super::shaders::{Bound as Reads, Form, Shader};
 use super::state::Fixed;
 
 /// What a pass draws to.
@@ -232,9 +232,9 @@ impl Vulkan {
     }
 
     /// The compute pipeline, ready.
-    pub fn ready_compute(&mut self, pipeline: &Pipeline, bound: Vec<(u32, u32, u32)>) -> Outcome<ReadyCompute> {
+    pub fn ready_compute(&mut self, pipeline: &Pipeline, bound: Reads) -> Outcome<ReadyCompute> {
         let Some(stage) = pipeline.stages.first() else { return unsupported("a compute pipeline without a shader") };
-        let form = Form { formats: bound, ..Form::default() };
+        let form = Form { bound, ..Form::default() };
         let shader = self.shaders.get(stage, &form, &mut self.card, &self.limits)?;
         let (layout, groups, immediates) = self.layouts(&[&shader], &pipeline.layout.sets)?;
         let known = self.pipelines.compute.get_or_insert_with(pipeline.number, Vec::new);
@@ -257,7 +257,7 @@ impl Vulkan {
         state: &Fixed,
         pass: &PassFormats,
         index: Option<IndexFormat>,
-        bound: Vec<(u32, u32, u32)>,
+        bound: Reads,
     ) -> Outcome<Ready> {
         if let Some(refused) = &pipeline.refused {
             return Err(refused.clone());
@@ -273,11 +273,10 @@ impl Vulkan {
         let viewport = state.viewports.first();
         let topology = formats::topology(state.topology)?;
         let flip = viewport.is_none_or(|viewport| viewport.height >= 0.0);
-        let mut form =
-            Form { flip, from_minus_one: state.negative_one_to_one, view: pass.view, formats: bound, ..Form::default() };
+        let mut form = Form { flip, from_minus_one: state.negative_one_to_one, view: pass.view, bound, ..Form::default() };
         let mut vertex = self.shaders.get(vertex_stage, &form, &mut self.card, &self.limits)?;
         let points = topology == Topology::PointList && points::writes_size(&vertex.translated.words);
-        let mut fragment_form = Form { view: pass.view, formats: form.formats.clone(), ..Form::default() };
+        let mut fragment_form = Form { view: pass.view, bound: form.bound.clone(), ..Form::default() };
         fragment_form.each_sample = state.sample_shading * pass.samples as f32 > 1.0;
         let mut fragment = match find(16) {
             Some(stage) => Some(self.shaders.get(stage, &fragment_form, &mut self.card, &self.limits)?),

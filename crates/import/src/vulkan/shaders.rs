@@ -12,6 +12,17 @@ use super::fault::{Fault, Outcome, unsupported};
 use super::objects::Stage;
 use super::points;
 
+/// What is bound, as far as shaders depend on it: each with its set and binding.
+#[derive(Clone, Debug, Default, PartialEq, Eq, PartialOrd, Ord)]
+pub struct Bound {
+    /// Formats of images and texel buffers, as `VkFormat`.
+    pub formats: Vec<(u32, u32, u32)>,
+    /// What the channels of views read, as `VkComponentSwizzle`, where that is not the channels themselves.
+    pub swizzles: Vec<(u32, u32, [u32; 4])>,
+    /// What samplers add to the level, as bits of floating-point numbers.
+    pub biases: Vec<(u32, u32, u32)>,
+}
+
 /// What a draw chooses of a shader's form.
 #[derive(Clone, Debug, Default, PartialEq, Eq, PartialOrd, Ord)]
 pub struct Form {
@@ -21,8 +32,8 @@ pub struct Form {
     pub from_minus_one: bool,
     /// The view that is drawn, in a pass of several.
     pub view: Option<u32>,
-    /// Formats of images and texel buffers that are bound: set, binding, `VkFormat`.
-    pub formats: Vec<(u32, u32, u32)>,
+    /// What is bound, as far as shaders depend on it.
+    pub bound: Bound,
     /// The fragment stage runs for each sample.
     pub each_sample: bool,
     /// Points become squares, in a viewport of this size in pixels, as bits of floating-point numbers.
@@ -91,7 +102,12 @@ fn translate(stage: &Stage, form: &Form, card: &mut Recorder, limits: &Limits) -
     let specialization: Vec<spirv::Constant<'_>> =
         constants.iter().map(|(id, bytes)| spirv::Constant { id: *id, bytes }).collect();
     let bound = |&(set, binding, format): &(u32, u32, u32)| spirv::BoundFormat { set, binding, format };
-    let formats: Vec<spirv::BoundFormat> = form.formats.iter().map(bound).collect();
+    let formats: Vec<spirv::BoundFormat> = form.bound.formats.iter().map(bound).collect();
+    let place = |set, binding| spirv::Place { set, binding };
+    let swizzle = |&(set, binding, channels): &_| spirv::Swizzle { place: place(set, binding), channels };
+    let swizzles: Vec<spirv::Swizzle> = form.bound.swizzles.iter().map(swizzle).collect();
+    let bias = |&(set, binding, bits): &_| spirv::Bias { place: place(set, binding), bias: f32::from_bits(bits) };
+    let biases: Vec<spirv::Bias> = form.bound.biases.iter().map(bias).collect();
     let options = spirv::Options {
         specialization: &specialization,
         view_index: form.view,
@@ -99,6 +115,8 @@ fn translate(stage: &Stage, form: &Form, card: &mut Recorder, limits: &Limits) -
         from_minus_one: form.from_minus_one,
         each_sample: form.each_sample,
         formats: &formats,
+        swizzles: &swizzles,
+        biases: &biases,
     };
     let translated = spirv::translate(&stage.module.words, &stage.entry, spirv_stage, &options)
         .map_err(|refusal| refused(refusal.to_string()))?;

@@ -4,7 +4,7 @@ use gfx::format::Format;
 use gfx::state::AddressMode;
 use num::Lanes;
 use shader::{Executor, Resources};
-use spirv::{BoundFormat, Combined, InputAttachment, Options, Place, SAMPLER_BINDINGS, Stage};
+use spirv::{Bias, BoundFormat, Combined, InputAttachment, Options, Place, SAMPLER_BINDINGS, Stage, Swizzle};
 
 use crate::assembler::assemble;
 use crate::engine::{Bound, build, compute, refusal, resources, run};
@@ -257,4 +257,53 @@ fn input_attachments_are_read_at_the_position_of_the_fragment() {
     assert_eq!(batch.output(0, 0).f32()[0], 6.0);
     let several = text.replace("SubpassData 0 0 0", "SubpassData 0 0 1").replace("%i %zero", "%i %zero Sample %i0");
     build(&assemble(0, &several), "main", Stage::Fragment, &Options::default()).expect("it compiles");
+}
+
+/// A module that samples the combined image sampler of set 1, binding 3, with these operands, and writes four channels.
+fn sampled(instruction: &str) -> Vec<u32> {
+    let channels: String = (0..4)
+        .map(|n| format!("%c{n} = OpCompositeExtract %float %x {n}\n%b{n} = OpBitcast %uint %c{n}\nout {n} %b{n}\n"))
+        .collect();
+    compute(
+        "",
+        "OpDecorate %in DescriptorSet 1\nOpDecorate %in Binding 3",
+        &format!("{COMBINED}\n%third = OpConstantComposite %v2int %i2 %i0\n%in = OpVariable %ptr_sampled UniformConstant"),
+        &format!("%s = OpLoad %sampled %in\n{instruction}\n{channels}"),
+    )
+}
+
+#[test]
+fn channels_of_views_are_exchanged_behind_reads() {
+    let place = Place { set: 1, binding: 3 };
+    let read = |instruction: &str, channels: [u32; 4]| {
+        let options = Options { swizzles: &[Swizzle { place, channels }], ..Options::default() };
+        let bound =
+            row(Bound::default().buffer(0, 0, &[0; 4]), 1, 3).sampler(1, 3 + SAMPLER_BINDINGS, AddressMode::ClampToEdge);
+        run(&sampled(instruction), &options, &bound);
+        bound.words(0, 0).into_iter().map(f32::from_bits).collect::<Vec<f32>>()
+    };
+    let sample = "%x = OpImageSampleExplicitLod %v4float %s %at Lod %f0";
+    assert_eq!(read(sample, [0, 0, 0, 0]), [4.0, 0.0, 0.0, 1.0]);
+    assert_eq!(read(sample, [6, 3, 1, 2]), [1.0, 4.0, 0.0, 1.0]);
+    assert_eq!(read(sample, [3, 3, 3, 0]), [4.0, 4.0, 4.0, 1.0]);
+    let fetch = "%i = OpImage %image %s\n%x = OpImageFetch %v4float %i %third Lod %i0";
+    assert_eq!(read(fetch, [1, 0, 3, 3]), [0.0, 0.0, 3.0, 3.0]);
+    let gather = |component: u32| format!("%x = OpImageGather %v4float %s %near %i{component}");
+    assert_eq!(read(&gather(2), [0, 0, 3, 0]), read(&gather(0), [0; 4]));
+    assert_eq!(read(&gather(1), [0, 2, 0, 0]), [1.0; 4]);
+}
+
+#[test]
+fn biases_of_samplers_are_added_to_levels() {
+    let options = Options { biases: &[Bias { place: Place { set: 1, binding: 3 }, bias: 1.5 }], ..Options::default() };
+    let added = |instruction: &str| {
+        let bound =
+            row(Bound::default().buffer(0, 0, &[0; 4]), 1, 3).sampler(1, 3 + SAMPLER_BINDINGS, AddressMode::ClampToEdge);
+        let translated = run(&sampled(instruction), &options, &bound);
+        assert_eq!(f32::from_bits(bound.words(0, 0)[0]), 4.0, "there is one level");
+        let ops: Vec<u32> = translated.origins.iter().map(|&(at, _)| translated.words[at as usize] & 0xffff).collect();
+        [129, 142].map(|op| ops.iter().filter(|&&own| own == op).count())
+    };
+    assert_eq!(added("%x = OpImageSampleExplicitLod %v4float %s %at Lod %f0"), [1, 0], "a sum");
+    assert_eq!(added("%x = OpImageSampleExplicitLod %v4float %s %at Grad %near %near"), [0, 2], "two products");
 }
