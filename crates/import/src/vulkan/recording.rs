@@ -114,7 +114,13 @@ impl Recording {
                 }
             }
             if ends {
-                shown |= vulkan.show().map_err(|fault| stop(path, index, name, &fault))?;
+                match vulkan.show() {
+                    Ok(with_picture) => shown |= with_picture,
+                    Err(Fault::Unsupported(what)) => vulkan.log.refuse(name, index, &what),
+                    Err(Fault::Damaged(reason) | Fault::Limit(reason)) => {
+                        return Err(TraceError::new(path, format!("block {index}, {name}: {reason}")));
+                    }
+                }
             }
             if let Some(take) = take {
                 // Commands after something that is not supported would give wrong pictures.
@@ -155,13 +161,6 @@ impl Recording {
 
 fn hand_over(vulkan: &mut Vulkan, take: &mut Take<'_>, read: u64) -> ControlFlow<()> {
     take(CommandChunk { read, ..vulkan.card.drain() })
-}
-
-fn stop(path: &Path, block: u64, name: &str, fault: &Fault) -> TraceError {
-    match fault {
-        Fault::Unsupported(what) => unsupported(path, &format!("{name}: {what} (block {block})")),
-        Fault::Damaged(reason) | Fault::Limit(reason) => TraceError::new(path, format!("block {block}, {name}: {reason}")),
-    }
 }
 
 fn unsupported(path: &Path, refusal: &str) -> TraceError {
