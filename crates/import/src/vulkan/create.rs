@@ -3,6 +3,7 @@
 use std::rc::Rc;
 
 use gfx::state::*;
+use trace::check::rules;
 use trace::command::{LinearLayout, TextureDesc, TextureEnd, ViewDesc};
 
 use super::args::{Args, EXTENT};
@@ -36,7 +37,9 @@ fn texture_desc(info: Args<'_>) -> Outcome<TextureDesc> {
         return unsupported("a sparse image");
     }
     let format = formats::format(info.u32("format")?)?;
-    Ok(TextureDesc { dimension, size, levels, samples, format, opaque: false })
+    let desc = TextureDesc { dimension, size, levels, samples, format, opaque: false };
+    rules::texture(&desc).map_err(Fault::Unsupported)?;
+    Ok(desc)
 }
 
 fn sampler(info: Args<'_>) -> Outcome<Sampler> {

@@ -403,6 +403,9 @@ impl Vulkan {
             }
             Order::Indirect { indexed, buffer, offset, count, stride, counts } => {
                 let record = if indexed { 20 } else { 16 };
+                if count > 1 && u64::from(stride) < record {
+                    return Err(Fault::Damaged(format!("arguments of {record} bytes, {stride} bytes apart")));
+                }
                 let bytes = u64::from(count.saturating_sub(1)) * u64::from(stride) + record;
                 if count == 0 {
                     return Ok(Vec::new());

@@ -48,7 +48,8 @@ fn end(texture: TextureId, desc: &TextureDesc, layers: Layers, offset: [u32; 3])
 /// A size in whole blocks.
 fn whole_blocks([width, height, depth]: [u32; 3], format: Format) -> [u32; 3] {
     let dim = format.block_dim();
-    [width.next_multiple_of(dim), height.next_multiple_of(dim), depth]
+    let whole = |size: u32| size.checked_next_multiple_of(dim).unwrap_or(u32::MAX);
+    [whole(width), whole(height), depth]
 }
 
 impl Vulkan {
@@ -167,7 +168,7 @@ impl Vulkan {
         let blocks = |size: [u32; 3], dim: u32| [size[0].div_ceil(dim), size[1].div_ceil(dim), size[2]];
         let [columns, rows, images] = blocks(size, from.1.block_dim());
         let row = columns.saturating_mul(bytes);
-        let all = u64::from(row) * u64::from(rows) * u64::from(images);
+        let all = u64::from(row).saturating_mul(rows.into()).saturating_mul(images.into());
         if let Err(error) = self.limits.memory_bytes.check(all) {
             return Err(Fault::Limit(error.to_string()));
         }
@@ -175,7 +176,7 @@ impl Vulkan {
         let layout = LinearLayout { offset: 0, bytes_per_row: Some(row), rows_per_image: Some(rows) };
         self.card.copy_texture_to_buffer(from.0, buffer, layout, size);
         let dim = to.1.block_dim();
-        self.card.copy_buffer_to_texture(buffer, layout, to.0, [columns * dim, rows * dim, images]);
+        self.card.copy_buffer_to_texture(buffer, layout, to.0, [columns.saturating_mul(dim), rows.saturating_mul(dim), images]);
         self.card.push(Command::Destroy(Object::Buffer(buffer)));
         Ok(())
     }
@@ -332,13 +333,13 @@ impl Vulkan {
                 }
             };
             let (source, target) = (corners("srcOffsets")?, corners("dstOffsets")?);
-            let flat = |[first, last]: [[i32; 3]; 2]| last[2] - first[2] == 1;
+            let flat = |[first, last]: [[i32; 3]; 2]| last[2].checked_sub(first[2]) == Some(1);
             if a.dimension == TextureDimension::D3 && !(flat(source) && flat(target)) {
                 return unsupported("a blit of several slices of a 3D image");
             }
             let slice = |desc: &TextureDesc, own: Layers, z: i32, by: u32| match desc.dimension {
                 TextureDimension::D3 => z as u32,
-                _ => own.first + by,
+                _ => own.first.saturating_add(by),
             };
             for by in 0..others.count {
                 let ends = |[first, last]: [[i32; 3]; 2]| [first[0], first[1], last[0], last[1]];

@@ -1,5 +1,7 @@
 //! Traces of other programs.
 
+mod capture;
+mod damaged;
 mod fuzz;
 mod gl;
 mod gl_terms;

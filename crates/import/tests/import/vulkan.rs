@@ -1,83 +1,14 @@
-//! Captures of Vulkan programs, made by the writer of the format.
+//! Import of captures of Vulkan programs.
 
 use std::path::PathBuf;
 
-use gfxr::{Call, Header, Struct, Value, Writer};
+use gfxr::{Body, Call, Marker, Struct, Value};
 use import::TraceKind;
 use tempfile::TempDir;
 use trace::command::Command;
 use trace::{Reading, Trace, TraceError};
 
-/// A capture in the making.
-struct Capture {
-    writer: Writer<Vec<u8>>,
-}
-
-fn handles(list: &[u64]) -> Value {
-    Value::Array(list.iter().map(|&handle| Value::Handle(handle)).collect())
-}
-
-impl Capture {
-    fn new() -> Capture {
-        let header = Header { major: 0, minor: 0, compression: gfxr::Compression::Zlib };
-        Capture { writer: Writer::new(Vec::new(), header).expect("a header") }
-    }
-
-    fn call(&mut self, call: Call) {
-        self.writer.call(1, call).expect("a block");
-    }
-
-    fn begin(&mut self) {
-        self.call(Call::new("vkBeginCommandBuffer").with("commandBuffer", 12u64));
-    }
-
-    /// A window of 8 × 4 pixels with one image, and a command buffer.
-    fn window(&mut self) {
-        let extent = Struct::new("VkExtent2D").with("width", 8u32).with("height", 4u32);
-        let info = Struct::new("VkSwapchainCreateInfoKHR")
-            .with("imageExtent", extent)
-            .with("imageFormat", "VK_FORMAT_R8G8B8A8_UNORM")
-            .with("imageArrayLayers", 1u32);
-        self.call(Call::new("vkCreateSwapchainKHR").with("pCreateInfo", info).with("pSwapchain", 10u64));
-        self.call(Call::new("vkGetSwapchainImagesKHR").with("swapchain", 10u64).with("pSwapchainImages", handles(&[11])));
-        let info = Struct::new("VkCommandBufferAllocateInfo").with("commandBufferCount", 1u32);
-        let buffers = Call::new("vkAllocateCommandBuffers").with("pAllocateInfo", info);
-        self.call(buffers.with("pCommandBuffers", handles(&[12])));
-    }
-
-    /// Submits the command buffer and shows the image.
-    fn frame(&mut self) {
-        self.call(Call::new("vkEndCommandBuffer").with("commandBuffer", 12u64));
-        let submit = Struct::new("VkSubmitInfo").with("commandBufferCount", 1u32).with("pCommandBuffers", handles(&[12]));
-        self.call(Call::new("vkQueueSubmit").with("submitCount", 1u32).with("pSubmits", submit));
-        let info = Struct::new("VkPresentInfoKHR")
-            .with("swapchainCount", 1u32)
-            .with("pSwapchains", handles(&[10]))
-            .with("pImageIndices", Value::Words(vec![0]));
-        self.call(Call::new("vkQueuePresentKHR").with("pPresentInfo", info));
-    }
-
-    fn clear(&mut self, image: u64, red: f32) {
-        let range = Struct::new("VkImageSubresourceRange")
-            .with("aspectMask", "VK_IMAGE_ASPECT_COLOR_BIT")
-            .with("levelCount", 1u32)
-            .with("layerCount", 1u32);
-        let clear = Call::new("vkCmdClearColorImage")
-            .with("commandBuffer", 12u64)
-            .with("image", image)
-            .with("pColor", Value::Words(vec![red.to_bits(), 0, 0, 1f32.to_bits()]))
-            .with("rangeCount", 1u32)
-            .with("pRanges", range);
-        self.call(clear);
-    }
-
-    fn save(self) -> (TempDir, PathBuf) {
-        let home = tempfile::tempdir().expect("a folder");
-        let path = home.path().join("made.gfxr");
-        std::fs::write(&path, self.writer.finish().expect("a capture")).expect("a file");
-        (home, path)
-    }
-}
+use crate::capture::{self, Capture, drawn, extent};
 
 fn commands(trace: &Trace) -> Vec<Command> {
     let mut all = Vec::new();
@@ -89,20 +20,16 @@ fn commands(trace: &Trace) -> Vec<Command> {
     all
 }
 
-fn cleared_twice() -> (TempDir, PathBuf) {
-    let mut capture = Capture::new();
-    capture.window();
-    for red in [0.25, 0.5] {
-        capture.begin();
-        capture.clear(11, red);
-        capture.frame();
-    }
-    capture.save()
+fn save(capture: &Capture) -> (TempDir, PathBuf) {
+    let home = tempfile::tempdir().expect("a folder");
+    let path = home.path().join("made.gfxr");
+    std::fs::write(&path, capture.bytes()).expect("a file");
+    (home, path)
 }
 
 #[test]
 fn a_capture_becomes_a_trace_that_keeps_the_rules() {
-    let (home, path) = cleared_twice();
+    let (home, path) = save(&capture::cleared_twice());
     assert_eq!(import::detect(home.path()).expect("a capture").kind, TraceKind::Gfxr);
     let trace = import::open(&path).expect("a trace");
     let summary = trace::check(&trace).expect("rules");
@@ -119,7 +46,7 @@ fn a_capture_becomes_a_trace_that_keeps_the_rules() {
 
 #[test]
 fn a_long_capture_is_a_stream_of_the_same_commands() {
-    let (_home, path) = cleared_twice();
+    let (_home, path) = save(&capture::cleared_twice());
     let short = commands(&import::open(&path).expect("a trace"));
     let streamed = import::open_with(&path, &Reading { in_memory: Some(0), ..Reading::default() }).expect("a stream");
     assert!(streamed.is_stream());
@@ -135,7 +62,7 @@ fn what_is_not_supported_is_refused_by_name_or_left_out() {
     capture.call(Call::new("vkCmdDrawMeshTasksEXT").with("commandBuffer", 12u64));
     capture.clear(11, 1.0);
     capture.frame();
-    let (_home, path) = capture.save();
+    let (_home, path) = save(&capture);
     let error = import::open(&path).err().expect("a refusal");
     assert!(error.unsupported, "{error}");
     let text = error.to_string();
@@ -152,132 +79,10 @@ fn a_capture_that_contradicts_itself_names_block_and_call() {
     capture.begin();
     capture.clear(99, 1.0);
     capture.frame();
-    let (_home, path) = capture.save();
+    let (_home, path) = save(&capture);
     let error = import::open(&path).err().expect("an error");
     assert!(!error.unsupported);
     assert!(error.to_string().contains("block 4, vkCmdClearColorImage: there is no image 99"), "{error}");
-}
-
-fn words(text: &str) -> Value {
-    let module = naga::front::wgsl::parse_str(text).expect("WGSL");
-    let info = naga::valid::Validator::new(Default::default(), Default::default()).validate(&module).expect("a module");
-    Value::Words(naga::back::spv::write_vec(&module, &info, &Default::default(), None).expect("words"))
-}
-
-fn extent(width: u32, height: u32) -> Struct {
-    Struct::new("VkExtent2D").with("width", width).with("height", height)
-}
-
-impl Capture {
-    /// A buffer of 256 bytes in memory of its own.
-    fn buffer(&mut self, handle: u64) {
-        let memory = handle + 100;
-        let info = Struct::new("VkMemoryAllocateInfo").with("allocationSize", 256u64);
-        self.call(Call::new("vkAllocateMemory").with("pAllocateInfo", info).with("pMemory", memory));
-        let info = Struct::new("VkBufferCreateInfo").with("size", 256u64);
-        self.call(Call::new("vkCreateBuffer").with("pCreateInfo", info).with("pBuffer", handle));
-        self.call(Call::new("vkBindBufferMemory").with("buffer", handle).with("memory", memory));
-    }
-
-    /// A pipeline of triangles, or of another topology, with a number.
-    fn pipeline(&mut self, handle: u64, topology: &str, restart: bool, cull: u32) {
-        let text = "@vertex fn main(@builtin(vertex_index) i: u32) -> @builtin(position) vec4f { return vec4f(f32(i)); }";
-        let info = Struct::new("VkShaderModuleCreateInfo").with("pCode", words(text));
-        self.call(Call::new("vkCreateShaderModule").with("pCreateInfo", info).with("pShaderModule", handle + 100));
-        let stage = Struct::new("VkPipelineShaderStageCreateInfo")
-            .with("stage", "VK_SHADER_STAGE_VERTEX_BIT")
-            .with("module", handle + 100)
-            .with("pName", "main");
-        let assembly = Struct::new("VkPipelineInputAssemblyStateCreateInfo")
-            .with("topology", topology)
-            .with("primitiveRestartEnable", u32::from(restart));
-        let viewport = Struct::new("VkViewport").with("width", 8f32).with("height", 4f32).with("maxDepth", 1f32);
-        let viewports = Struct::new("VkPipelineViewportStateCreateInfo")
-            .with("viewportCount", 1u32)
-            .with("pViewports", viewport)
-            .with("scissorCount", 1u32)
-            .with("pScissors", Struct::new("VkRect2D").with("extent", extent(8, 4)));
-        let raster = Struct::new("VkPipelineRasterizationStateCreateInfo").with("cullMode", cull).with("lineWidth", 1f32);
-        let info = Struct::new("VkGraphicsPipelineCreateInfo")
-            .with("stageCount", 1u32)
-            .with("pStages", stage)
-            .with("pInputAssemblyState", assembly)
-            .with("pViewportState", viewports)
-            .with("pRasterizationState", raster);
-        let create = Call::new("vkCreateGraphicsPipelines").with("createInfoCount", 1u32).with("pCreateInfos", info);
-        self.call(create.with("pPipelines", handles(&[handle])));
-    }
-
-    fn view(&mut self) {
-        let range = Struct::new("VkImageSubresourceRange")
-            .with("aspectMask", "VK_IMAGE_ASPECT_COLOR_BIT")
-            .with("levelCount", 1u32)
-            .with("layerCount", 1u32);
-        let info = Struct::new("VkImageViewCreateInfo")
-            .with("image", 11u64)
-            .with("viewType", "VK_IMAGE_VIEW_TYPE_2D")
-            .with("format", "VK_FORMAT_R8G8B8A8_UNORM")
-            .with("subresourceRange", range);
-        self.call(Call::new("vkCreateImageView").with("pCreateInfo", info).with("pView", 13u64));
-    }
-
-    fn command(&mut self, call: Call) {
-        self.call(call.with("commandBuffer", 12u64));
-    }
-
-    fn begin_rendering(&mut self) {
-        let target = Struct::new("VkRenderingAttachmentInfo").with("imageView", 13u64).with("loadOp", 1u32);
-        let info = Struct::new("VkRenderingInfo")
-            .with("renderArea", Struct::new("VkRect2D").with("extent", extent(8, 4)))
-            .with("layerCount", 1u32)
-            .with("colorAttachmentCount", 1u32)
-            .with("pColorAttachments", target);
-        self.command(Call::new("vkCmdBeginRendering").with("pRenderingInfo", info));
-    }
-
-    fn bind(&mut self, pipeline: u64) {
-        self.command(Call::new("vkCmdBindPipeline").with("pipeline", pipeline));
-    }
-
-    fn draw(&mut self, count: u32) {
-        self.command(Call::new("vkCmdDraw").with("vertexCount", count).with("instanceCount", 1u32));
-    }
-
-    fn draw_indexed(&mut self, kind: &str, count: u32) {
-        let bind = Call::new("vkCmdBindIndexBuffer").with("buffer", 20u64).with("indexType", kind);
-        self.command(bind);
-        let draw = Call::new("vkCmdDrawIndexed").with("indexCount", count).with("instanceCount", 1u32);
-        self.command(draw.with("firstIndex", 3u32));
-    }
-
-    fn condition(&mut self, inverted: bool) {
-        let info = Struct::new("VkConditionalRenderingBeginInfoEXT").with("buffer", 20u64).with("flags", u32::from(inverted));
-        self.command(Call::new("vkCmdBeginConditionalRenderingEXT").with("pConditionalRenderingBegin", info));
-    }
-
-    fn end_rendering(&mut self) {
-        self.command(Call::new("vkCmdEndRendering"));
-    }
-}
-
-/// One frame of commands in a pass, with two pipelines that cull both faces (triangles, 30, and lines, 31), and two of lists with (32) and of
-/// triangles without indices that end primitives (33).
-fn drawn(commands: impl FnOnce(&mut Capture)) -> (TempDir, PathBuf) {
-    let mut capture = Capture::new();
-    capture.window();
-    capture.view();
-    capture.buffer(20);
-    let list = "VK_PRIMITIVE_TOPOLOGY_TRIANGLE_LIST";
-    capture.pipeline(30, list, false, 3);
-    capture.pipeline(31, "VK_PRIMITIVE_TOPOLOGY_LINE_LIST", false, 3);
-    capture.pipeline(32, list, true, 0);
-    capture.pipeline(33, list, false, 0);
-    capture.begin();
-    capture.begin_rendering();
-    commands(&mut capture);
-    capture.end_rendering();
-    capture.frame();
-    capture.save()
 }
 
 /// The draws and dispatches of a capture that keeps the rules.
@@ -294,23 +99,23 @@ fn work(path: &std::path::Path) -> Vec<Command> {
 
 #[test]
 fn culling_of_both_faces_leaves_lines_and_points() {
-    let (_home, path) = drawn(|capture| {
+    let (_home, path) = save(&drawn(|capture| {
         capture.bind(30);
         capture.draw(3);
         capture.bind(31);
         capture.draw(2);
-    });
+    }));
     assert_eq!(work(&path), [Command::Draw { vertices: 2, instances: 1, first_vertex: 0, first_instance: 0 }]);
 }
 
 #[test]
 fn indices_of_8_bits_and_those_that_end_lists_are_converted() {
-    let (_home, path) = drawn(|capture| {
+    let (_home, path) = save(&drawn(|capture| {
         capture.bind(33);
         capture.draw_indexed("VK_INDEX_TYPE_UINT8", 5);
         capture.bind(32);
         capture.draw_indexed("VK_INDEX_TYPE_UINT16", 5);
-    });
+    }));
     let all = work(&path);
     let one = Command::Dispatch { groups: [1, 1, 1] };
     let plain = Command::DrawIndexed { indices: 5, instances: 1, first_index: 0, base_vertex: 0, first_instance: 0 };
@@ -321,7 +126,7 @@ fn indices_of_8_bits_and_those_that_end_lists_are_converted() {
 #[test]
 fn conditions_hold_for_draws_and_clears_inverted_or_not() {
     for (inverted, dispatches) in [(false, 0), (true, 2)] {
-        let (_home, path) = drawn(|capture| {
+        let (_home, path) = save(&drawn(|capture| {
             capture.condition(inverted);
             capture.bind(33);
             capture.draw(3);
@@ -334,7 +139,7 @@ fn conditions_hold_for_draws_and_clears_inverted_or_not() {
             capture.command(clear.with("attachmentCount", 1u32).with("rectCount", 1u32).with("pRects", rect));
             capture.command(Call::new("vkCmdEndConditionalRenderingEXT"));
             capture.draw(6);
-        });
+        }));
         let all = work(&path);
         let is_counted = |command: &&Command| matches!(command, Command::DrawIndirect { count: 1, count_buffer: Some(_), .. });
         assert_eq!(all.iter().filter(is_counted).count(), 2, "{all:?}");
@@ -355,6 +160,54 @@ fn results_of_queries_are_written_in_32_bits() {
     capture.command(copy.with("dstBuffer", 20u64).with("stride", 4u64).with("flags", 2u32));
     capture.clear(11, 1.0);
     capture.frame();
-    let (_home, path) = capture.save();
+    let (_home, path) = save(&capture);
     assert_eq!(work(&path), [Command::Dispatch { groups: [1, 1, 1] }]);
+}
+
+#[test]
+fn what_views_and_samplers_ask_for_goes_into_shaders() {
+    let (_home, path) = save(&capture::sampled());
+    let all = work(&path);
+    let one = Command::Dispatch { groups: [1, 1, 1] };
+    assert_eq!(all[0], one, "the condition of the dispatch");
+    assert!(matches!(all[1..], [Command::DispatchIndirect { offset: 0, .. }, Command::Draw { vertices: 3, .. }]), "{all:?}");
+}
+
+#[test]
+fn frame_markers_end_frames_of_version_0_1_and_presents_do_not() {
+    let frames = |minor: u32, marked: bool| {
+        let mut capture = Capture::new();
+        capture.header.minor = minor;
+        capture.window();
+        for number in 1..3 {
+            for red in [0.25, 0.5] {
+                capture.begin();
+                capture.clear(11, red);
+                capture.frame();
+            }
+            if marked {
+                capture.blocks.push(Body::Frame { marker: Marker::End, number });
+            }
+        }
+        let (_home, path) = save(&capture);
+        let trace = import::open(&path).expect("a trace");
+        trace::check(&trace).expect("rules");
+        commands(&trace).iter().filter(|command| matches!(command, Command::Present { .. })).count()
+    };
+    assert_eq!([frames(0, false), frames(1, true), frames(1, false)], [4, 2, 0]);
+}
+
+#[test]
+fn damaged_captures_are_translated_or_refused() {
+    let home = tempfile::tempdir().expect("a folder");
+    let path = home.path().join("damaged.gfxr");
+    let mut state = 0x9e37_79b9_7f4a_7c15u64;
+    for _ in 0..300 {
+        let mut byte = || {
+            state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+            (state >> 56) as u8
+        };
+        let choices: Vec<u8> = (0..1 + usize::from(byte() % 4) * 6).map(|_| byte()).collect();
+        crate::damaged::import_damaged(&path, &choices);
+    }
 }
