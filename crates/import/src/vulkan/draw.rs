@@ -486,7 +486,7 @@ impl Vulkan {
         bytes: bool,
         state: &Fixed,
     ) -> Outcome<(Order, Indices)> {
-        let each = if bytes { 1 } else { format.bytes() as u32 };
+        let each = if bytes { 1 } else { format.bytes() };
         let bound = size / u64::from(each);
         let direct = match order {
             Order::Direct { first, count, .. } if u64::from(first) + u64::from(count) > bound => {
