@@ -142,7 +142,7 @@ impl Vulkan {
         match plain {
             "vkAllocateMemory" => {
                 let size = call.of("pAllocateInfo")?.u64("allocationSize")?;
-                let memory = Memory { size, mapped: 0, native: None, linear: Vec::new() };
+                let memory = Memory { size, mapped: 0, end: 0, native: None, linear: Vec::new() };
                 self.objects.memories.insert(call.u64("pMemory")?, memory);
             }
             "vkFreeMemory" => self.free_memory(call.u64("memory")?),
@@ -308,8 +308,12 @@ impl Vulkan {
 
     fn bind_buffer(&mut self, info: Args<'_>) -> Outcome {
         let (handle, memory) = (info.u64("buffer")?, info.u64("memory")?);
-        let bound = Some((memory, info.u64("memoryOffset")?));
-        known(self.objects.buffers.get_mut(handle), "buffer", handle)?.bound = bound;
+        let offset = info.u64("memoryOffset")?;
+        let buffer = known(self.objects.buffers.get_mut(handle), "buffer", handle)?;
+        buffer.bound = Some((memory, offset));
+        if let Some(memory) = self.objects.memories.get_mut(memory) {
+            memory.end = memory.end.max(offset.saturating_add(buffer.size).min(memory.size));
+        }
         Ok(())
     }
 

@@ -84,7 +84,7 @@ impl Vulkan {
         }
         // What is suballocated grows from the front, so a large memory object that is used in part stays small here.
         let old = memory.native;
-        let wanted = end.max(old.map_or(0, |(_, bytes)| bytes.saturating_mul(2).min(memory.size)));
+        let wanted = end.max(memory.end).max(old.map_or(0, |(_, bytes)| bytes.saturating_mul(2).min(memory.size)));
         let bytes = wanted.saturating_add(MARGIN).checked_next_multiple_of(MARGIN).unwrap_or(u64::MAX);
         if let Err(error) = self.limits.memory_bytes.check(bytes) {
             return Err(Fault::Limit(format!("memory object {handle}: {error}")));

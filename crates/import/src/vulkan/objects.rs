@@ -20,6 +20,8 @@ pub struct Memory {
     pub size: u64,
     /// Where its mapping begins.
     pub mapped: u64,
+    /// Where the last of the buffers in it ends: a native buffer reaches as far when it is made, since draws that wait must not lose it.
+    pub end: u64,
     /// The native buffer with its contents, and the bytes of that; none until a buffer in it is used.
     pub native: Option<(BufferId, u64)>,
     /// Images with linear tiling in it.

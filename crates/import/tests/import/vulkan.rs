@@ -211,3 +211,26 @@ fn damaged_captures_are_translated_or_refused() {
         crate::damaged::import_damaged(&path, &choices);
     }
 }
+
+#[test]
+fn memory_stays_where_it_is_while_draws_wait() {
+    let (_home, path) = save(&drawn(|capture| {
+        let mut before = Capture::new();
+        let info = Struct::new("VkMemoryAllocateInfo").with("allocationSize", 4096u64);
+        before.call(Call::new("vkAllocateMemory").with("pAllocateInfo", info).with("pMemory", 60u64));
+        for (buffer, offset) in [(61u64, 0u64), (62, 2048)] {
+            let info = Struct::new("VkBufferCreateInfo").with("size", 256u64);
+            before.call(Call::new("vkCreateBuffer").with("pCreateInfo", info).with("pBuffer", buffer));
+            let bind = Call::new("vkBindBufferMemory").with("buffer", buffer).with("memory", 60u64);
+            before.call(bind.with("memoryOffset", offset));
+        }
+        capture.blocks.splice(0..0, before.blocks);
+        capture.bind(33);
+        for buffer in [61u64, 62] {
+            capture.command(Call::new("vkCmdBindIndexBuffer").with("buffer", buffer));
+            capture.command(Call::new("vkCmdDrawIndexed").with("indexCount", 3u32).with("instanceCount", 1u32));
+        }
+    }));
+    // The second buffer is first used while the first draw waits for the pass to end.
+    assert_eq!(work(&path).len(), 2);
+}
