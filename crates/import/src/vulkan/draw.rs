@@ -24,6 +24,9 @@ const VIEWPORT_REACH: f32 = 65_000.0;
 /// `VK_INDEX_TYPE_UINT8`.
 const INDICES_OF_8_BITS: u32 = 1_000_265_000;
 
+/// Parts of a draw whose attributes change after several instances.
+const PARTS_MAX: u32 = 1 << 12;
+
 /// What is drawn.
 #[derive(Clone, Copy, Debug)]
 enum Order {
@@ -238,6 +241,24 @@ impl Vulkan {
     }
 
     fn draw(&mut self, order: Order, encoder: &mut Encoder) -> Outcome {
+        let (Order::Direct { first_instance: origin, instances: all, .. }, Some(step)) = (order, encoder.state.instance_step())
+        else {
+            return self.draw_part(order, None, encoder);
+        };
+        if all.div_ceil(step) > PARTS_MAX {
+            return unsupported(format!("{all} instances whose attributes change every {step}"));
+        }
+        for first in (0..all).step_by(step as usize) {
+            let Order::Direct { indexed, first: index, count, base, .. } = order else { continue };
+            let (first_instance, instances) = (origin.saturating_add(first), step.min(all - first));
+            let part = Order::Direct { indexed, first: index, count, base, first_instance, instances };
+            self.draw_part(part, Some(origin), encoder)?;
+        }
+        Ok(())
+    }
+
+    /// Draws an order, or a part of one whose instances begin at `origin`.
+    fn draw_part(&mut self, order: Order, origin: Option<u32>, encoder: &mut Encoder) -> Outcome {
         if encoder.pass_refused || encoder.state.discard {
             return Ok(());
         }
@@ -282,7 +303,7 @@ impl Vulkan {
                 Some((buffer, offset, size, format, code == INDICES_OF_8_BITS))
             }
         };
-        let vertex = self.vertex_buffers(&ready, &order, encoder)?;
+        let vertex = self.vertex_buffers(&ready, &order, origin, encoder)?;
         let Some((viewport, scissor)) = view_of(encoder)? else { return Ok(()) };
         let (order, indices) = match indices {
             Some((buffer, offset, size, format, bytes)) => {
@@ -338,17 +359,27 @@ impl Vulkan {
         Ok(())
     }
 
-    fn vertex_buffers(&mut self, ready: &Ready, order: &Order, encoder: &Encoder) -> Outcome<Vec<(BufferId, u64, u64)>> {
+    fn vertex_buffers(
+        &mut self,
+        ready: &Ready,
+        order: &Order,
+        origin: Option<u32>,
+        encoder: &Encoder,
+    ) -> Outcome<Vec<(BufferId, u64, u64)>> {
         let mut bound = Vec::with_capacity(ready.slots.len());
         for slot in &ready.slots {
             let Some(Some(buffer)) = encoder.vertex.get(slot.binding as usize) else {
                 return unsupported(format!("vertex buffer {}, which is not bound", slot.binding));
             };
             let (id, mut offset, mut size) = self.bound_buffer(*buffer)?;
-            if let Some(stride) = slot.at_first_instance {
+            if let Some((stride, divisor)) = slot.at_first_instance {
                 let first = match order {
-                    Order::Direct { first_instance, .. } => u64::from(*first_instance),
-                    _ => return unsupported("an indirect draw with attributes that do not change"),
+                    Order::Direct { first_instance, .. } => {
+                        let origin = origin.unwrap_or(*first_instance);
+                        let later = (first_instance - origin).checked_div(divisor).unwrap_or(0);
+                        u64::from(origin) + u64::from(later)
+                    }
+                    _ => return unsupported("an indirect draw with attributes that change otherwise than with each instance"),
                 };
                 let by = (first * u64::from(stride)).min(size);
                 (offset, size) = (offset + by, size - by);

@@ -38,8 +38,8 @@ pub struct PassFormats {
 pub struct VertexSlot {
     /// The program's number of the buffer.
     pub binding: u32,
-    /// Bytes from one element to the next in the program's terms, where the native buffer begins at the first instance.
-    pub at_first_instance: Option<u32>,
+    /// Bytes from one element to the next and instances for each in the program's terms, where the native buffer begins at the first instance.
+    pub at_first_instance: Option<(u32, u32)>,
 }
 
 /// A pipeline that is ready to draw.
@@ -413,13 +413,15 @@ fn vertex_buffers(state: &Fixed, vertex: &Interface, points: bool) -> Outcome<(V
         let Some(binding) = state.bindings.iter().find(|binding| binding.binding == attribute.binding) else {
             return unsupported(format!("vertex buffer {}, which the pipeline does not have", attribute.binding));
         };
-        if binding.instance && binding.divisor > 1 {
-            return unsupported(format!("vertex attributes that change every {} instances", binding.divisor));
+        if points && binding.instance && binding.divisor > 1 {
+            return unsupported(format!("points of a size with attributes that change every {} instances", binding.divisor));
         }
-        let fixed = binding.instance && (binding.divisor == 0 || points);
+        // Draws are cut where others than 0 and 1 change.
+        let fixed = binding.instance && (binding.divisor != 1 || points);
         let stride = if fixed { 0 } else { binding.stride.into() };
         let step = if binding.instance || points { StepMode::Instance } else { StepMode::Vertex };
-        let slot = VertexSlot { binding: binding.binding, at_first_instance: fixed.then_some(binding.stride) };
+        let at_first_instance = fixed.then_some((binding.stride, binding.divisor));
+        let slot = VertexSlot { binding: binding.binding, at_first_instance };
         let at = slots.iter().position(|known| *known == slot).unwrap_or_else(|| {
             slots.push(slot);
             layouts.push(VertexBufferLayout { stride, step, attributes: Vec::new() });

@@ -358,6 +358,19 @@ impl Fixed {
         Ok(all)
     }
 
+    /// The most instances that a draw can have without a change of attributes that change after several, if there are any.
+    pub fn instance_step(&self) -> Option<u32> {
+        let read = |binding: &&VertexBinding| self.attributes.iter().any(|own| own.binding == binding.binding);
+        let several = self.bindings.iter().filter(|binding| binding.instance && binding.divisor > 1).filter(read);
+        let common = |mut a: u32, mut b: u32| {
+            while b != 0 {
+                (a, b) = (b, a % b);
+            }
+            a
+        };
+        several.map(|binding| binding.divisor).reduce(common)
+    }
+
     /// Sets the stride of a vertex buffer.
     pub fn set_stride(&mut self, binding: u32, stride: u32) {
         match self.bindings.iter_mut().find(|known| known.binding == binding) {

@@ -2,6 +2,8 @@
 
 use gfxr::{Body, Call, Header, Struct, Value, Writer};
 
+const VERTEX: &str = "@vertex fn main(@builtin(vertex_index) i: u32) -> @builtin(position) vec4f { return vec4f(f32(i)); }";
+
 pub fn handles(list: &[u64]) -> Value {
     Value::Array(list.iter().map(|&handle| Value::Handle(handle)).collect())
 }
@@ -10,11 +12,17 @@ pub fn handles(list: &[u64]) -> Value {
 pub struct Capture {
     pub header: Header,
     pub blocks: Vec<Body>,
+    /// The text of the vertex stage of pipelines that follow.
+    pub vertex: &'static str,
 }
 
 impl Capture {
     pub fn new() -> Capture {
-        Capture { header: Header { major: 0, minor: 0, compression: gfxr::Compression::Zlib }, blocks: Vec::new() }
+        Capture {
+            header: Header { major: 0, minor: 0, compression: gfxr::Compression::Zlib },
+            blocks: Vec::new(),
+            vertex: VERTEX,
+        }
     }
 
     pub fn call(&mut self, call: Call) {
@@ -112,8 +120,7 @@ impl Capture {
 
     /// A pipeline, with the text of its fragment stage and its layout.
     pub fn pipeline_with(&mut self, handle: u64, (topology, restart, cull): (&str, bool, u32), fragment: Option<(&str, u64)>) {
-        let text = "@vertex fn main(@builtin(vertex_index) i: u32) -> @builtin(position) vec4f { return vec4f(f32(i)); }";
-        let mut stages = vec![Value::from(self.stage(handle + 100, "VK_SHADER_STAGE_VERTEX_BIT", text))];
+        let mut stages = vec![Value::from(self.stage(handle + 100, "VK_SHADER_STAGE_VERTEX_BIT", self.vertex))];
         if let Some((text, _)) = fragment {
             stages.push(self.stage(handle + 200, "VK_SHADER_STAGE_FRAGMENT_BIT", text).into());
         }

@@ -8,7 +8,7 @@ use tempfile::TempDir;
 use trace::command::Command;
 use trace::{Reading, Trace, TraceError};
 
-use crate::capture::{self, Capture, drawn, extent};
+use crate::capture::{self, Capture, drawn, extent, handles};
 
 fn commands(trace: &Trace) -> Vec<Command> {
     let mut all = Vec::new();
@@ -233,4 +233,42 @@ fn memory_stays_where_it_is_while_draws_wait() {
     }));
     // The second buffer is first used while the first draw waits for the pass to end.
     assert_eq!(work(&path).len(), 2);
+}
+
+#[test]
+fn draws_are_cut_where_attributes_of_several_instances_change() {
+    let (_home, path) = save(&drawn(|capture| {
+        capture.vertex = "@vertex fn main(@location(0) a: f32) -> @builtin(position) vec4f { return vec4f(a); }";
+        capture.pipeline(34, "VK_PRIMITIVE_TOPOLOGY_TRIANGLE_LIST", false, 0);
+        let binding = Struct::new("VkVertexInputBindingDescription2EXT").with("stride", 4u32).with("inputRate", 1u32);
+        let attribute = Struct::new("VkVertexInputAttributeDescription2EXT").with("format", "VK_FORMAT_R32_SFLOAT");
+        capture.bind(34);
+        let input = Call::new("vkCmdSetVertexInputEXT")
+            .with("vertexBindingDescriptionCount", 1u32)
+            .with("pVertexBindingDescriptions", binding.with("divisor", 2u32))
+            .with("vertexAttributeDescriptionCount", 1u32)
+            .with("pVertexAttributeDescriptions", attribute);
+        capture.command(input);
+        let bind = Call::new("vkCmdBindVertexBuffers").with("bindingCount", 1u32).with("pBuffers", handles(&[20]));
+        capture.command(bind.with("pOffsets", Value::Array(vec![Value::U64(0)])));
+        let draw = Call::new("vkCmdDraw").with("vertexCount", 3u32).with("instanceCount", 5u32).with("firstInstance", 7u32);
+        capture.command(draw);
+    }));
+    let all = work(&path);
+    let draws: Vec<(u32, u32)> = all
+        .iter()
+        .filter_map(|command| match command {
+            Command::Draw { first_instance, instances, .. } => Some((*first_instance, *instances)),
+            _ => None,
+        })
+        .collect();
+    assert_eq!(draws, [(7, 2), (9, 2), (11, 1)]);
+    let offsets: Vec<u64> = commands(&import::open(&path).expect("a trace"))
+        .iter()
+        .filter_map(|command| match command {
+            Command::SetVertexBuffer { offset, .. } => Some(*offset),
+            _ => None,
+        })
+        .collect();
+    assert_eq!(offsets, [28, 32, 36]);
 }
