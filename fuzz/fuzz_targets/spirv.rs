@@ -3,8 +3,8 @@
 
 #![no_main]
 
-use fillrate::shader::{Module, Options as Compile, Source, Stage as Compiled, compile};
-use spirv::{BoundFormat, Constant, Options, Stage, translate};
+use fillrate::shader::{Module, ModuleSource, Options as Compile, Stage as Compiled, compile};
+use spirv::{Bias, BoundFormat, Constant, Options, Place, Stage, Swizzle, translate};
 
 /// The fuzzer's hook ends the process at every panic; those of naga that the library reports as errors are none of ours.
 fn let_guarded_panics_pass() {
@@ -32,11 +32,19 @@ libfuzzer_sys::fuzz_target!(init: let_guarded_panics_pass(), |data: &[u8]| {
     let specialization = [0, 1, 2, 3].map(|id| Constant { id, bytes: &value });
     let format = choice >> 16 & 127;
     let formats = [0, 1, 2, 3].map(|binding| BoundFormat { set: 0, binding, format });
+    let places = [0, 1, 2, 3].map(|binding| Place { set: 0, binding });
+    let channels = [0, 3, 6, 9].map(|bit| choice >> (8 + bit) & 7);
+    let swizzles = places.map(|place| Swizzle { place, channels });
+    let biases = places.map(|place| Bias { place, bias: f32::from_bits(choice) });
     let options = Options {
         specialization: if choice & 4 == 0 { &[] } else { &specialization },
         view_index: Some(choice >> 24),
         flip_y: choice & 8 != 0,
+        from_minus_one: choice & 64 != 0,
+        each_sample: choice & 128 != 0,
         formats: if choice & 16 == 0 { &[] } else { &formats },
+        swizzles: if choice & 32 == 0 { &[] } else { &swizzles },
+        biases: if choice & 32 == 0 { &[] } else { &biases },
     };
     let translated = match translate(&words, "main", stage, &options) {
         Ok(translated) => translated,
@@ -46,7 +54,7 @@ libfuzzer_sys::fuzz_target!(init: let_guarded_panics_pass(), |data: &[u8]| {
         }
     };
     assert!(translated.origins.iter().all(|&(_, origin)| (origin as usize) < words.len()));
-    let Ok(module) = Module::new("fuzzed", Source::SpirV(&translated.bytes())) else { return };
+    let Ok(module) = Module::new("fuzzed", ModuleSource::SpirV(&translated.bytes())) else { return };
     if let Err(error) = compile(&module, compiled, Some("main"), &Compile::default()) {
         assert!(!error.message.is_empty(), "{error}");
     }

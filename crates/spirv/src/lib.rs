@@ -48,7 +48,7 @@
 //! let options = Options { flip_y: true, ..Options::default() };
 //! let translated = translate(&words, "main", Stage::Vertex, &options)?;
 //! assert!(translated.combined.is_empty());
-//! let module = shader::Module::new("corner", shader::Source::SpirV(&translated.bytes()))?;
+//! let module = shader::Module::new("corner", shader::ModuleSource::SpirV(&translated.bytes()))?;
 //! shader::compile(&module, shader::Stage::Vertex, Some("main"), &shader::Options::default())?;
 //!
 //! let refusal = translate(&words, "other", Stage::Vertex, &options).unwrap_err();

@@ -124,7 +124,7 @@ pub struct Conversions {
     written: Vec<BufferId>,
 }
 
-/// Workgroups of a dispatch of so many invocations.
+/// The workgroups that this number of invocations needs.
 fn workgroups(invocations: u64) -> Outcome<u32> {
     let groups = invocations.div_ceil(64);
     if groups > trace::check::WORKGROUPS_MAX.into() {
@@ -267,7 +267,7 @@ mod tests {
         Resource::Buffer(BufferRange { words, offset: 0, size: words.len(), address: 0 })
     }
 
-    /// What a conversion leaves in so many words.
+    /// What a conversion leaves in this number of words.
     fn run(text: &str, source: &[u32], condition: u32, values: [u32; 7], words: usize) -> Vec<u32> {
         let module = Module::new("conversion", ModuleSource::Wgsl(&format!("{HEAD}{text}"))).expect("a module");
         let program = compile(&module, Stage::Compute, Some("main"), &Options::default()).expect("a program");
