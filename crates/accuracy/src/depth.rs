@@ -126,9 +126,9 @@ fn writes(setting: &Setting, mut scene: Scene) -> Result<f64> {
     Ok(funnel(&report.total)?.fragments_written as f64 / f64::from(scene.width * scene.height))
 }
 
-/// Numbers of layers, and the edge of the image.
+/// Numbers of layers, and the edge of the image: so large that a layer has passed before the next one comes.
 fn sizes(setting: &Setting) -> (&'static [usize], u32) {
-    setting.pick((&[4, 11], 64), (&[4, 11, 31, 83], 384), (&[4, 11, 31, 83], 768))
+    setting.pick((&[4, 11], 128), (&[4, 11, 31, 83], 384), (&[4, 11, 31, 83], 768))
 }
 
 fn harmonic(setting: &Setting) -> Result<Vec<Row>> {
