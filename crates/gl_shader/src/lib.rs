@@ -8,9 +8,9 @@
 //! use gl_shader::arb::parse;
 //! use gl_shader::arb::program::ProgramStage;
 //!
-//! let program = parse("!!ARBfp1.0\nMOV result.color, fragment.color;\nEND", Stage::Fragment).expect("a program");
+//! let program = parse("!!ARBfp1.0\nMOV result.color, fragment.color;\nEND", ProgramStage::Fragment).expect("a program");
 //! assert_eq!(program.instructions[0].name, "MOV");
-//! let wrong = parse("!!ARBfp1.0\nMOV result.colour, 1;\nEND", Stage::Fragment).expect_err("a wrong name");
+//! let wrong = parse("!!ARBfp1.0\nMOV result.colour, 1;\nEND", ProgramStage::Fragment).expect_err("a wrong name");
 //! assert_eq!(wrong.place.line, 2);
 //! ```
 

@@ -24,7 +24,7 @@
 //! // The lines of 0, 128 and 256 share a set of two ways. When 256 comes, 0 is the least recently used.
 //! assert_eq!(hits, [false, false, true, false, false, false]);
 //! assert_eq!((cache.counts().misses, cache.counts().evictions), (5, 2));
-//! # Ok::<(), String>(())
+//! # Ok::<(), mem::ShapeError>(())
 //! ```
 
 mod cache;

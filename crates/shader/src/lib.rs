@@ -20,10 +20,10 @@
 //!
 //! ```
 //! use num::Lanes;
-//! use shader::{Executor, Module, Options, Resources, ModuleSource, Stage, compile};
+//! use shader::{Executor, Module, ModuleSource, Options, Resources, Stage, compile};
 //!
 //! let text = "@fragment fn main(@location(0) x: f32) -> @location(0) vec4f { return vec4f(x, 2 * x, 0, 1); }";
-//! let module = Module::new("double", Source::Wgsl(text))?;
+//! let module = Module::new("double", ModuleSource::Wgsl(text))?;
 //! let program = compile(&module, Stage::Fragment, None, &Options::default())?;
 //!
 //! let resources = Resources::default();
