@@ -5,7 +5,7 @@ use gfx::state::Viewport;
 use super::args::Args;
 use super::fault::{Outcome, unsupported};
 
-/// `VkDynamicState`, as far as they are told apart.
+/// The numbers of `VkDynamicState` that the translation knows.
 pub mod dynamic {
     pub const VIEWPORT: u32 = 0;
     pub const SCISSOR: u32 = 1;
