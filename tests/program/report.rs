@@ -99,11 +99,16 @@ fn the_numbers_of_a_page_are_those_of_the_json() {
                 assert_eq!(text.replace(',', ""), value.to_string(), "{name}: {path}");
             }
         }
-        // How much a unit is used is no reason.
-        assert!(
-            page.contains(">limit of its pass<") && page.contains(">most used<") && !page.contains("usiest unit"),
-            "{name}"
-        );
+        // How much a unit is used is no reason. What limits a pass stands in its row, and not in that of each draw.
+        assert!(page.contains(">limited by<") && page.contains(">most used<") && !page.contains("usiest unit"), "{name}");
+        assert!(!page.contains(">limit of its pass<"), "{name}");
+        // Each draw has a row that links find.
+        let draws = own["frames"][0]["phases"].as_array().expect("phases").iter().filter_map(|phase| phase["draws"].as_array());
+        let numbers: Vec<u64> = draws.flatten().filter_map(|draw| draw["number"].as_u64()).collect();
+        assert!(!numbers.is_empty());
+        for number in numbers {
+            assert_eq!(page.matches(&format!(" id=\"draw-{number}\"")).count(), 1, "{name}: draw {number}");
+        }
         for asked in ["http://", "https://", "@import", "url("] {
             let page =
                 page.replace("xmlns=\"http://www.w3.org/2000/svg\"", "").replace("url(#plain)", "").replace("url(#sorts)", "");

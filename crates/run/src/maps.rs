@@ -113,6 +113,21 @@ impl MapKind {
         }
     }
 
+    /// The unit of a value, and the part of the surface that it belongs to if that is larger than a cell.
+    pub fn unit(self) -> &'static str {
+        match self {
+            MapKind::Overdraw | MapKind::Hidden => "fragments",
+            MapKind::Cost => "instructions",
+            MapKind::Waste => "helper invocations",
+            MapKind::Lines => "lines of 64 bytes",
+            MapKind::Draw => "",
+            MapKind::HierarchicalZ | MapKind::EarlyZ => "quads in the 8x8 block",
+            MapKind::Misses => "lines in the 8x8 block",
+            MapKind::When => "cycles after the frame began, for the 8x8 block",
+            MapKind::Tile => "cycles for the tile",
+        }
+    }
+
     /// Whether values are numbers of draws, each one higher, and 0 is none.
     pub fn is_draw(self) -> bool {
         self == MapKind::Draw

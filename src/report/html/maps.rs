@@ -16,13 +16,24 @@ fn encoded(surface: &Surface, map: &Map) -> Vec<u8> {
     RgbImage::from_raw(surface.columns, surface.rows, bytes).and_then(|image| picture::png(&image).ok()).unwrap_or_default()
 }
 
-/// The largest value, and the one that 99.5 % of the cells with any stay below.
-fn scale(map: &Map) -> (u32, u32) {
-    let mut some: Vec<u32> = map.values.iter().copied().filter(|&value| value > 0).collect();
-    some.sort_unstable();
-    let most = some.last().copied().unwrap_or(0);
-    let at = (some.len() * 199 / 200).min(some.len().saturating_sub(1));
-    (most, some.get(at).copied().unwrap_or(0).max(1))
+/// The ends of a map's scale. Cells of value 0 have no colour of it.
+#[derive(Debug, PartialEq, Eq)]
+struct MapScale {
+    /// The smallest value above 0.
+    least: u32,
+    /// The value that 99.5 % of the others stay below.
+    scale: u32,
+    /// The largest value.
+    most: u32,
+}
+
+impl MapScale {
+    fn new(map: &Map) -> MapScale {
+        let mut some: Vec<u32> = map.values.iter().copied().filter(|&value| value > 0).collect();
+        some.sort_unstable();
+        let value = |at: usize| some.get(at.min(some.len().saturating_sub(1))).copied().unwrap_or(0);
+        MapScale { least: value(0), scale: value(some.len() * 199 / 200).max(1), most: value(usize::MAX) }
+    }
 }
 
 /// What the script needs to know of a surface's maps.
@@ -31,8 +42,9 @@ fn about(maps: &Maps, surface: &Surface) -> Value {
         .maps
         .iter()
         .map(|map| {
-            let (most, scale) = scale(map);
-            json!({ "name": map.kind.name(), "about": map.kind.about(), "draws": map.kind.is_draw(), "most": most, "scale": scale })
+            let MapScale { least, scale, most } = MapScale::new(map);
+            let kind = map.kind;
+            json!({ "name": kind.name(), "about": kind.about(), "unit": kind.unit(), "draws": kind.is_draw(), "least": least, "scale": scale, "most": most })
         })
         .collect();
     let draws: Vec<Value> = maps
@@ -54,6 +66,15 @@ fn numbers(passes: &[u32]) -> String {
     text
 }
 
+/// A picture that the pointer moves over, with a layer that shows the pixels of the selected draw.
+fn heat(own: Markup) -> Markup {
+    html! {
+        div.heat tabindex="0" role="group" aria-label="Arrow keys move the pointer by a pixel, with Shift by 8. Enter selects the draw that is last there." {
+            (own) canvas.chosen hidden {} div.cross {}
+        }
+    }
+}
+
 fn one(maps: &Maps, surface: &Surface, picture: Option<&str>) -> Markup {
     let value = about(maps, surface);
     let shown = if surface.shown { " (shown)" } else { "" };
@@ -61,18 +82,16 @@ fn one(maps: &Maps, surface: &Surface, picture: Option<&str>) -> Markup {
     html! {
         div.maps {
             h3 { (surface.name) (shown) ", " (surface.width) "\u{00d7}" (surface.height) ", " (s) " " (numbers(&surface.passes)) }
-            div.tabs role="group" aria-label="Which map" {
-                @for map in &surface.maps { button type="button" aria-pressed="false" { (map.kind.name()) } }
+            div.tabs role="group" aria-label="Map" {
+                @for map in &surface.maps { button type="button" aria-pressed="false" title=(map.kind.about()) { (map.kind.name()) } }
             }
             p.note.about {}
             div.two {
-                @if let (Some(picture), true) = (picture, surface.shown) {
-                    div.heat { img src=(picture) alt="The picture"; div.cross {} }
-                }
+                @if let (Some(picture), true) = (picture, surface.shown) { (heat(html! { img src=(picture) alt="The picture"; })) }
                 div {
-                    div.heat { canvas role="img" aria-label="Heat map" {} div.cross {} }
-                    div.scale { span.low {} i {} span.high {} }
-                    div.readout aria-live="off" { "Point at a pixel." }
+                    (heat(html! { canvas.map role="img" aria-label="Heat map" {} }))
+                    div.scale { span.low {} i {} span.high {} span { i.none {} "none" } }
+                    div.readout role="status" aria-live="off" { "Point at a pixel. A click selects the draw that is last there." }
                 }
             }
             @for map in &surface.maps {
@@ -96,5 +115,20 @@ pub fn section(maps: &Maps, picture: Option<&str>) -> Markup {
             } @else { "Rejects, texture misses and when are known where a machine has drawn the frame: replay with " code { "--fidelity cycle" } "." }
         }
         noscript { p { "The maps need JavaScript." } }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_scale_begins_at_the_smallest_value() {
+        let map = |values: Vec<u32>| MapScale::new(&Map { kind: MapKind::When, values });
+        assert_eq!(map(vec![0, 700, 900, 800]), MapScale { least: 700, scale: 900, most: 900 });
+        // One cell of 300 does not take the colours of all others.
+        let values = (0..300).map(|at| if at == 7 { 1_000_000 } else { 5 + at % 2 }).collect();
+        assert_eq!(map(values), MapScale { least: 5, scale: 6, most: 1_000_000 });
+        assert_eq!(map(vec![0, 0]), MapScale { least: 0, scale: 1, most: 0 });
     }
 }

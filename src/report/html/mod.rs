@@ -27,7 +27,8 @@ use crate::stats::Key;
 use data::CountedSpan;
 
 const STYLE: &str = include_str!("page.css");
-const SCRIPT: &str = include_str!("page.js");
+/// Tables, then the selection of draws, then what follows it.
+const SCRIPT: &str = concat!(include_str!("page.js"), include_str!("draws.js"), include_str!("maps.js"));
 
 /// What tells a page from other files.
 pub const MARK: &[u8] = br#"<meta name="generator" content="fillrate">"#;
@@ -69,10 +70,8 @@ pub fn page(title: &str, head: &Markup, parts: &[PageSection], values: &[(&str, 
                 style { (PreEscaped(STYLE)) }
             }
             body {
-                header.top {
-                    (head)
-                    nav aria-label="Sections" { @for part in parts { a href=(format!("#{}", part.id)) { (part.title) } } }
-                }
+                header.top { (head) }
+                nav.index aria-label="Sections" { @for part in parts { a href=(format!("#{}", part.id)) { (part.title) } } }
                 main {
                     @for part in parts {
                         section.long id=(part.id) { h2 { (part.title) } (part.body) }
@@ -134,6 +133,16 @@ pub fn cell_of(value: Option<f64>, path: &str, text: impl Fn(f64) -> String) -> 
     html! {
         @match value {
             Some(value) => td.n data-path=(path) data-value=(value) { (text(value)) },
+            None => td.n data-value="" { "\u{2013}" },
+        }
+    }
+}
+
+/// As [`cell_of`] with a number, in front of a bar that is as long as the number's share of the largest in the column.
+pub fn cell_behind(value: Option<f64>, path: &str, share: f64) -> Markup {
+    html! {
+        @match value {
+            Some(value) => td.n.behind data-path=(path) data-value=(value) style=(format!("--part:{:.1}%", 100.0 * share)) { (readable(value)) },
             None => td.n data-value="" { "\u{2013}" },
         }
     }

@@ -1,10 +1,36 @@
 "use strict";
-// Tables that sort by a column, and are filtered.
-for (const table of document.querySelectorAll("table.sortable")) {
-  const body = table.tBodies[0];
-  table.querySelectorAll("thead th").forEach((head, column) => {
+// Tables that sort by a column, show the first rows or all, leave out rows that a filter does not match, and columns that are not chosen.
+const TOP = 20;
+const grouped = (n) => String(n).replace(/\B(?=(\d{3})+(?!\d))/g, ",");
+function element(name, attributes, ...children) {
+  const made = document.createElement(name);
+  for (const [key, value] of Object.entries(attributes)) made.setAttribute(key, value);
+  made.append(...children);
+  return made;
+}
+class Rows {
+  constructor(table) {
+    [this.table, this.tests, this.most, this.counted] = [table, [], Infinity, () => {}];
+  }
+  get all() { return [...this.table.tBodies[0].rows]; }
+  // A selected row is shown always.
+  update() {
+    let found = 0;
+    for (const row of this.all) {
+      const fits = this.tests.every((test) => test(row));
+      found += fits;
+      row.hidden = !(fits && found <= this.most) && row.getAttribute("aria-selected") !== "true";
+    }
+    this.counted(found);
+  }
+}
+const tables = new Map([...document.querySelectorAll("table.sortable")].map((table) => [table, new Rows(table)]));
+for (const [table, rows] of tables) {
+  const body = table.tBodies[0], heads = [...table.tHead.rows[0].cells];
+  heads.forEach((head, column) => {
     const button = head.querySelector("button");
     if (!button) return;
+    if (head.textContent === table.dataset.sorted) head.setAttribute("aria-sort", "descending");
     button.addEventListener("click", () => {
       const numbers = head.classList.contains("n");
       const up = head.getAttribute("aria-sort") === (numbers ? "descending" : "none") || !head.hasAttribute("aria-sort") && !numbers;
@@ -13,106 +39,90 @@ for (const table of document.querySelectorAll("table.sortable")) {
         if (!numbers) return cell ? cell.textContent : "";
         return value === undefined || value === "" ? NaN : Number(value);
       };
-      // Empty cells come last, whichever way is sorted.
+      // Empty cells come last in both directions.
       const order = (a, b) => {
         const [x, y] = [key(a), key(b)];
         if (!numbers) return up ? x.localeCompare(y, "en") : y.localeCompare(x, "en");
         if (isNaN(x) || isNaN(y)) return isNaN(x) - isNaN(y);
         return up ? x - y : y - x;
       };
-      const rows = [...body.rows].sort(order);
-      table.querySelectorAll("thead th").forEach((other) => other.removeAttribute("aria-sort"));
+      const sorted = rows.all.sort(order);
+      heads.forEach((other) => other.removeAttribute("aria-sort"));
       head.setAttribute("aria-sort", up ? "ascending" : "descending");
-      body.append(...rows);
+      body.append(...sorted);
+      rows.update();
     });
   });
+  const box = table.closest(".tall"), all = body.rows.length;
+  if (!box) continue;
+  const tools = element("div", { class: "tools" });
+  if (all > TOP) {
+    const filter = element("input", { type: "search", placeholder: "Filter rows", "aria-label": "Filter rows" });
+    rows.tests.push((row) => filter.value.toLowerCase().split(" ").every((word) => row.textContent.toLowerCase().includes(word)));
+    filter.addEventListener("input", () => rows.update());
+    tools.append(filter);
+    const button = element("button", { type: "button", class: "plain" }), count = element("span", {});
+    button.addEventListener("click", () => {
+      rows.most = rows.most === TOP ? Infinity : TOP;
+      rows.update();
+    });
+    rows.most = TOP;
+    rows.counted = (found) => {
+      const by = heads.find((head) => head.hasAttribute("aria-sort")), few = rows.most === TOP;
+      box.classList.toggle("few", few);
+      button.hidden = found <= TOP;
+      button.textContent = few ? "Show all " + grouped(found) : "Show the top " + TOP;
+      count.textContent = grouped(Math.min(found, rows.most)) + " of " + grouped(all) + " rows" + (by ? ", by " + by.textContent : "");
+    };
+    box.after(element("div", { class: "more" }, count, button));
+  }
+  if (table.dataset.shown) {
+    const shown = table.dataset.shown.split("|"), list = element("div", {});
+    heads.forEach((head, column) => {
+      const check = element("input", { type: "checkbox" });
+      const show = () => [head, ...rows.all.map((row) => row.cells[column])].forEach((cell) => { cell.hidden = !check.checked; });
+      check.checked = shown.includes(head.textContent);
+      check.addEventListener("change", show);
+      list.append(element("label", {}, check, head.textContent || "\u2013"));
+      show();
+    });
+    tools.append(element("details", { class: "columns" }, element("summary", {}, "Columns"), list));
+  }
+  if (tools.children.length) box.before(tools);
+  rows.update();
 }
 for (const box of document.querySelectorAll(".filters")) {
-  const table = document.getElementById(box.dataset.table), count = box.querySelector("output");
-  const apply = () => {
-    let shown = 0;
-    for (const row of table.tBodies[0].rows) {
-      const fits = [...box.querySelectorAll("[data-column]")].every((field) => {
-        const cell = row.cells[field.dataset.column];
-        if (field.value === "") return true;
-        if (field.type === "number") return cell.dataset.value !== undefined && Number(cell.dataset.value) <= Number(field.value);
-        return cell.textContent === field.value;
-      });
-      row.hidden = !fits;
-      shown += fits;
-    }
-    if (count) count.textContent = shown + " of " + table.tBodies[0].rows.length;
+  const table = document.getElementById(box.dataset.table), count = box.querySelector("output"), rows = tables.get(table);
+  const told = rows.counted;
+  rows.counted = (found) => {
+    told(found);
+    if (count) count.textContent = found + " of " + table.tBodies[0].rows.length;
   };
-  box.addEventListener("input", apply);
-  apply();
+  rows.tests.push((row) => [...box.querySelectorAll("[data-column]")].every((field) => {
+    const cell = row.cells[field.dataset.column];
+    if (field.value === "") return true;
+    if (field.type === "number") return cell.dataset.value !== undefined && Number(cell.dataset.value) <= Number(field.value);
+    return cell.textContent === field.value;
+  }));
+  box.addEventListener("input", () => rows.update());
+  rows.update();
 }
-// Heat maps: each pixel of a picture holds a number of 24 bits; a canvas shows it in colours.
-const VIRIDIS = [[68, 1, 84], [72, 40, 120], [62, 73, 137], [49, 104, 142], [38, 130, 142], [31, 158, 137], [53, 183, 121], [110, 206, 88], [181, 222, 43], [253, 231, 37]];
-function shade(part) {
-  const at = Math.max(0, Math.min(1, part)) * (VIRIDIS.length - 1), low = Math.min(VIRIDIS.length - 2, Math.floor(at));
-  return VIRIDIS[low].map((value, c) => Math.round(value + (VIRIDIS[low + 1][c] - value) * (at - low)));
-}
-function hue(number) {
-  const turn = (number * 0.6180339887) % 1, light = [0.62, 0.45, 0.78][number % 3], strong = 0.75 * Math.min(light, 1 - light);
-  const part = (n) => { const k = (n + turn * 12) % 12; return Math.round(255 * (light - strong * Math.max(-1, Math.min(k - 3, 9 - k, 1)))); };
-  return [part(0), part(8), part(4)];
-}
-async function numbers(image) {
-  if (!image.complete) await new Promise((done) => image.addEventListener("load", done, { once: true }));
-  const canvas = document.createElement("canvas");
-  [canvas.width, canvas.height] = [image.naturalWidth, image.naturalHeight];
-  const context = canvas.getContext("2d", { willReadFrequently: true });
-  context.drawImage(image, 0, 0);
-  const bytes = context.getImageData(0, 0, canvas.width, canvas.height).data, out = new Uint32Array(canvas.width * canvas.height);
-  for (let i = 0; i < out.length; i++) out[i] = bytes[4 * i] << 16 | bytes[4 * i + 1] << 8 | bytes[4 * i + 2];
-  return out;
-}
-const grouped = (n) => String(n).replace(/\B(?=(\d{3})+(?!\d))/g, ",");
-for (const box of document.querySelectorAll(".maps")) {
-  const about = JSON.parse(box.querySelector("script").textContent);
-  const [canvas, readout, low, high, note] = ["canvas", ".readout", ".low", ".high", ".about"].map((name) => box.querySelector(name));
-  const crosses = box.querySelectorAll(".cross"), buttons = box.querySelectorAll(".tabs button");
-  const names = new Map(about.draws.map((draw) => [draw.number, draw]));
-  const data = about.maps.map(() => null);
-  [canvas.width, canvas.height] = [about.width, about.height];
-  const load = async (at) => data[at] ??= await numbers(box.querySelectorAll("img.raw")[at]);
-  async function show(at) {
-    const values = await load(at), map = about.maps[at], context = canvas.getContext("2d");
-    const image = context.createImageData(about.width, about.height);
-    for (let i = 0; i < values.length; i++) {
-      const value = values[i];
-      const [r, g, b] = value === 0 ? [28, 28, 36] : map.draws ? hue(value) : shade(map.scale <= 1 ? 1 : 0.15 + 0.85 * (value - 1) / (map.scale - 1));
-      image.data.set([r, g, b, 255], 4 * i);
+// The index marks the section that is read.
+{
+  const links = new Map([...document.querySelectorAll("nav.index a")].map((link) => [link.hash.slice(1), link]));
+  const sections = [...document.querySelectorAll("main > section")];
+  let marked = null;
+  const mark = () => {
+    const read = sections.filter((section) => section.getBoundingClientRect().top < innerHeight / 3).pop() || sections[0];
+    if (!read || read.id === marked) return;
+    marked = read.id;
+    for (const [id, link] of links) {
+      if (id !== marked) { link.removeAttribute("aria-current"); continue; }
+      link.setAttribute("aria-current", "true");
+      const list = link.parentElement;
+      list.scrollTo({ left: link.offsetLeft - list.clientWidth / 2, top: link.offsetTop - list.clientHeight / 2 });
     }
-    context.putImageData(image, 0, 0);
-    buttons.forEach((button, n) => button.setAttribute("aria-pressed", String(n === at)));
-    box.querySelector(".scale").hidden = Boolean(map.draws);
-    low.textContent = "1";
-    high.textContent = map.scale < map.most ? grouped(map.scale) + " or more (most: " + grouped(map.most) + ")" : grouped(map.most);
-    note.textContent = map.about;
-    canvas.setAttribute("aria-label", map.name);
-  }
-  buttons.forEach((button, at) => button.addEventListener("click", () => show(at)));
-  const point = async (event) => {
-    const place = event.currentTarget.getBoundingClientRect();
-    const [u, v] = [(event.clientX - place.left) / place.width, (event.clientY - place.top) / place.height];
-    const x = Math.min(about.width - 1, Math.max(0, Math.floor(u * about.width))), y = Math.min(about.height - 1, Math.max(0, Math.floor(v * about.height)));
-    crosses.forEach((cross) => { cross.style.display = "block"; cross.style.left = 100 * u + "%"; cross.style.top = 100 * v + "%"; });
-    await Promise.all(about.maps.map((_, at) => load(at)));
-    const cell = about.cell === 1 ? "pixel " + x + ", " + y : about.cell + "x" + about.cell + " pixels at " + x * about.cell + ", " + y * about.cell;
-    readout.replaceChildren(cell);
-    about.maps.forEach((map, at) => {
-      const value = data[at][y * about.width + x], line = document.createElement("div");
-      const draw = names.get(value - 1);
-      line.textContent = map.draws
-        ? map.name + ": " + (value === 0 ? "none" : "draw " + (value - 1) + (draw && draw.label ? " " + draw.label : "") + (draw ? ", pass " + draw.pass : ""))
-        : map.name + ": " + grouped(value);
-      readout.append(line);
-    });
   };
-  box.querySelectorAll(".heat").forEach((place) => {
-    place.addEventListener("pointermove", point);
-    place.addEventListener("pointerdown", point);
-  });
-  show(0);
+  addEventListener("scroll", mark, { passive: true });
+  mark();
 }

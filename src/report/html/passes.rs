@@ -4,7 +4,7 @@ use maud::{Markup, html};
 
 use super::data::{CYCLES, CountedSpan};
 use super::replay::{Input, Limit};
-use super::{Column, bar, cell, cell_of, cell_share, heads, key, percent, readable, share};
+use super::{Column, bar, cell, cell_behind, cell_of, cell_share, heads, key, percent, readable, share};
 use crate::machine::{Moved, Spent};
 use crate::mem::{CACHES, CacheCounts, DRAM};
 use crate::report::rows::{GEOMETRY, TILES};
@@ -217,7 +217,23 @@ fn phases(input: &Input<'_>) -> Option<Markup> {
     })
 }
 
-/// The table of draws, where the replay reported each draw (`--per-draw`).
+/// Columns of draws that the page shows at first. The others can be chosen.
+const SHOWN: [&str; 9] =
+    ["draw", "label", "pass", "cycles", "share", "most used", "out of view", "fragments shaded", "bytes from DRAM"];
+
+/// The primitives of a draw that are out of view, as a share of all.
+fn out_of_view(draw: &CountedSpan) -> Option<(u64, u64)> {
+    let Funnel { primitives_in, culled_frustum, .. } = FUNNEL.sum(&draw.counts);
+    (primitives_in > 0).then_some((culled_frustum, primitives_in))
+}
+
+/// The name of a draw, with its pipeline and the debug group around it.
+fn label(draw: &CountedSpan) -> String {
+    let end = if draw.number.is_none() { "end of the pass" } else { "" };
+    [draw.group.as_str(), &draw.label, end].into_iter().filter(|text| !text.is_empty()).collect::<Vec<_>>().join(" / ")
+}
+
+/// The table of draws, where the replay reported each draw (`--per-draw`). The row of draw N has the id `draw-N`.
 fn draw_table(input: &Input<'_>) -> Option<Markup> {
     /// Draws that are listed: those with most cycles.
     const MOST: usize = 1000;
@@ -232,62 +248,66 @@ fn draw_table(input: &Input<'_>) -> Option<Markup> {
     let all: f64 = draws.iter().map(|(.., draw)| draw.cycles()).sum();
     // In a stable order: of equal ones the first.
     draws.sort_by(|a, b| b.3.cycles().total_cmp(&a.3.cycles()));
+    let most = draws[0].3.cycles();
     let left = draws.len().saturating_sub(MOST);
     draws.truncate(MOST);
     let more = columns(&draws.iter().map(|(.., draw)| *draw).collect::<Vec<_>>());
     let halves = draws.iter().any(|(.., draw)| HALVES.iter().any(|(key, ..)| key.sum(&draw.counts).is_some()));
+    let passes = draws.iter().any(|(at, ..)| *at != draws[0].0);
     let mut titles = vec![
         Column("draw", true, "Its number in the trace; what follows the last draw of a pass has none."),
         Column("label", false, "Its pipeline, and the debug groups around it."),
-        Column("pass", true, ""),
-        Column(
-            "cycles",
-            true,
-            if halves {
-                "Its shares of the geometry half and of the tile half."
-            } else {
-                "From the retirement before it to its own."
-            },
-        ),
-        Column("share", true, "Of the cycles of all draws."),
-        Column(
-            "limit of its pass",
-            false,
-            "By counts and rates. Draws of a pass are in the machine together, so a limit is one of the pass, not of a draw.",
-        ),
-        USED,
     ];
-    if halves {
-        for (at, (_, name, about)) in HALVES.into_iter().enumerate() {
-            titles.insert(5 + at, Column(name, true, about));
-        }
+    if passes {
+        titles.push(Column(
+            "pass",
+            true,
+            "The table of passes has the limit of each pass: its draws are in the machine together.",
+        ));
     }
+    titles.push(Column(
+        "cycles",
+        true,
+        if halves {
+            "Its shares of the geometry half and of the tile half."
+        } else {
+            "From the retirement before it to its own."
+        },
+    ));
+    titles.push(Column("share", true, "Of the cycles of all draws."));
+    if halves {
+        titles.extend(HALVES.map(|(_, name, about)| Column(name, true, about)));
+    }
+    titles.push(USED);
+    titles.push(Column("out of view", true, "Primitives that lie outside the view, of those that the draw has."));
     let named = heads_of(&more);
     titles.extend(named.iter().map(|(name, path)| Column(name, true, path)));
-    let label = |draw: &CountedSpan| {
-        let end = if draw.number.is_none() { "end of the pass" } else { "" };
-        [draw.group.as_str(), &draw.label, end].into_iter().filter(|text| !text.is_empty()).collect::<Vec<_>>().join(" / ")
-    };
     let number =
         |of: &CountedSpan, base: &str| cell_of(of.number.map(|number| number as f64), &format!("{base}.number"), readable);
+    let shown = SHOWN.into_iter().chain(HALVES.map(|(_, name, _)| name)).collect::<Vec<_>>().join("|");
     Some(html! {
         h3 { "Draws" }
         @if halves { p.note { "This machine bins, so that draws retire together: each has a share of the cycles by its work. What cannot be told apart is blank, and the end of the pass has it." } }
         @if left > 0 { p.note { "The " (readable(MOST as f64)) " draws with most cycles; " (readable(left as f64)) " more are in draws.csv." } }
-        div.scroll.tall { table.sortable id="draws" {
+        p.note.script { "A click on a row selects its draw on the whole page." }
+        div.scroll.tall { table.sortable id="draws" data-shown=(shown) data-sorted="cycles" {
             (heads(&titles))
             tbody { @for (at, own, phase, draw) in &draws {
                 @let pass = format!("{}.phases[{at}]", statistics.place());
                 @let base = format!("{pass}.draws[{own}]");
-                tr {
+                @let name = draw.number.map(|number| format!("{}: {} cycles", [format!("draw {number}"), label(draw), phase.name()].into_iter().filter(|text| !text.is_empty()).collect::<Vec<_>>().join(", "), readable(draw.cycles())));
+                tr id=[draw.number.map(|number| format!("draw-{number}"))] data-draw=[draw.number] data-name=[name] {
                     (number(draw, &base))
                     td.name { (label(draw)) }
-                    (number(phase, &pass))
-                    (cell(draw, &base, &CYCLES))
+                    @if passes { (number(phase, &pass)) }
+                    (cell_behind(CYCLES.sum(&draw.counts), &format!("{base}.{}", CYCLES.path(draw.units)), share(draw.cycles(), most)))
                     (cell_share(share(draw.cycles(), all)))
                     @if halves { @for (key, ..) in &HALVES { (cell(draw, &base, key)) } }
-                    td.reason { @match unit_limit(input, *at, phase) { Some(unit) => b { (unit) }, None => span.note { "\u{2013}" } } }
                     (used_cell(draw, frame))
+                    @match out_of_view(draw) {
+                        Some((out, primitives)) => td.n data-value=(share(out as f64, primitives as f64)) title=(format!("{} of {} primitives", readable(out as f64), readable(primitives as f64))) { (percent(share(out as f64, primitives as f64))) },
+                        None => td.n data-value="" { "\u{2013}" },
+                    }
                     @for (key, _) in &more { @if halves { (cell(draw, &base, key)) } @else { (counted_cell(draw, &base, key)) } }
                 }
             } }
