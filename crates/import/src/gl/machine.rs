@@ -18,9 +18,6 @@ use crate::gl::state::glsl::GlslTranslations;
 use crate::gl::state::server::State;
 use crate::gl::state::transform::Stack;
 
-/// Tells whether a call leaves all that a draw depends on as it is. An error says that it may not.
-pub type IsRedundant = fn(&Gl, &Call) -> GlResult<bool>;
-
 /// The matrix by which a call multiplies the current one.
 pub type Factor = fn(&Call) -> GlResult<Mat4>;
 
@@ -195,8 +192,6 @@ pub struct Handler {
     pub shape: Shape,
     /// What it does between Begin and End.
     pub immediate: Immediate,
-    /// Whether a call of it changes nothing.
-    pub redundant: Option<IsRedundant>,
     /// The matrix by which it multiplies the current one, if it does no more.
     pub factor: Option<Factor>,
 }

@@ -6,8 +6,7 @@ use crate::gl::calls::ignored::nothing;
 use crate::gl::calls::indirect::{INDEXED, SEVERAL};
 use crate::gl::calls::{
     accumulate, arb, arrays, buffers, elements, environment, evaluator, fragments, framebuffer, glsl, immediate, indirect,
-    lists, packed, pixels, raster, rectangles, redundant, restart, samplers, saved, texturing, transform, uniforms,
-    window_system,
+    lists, packed, pixels, raster, rectangles, restart, samplers, saved, texturing, transform, uniforms, window_system,
 };
 use crate::gl::draw::quads;
 use crate::gl::machine::{CallClass, Gl, Handler, Immediate, Run};
@@ -54,14 +53,7 @@ fn unknown(_: &mut Gl, call: &Call, _: Shape) -> GlResult {
 /// The entry of a function by name; an unknown function is refused by name when it is called.
 pub fn find(name: &str) -> Handler {
     let plain = Shape { count: 0, scalar: Scalar::Float, vector: false };
-    let handler = |(class, run): (CallClass, Run), shape, immediate| Handler {
-        run,
-        class,
-        shape,
-        immediate,
-        redundant: None,
-        factor: None,
-    };
+    let handler = |(class, run): (CallClass, Run), shape, immediate| Handler { run, class, shape, immediate, factor: None };
     let Some(core) = core_name(name) else { return handler(window_system::find(name), plain, Immediate::Other) };
     if let Some(window) = core.starts_with('X').then(|| window_system::find(name)) {
         return handler(window, plain, Immediate::Other);
@@ -71,11 +63,7 @@ pub fn find(name: &str) -> Handler {
         return handler((CallClass::Server, fragments::stencil_func_both), plain, Immediate::Other);
     }
     if let Some(found) = exact(core) {
-        return Handler {
-            redundant: redundant::test(core),
-            factor: transform::factor(core),
-            ..handler(found, plain, immediate(core, None))
-        };
+        return Handler { factor: transform::factor(core), ..handler(found, plain, immediate(core, None)) };
     }
     if let Some((stem, shape)) = shape(core)
         && let Some(found) = typed(stem)

@@ -54,7 +54,6 @@ impl Gl {
         }
         // Primitives that wait belong to what was current.
         self.flush()?;
-        self.drawing.prepared.discard();
         if from.context != to.context {
             for key in [from.context, to.context].into_iter().flatten() {
                 self.contexts.exchange(key, &mut self.state, &mut self.context, &mut self.objects);

@@ -25,15 +25,7 @@ impl Gl {
             CallClass::Server | CallClass::Matrix => self.flush()?,
             CallClass::Client | CallClass::Arrays => {}
         }
-        let redundant = || handler.redundant.is_some_and(|redundant| redundant(self, call) == Ok(true));
-        if matches!(handler.class, CallClass::Matrix | CallClass::Arrays) || redundant() {
-            return (handler.run)(self, call, handler.shape);
-        }
-        // Some functions change the state for draws of their own.
-        self.drawing.prepared.discard();
-        let outcome = (handler.run)(self, call, handler.shape);
-        self.drawing.prepared.discard();
-        outcome
+        (handler.run)(self, call, handler.shape)
     }
 
     /// Counts the error or the unsupported feature of a call.

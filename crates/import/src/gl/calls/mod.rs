@@ -20,7 +20,6 @@ pub mod packed;
 pub mod pixels;
 pub mod raster;
 pub mod rectangles;
-pub mod redundant;
 pub mod restart;
 pub mod samplers;
 pub mod saved;

@@ -190,12 +190,6 @@ pub fn material(gl: &mut Gl, call: &Call, shape: Shape) -> GlResult {
         }
     }
     gl.flush()?;
-    let shines = |materials: &[Material; 2]| materials.each_ref().map(|of| of.specular[..3] != [0.0; 3]);
-    // Of a draw's shader, only whether materials are specular depends on them.
-    match shines(&materials) == shines(&gl.state.lighting.materials) {
-        true => gl.drawing.prepared.change_materials(),
-        false => gl.drawing.prepared.discard(),
-    }
     gl.state.lighting.materials = materials;
     Ok(())
 }
@@ -224,7 +218,6 @@ fn track(gl: &mut Gl, [face, name]: [u32; 2], materials: [Material; 2]) -> GlRes
     if gl.context.changing_material.is_none() {
         // Primitives before this one use the old material.
         gl.flush()?;
-        gl.drawing.prepared.discard();
     }
     if let (true, Some(old), Some(new)) = (goes_on, old, new) {
         if let (None, Some((_, vertices))) = (gl.context.changing_material, &mut gl.context.open_primitive) {

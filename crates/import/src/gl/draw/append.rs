@@ -58,11 +58,9 @@ impl Gl {
     /// Draws with other enabled capabilities than the program's.
     pub fn with_enabled(&mut self, enabled: u64, draw: impl FnOnce(&mut Gl) -> GlResult) -> GlResult {
         self.flush()?;
-        self.drawing.prepared.discard();
         let own = std::mem::replace(&mut self.state.enabled, enabled);
         let outcome = draw(self).and_then(|()| self.flush());
         self.state.enabled = own;
-        self.drawing.prepared.discard();
         outcome
     }
 

@@ -19,7 +19,6 @@ impl Gl {
         let new = if fixed { size } else { [old[0].max(size[0]), old[1].max(size[1])] };
         if (fixed || !stated) && new != old && !new.contains(&0) {
             self.flush()?;
-            self.drawing.prepared.discard();
             self.card.resize(new);
         }
         self.fit();

@@ -1,8 +1,7 @@
 //! Draws: what the state says becomes commands of the card.
 //!
-//! Three things are kept for later draws, each as long as what it is made of:
+//! Vertices that stay on the card are kept for later draws, each as long as what they are made of:
 //!
-//! * Prepared draws ([`prepare`]) are made of the state, and are valid until it changes. Their key has what may differ between draws of one state.
 //! * Buffers of display lists ([`lists`]) are made of a list's vertices and a layout. A list owns them.
 //! * Conversions of buffer objects ([`resident`]) are made of its contents and a format. The buffer object owns them.
 

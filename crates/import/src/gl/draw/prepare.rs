@@ -1,5 +1,4 @@
-//! What a draw needs beside its vertices and its values: shader, pipeline, textures, the layout of its vertices. Consecutive draws share it as
-//! long as only matrices, current attributes, and colours of materials change between them.
+//! What a draw needs beside its vertices and its values: shader, pipeline, textures, the layout of its vertices.
 
 use std::collections::BTreeSet;
 use std::rc::Rc;
@@ -8,7 +7,6 @@ use gl_shader::arb::program::{Output, ProgramStage, input};
 use gl_shader::glsl::stage::way;
 use gl_shader::key::*;
 use gl_shader::{TARGETS, UNITS, consts as e, wgsl};
-use glam::{Mat4, Vec4};
 use num::*;
 
 use crate::gl::call::{Fault, GlResult};
@@ -25,8 +23,7 @@ use crate::gl::geometry::vertex::Vertex;
 use crate::gl::machine::Gl;
 use crate::gl::matrix::transform;
 use crate::gl::state::arb::ActiveProgram;
-use crate::gl::state::materials::tracked_parameters;
-use crate::gl::state::prepared::{DrawKey, Prepared, Sampling};
+use crate::gl::state::prepared::{Prepared, Sampling};
 
 /// What preparing a draw gives.
 pub enum Preparation {
@@ -38,49 +35,7 @@ pub enum Preparation {
     Ready(Box<Prepared>),
 }
 
-impl DrawKey {
-    fn of(gl: &Gl, batch: &Batch, summary: &Summary, units: &[UnitKey]) -> DrawKey {
-        let mut matrices = [0; 2];
-        for unit in units.iter().map(|key| key.unit).filter(|&unit| unit < UNITS) {
-            let m = &gl.context.matrices.texture[unit].top;
-            matrices[0] |= u8::from(*m != Mat4::IDENTITY) << unit;
-            matrices[1] |= u8::from(m.row(3) != Vec4::W) << unit;
-        }
-        DrawKey {
-            class: batch.class,
-            polygon: batch.polygon,
-            topology: batch.topology,
-            turned: batch.turned,
-            sent: batch.sent,
-            summary: *summary,
-            projective: gl.context.matrices.modelview.top.row(3) != Vec4::W,
-            matrices,
-            keeps_material: gl.context.material_tracking.has_unchanged() && tracked_parameters(&gl.state) != [0; 2],
-        }
-    }
-}
-
 impl Prepared {
-    /// Whether the prepared draw can be used for this draw, too.
-    pub fn matches(&self, gl: &Gl, batch: &Batch, summary: &Summary) -> bool {
-        self.reusable && self.draw_key == DrawKey::of(gl, batch, summary, &self.key.units)
-    }
-
-    /// Whether preparing this draw again gives the same. This checks [`Prepared::matches`], and that prepared draws are discarded in time.
-    pub fn is_up_to_date(&self, gl: &mut Gl, batch: &mut Batch, constant: &mut Vertex, summary: &mut Summary) -> bool {
-        let Ok(Preparation::Ready(again)) = gl.prepare(batch, None, constant, summary) else { return false };
-        let uniforms = |of: &Prepared| {
-            let mut block = Vec::new();
-            uniforms::bytes(&of.key, &of.source(gl, constant), of.lit.clone(), &mut block);
-            block
-        };
-        // As text: a number may be none.
-        let rest = |of: &Prepared| format!("{:?}", (of.viewport, of.scissor, of.blend, of.writes));
-        (&self.key, &self.fixed, &self.bound, self.target) == (&again.key, &again.fixed, &again.bound, again.target)
-            && self.packing.is_like(&again.packing)
-            && (uniforms(self), rest(self)) == (uniforms(&again), rest(&again))
-    }
-
     /// The values of the uniforms, with these attributes where all vertices have the same.
     pub fn source<'a>(&'a self, gl: &'a Gl, constant: &'a Vertex) -> UniformInputs<'a> {
         let [vertex, fragment] = self.programs.each_ref().map(Option::as_ref);
@@ -248,20 +203,7 @@ impl Gl {
         };
         let layouts = streams.as_ref().map_or(layouts, |streams| streams.layouts.clone().into());
         let fixed = self.fixed(&target, shader, layouts, batch, &key, bound.len())?;
-        let draw_key = DrawKey::of(self, batch, summary, &key.units);
-        // The values of programs, the offsets and the fog of lines, and copies for logic operations are of one draw.
-        let lines = matches!(key.expand, Expand::Line | Expand::SmoothLine);
-        let own =
-            self.drawing.pixels.is_some() || key.logic.is_some() || self.offsets(batch.class) || lines && key.fog.is_some();
-        let reusable = vertex.is_none()
-            && fragment.is_none()
-            && streams.is_none()
-            && !draw_key.keeps_material
-            && !own
-            && target.color.is_none_or(|color| color.narrow.is_none());
         Ok(Preparation::Ready(Box::new(Prepared {
-            reusable,
-            draw_key,
             target,
             programs: [vertex, fragment],
             sampling,
@@ -269,9 +211,7 @@ impl Gl {
             streams,
             writes: fixed.writes(),
             fixed,
-            pipeline: None,
             bound,
-            group: None,
             viewport: self.viewport(&target, &key, batch.class),
             scissor,
             blend: if self.constant_alpha() {
@@ -279,8 +219,6 @@ impl Gl {
             } else {
                 self.state.color.blend_constant
             },
-            lit: None,
-            block: Vec::new(),
             key,
         })))
     }

@@ -70,13 +70,11 @@ impl Gl {
             }
         };
         self.flush()?;
-        self.drawing.prepared.discard();
         let (enabled, saved) = (self.state.enabled, self.state.lighting.color_material);
         self.state.enabled |= capability(e::COLOR_MATERIAL).unwrap_or(0);
         self.state.lighting.color_material = key;
         let outcome = self.primitive(mode, vertices).and_then(|()| self.flush());
         (self.state.enabled, self.state.lighting.color_material) = (enabled, saved);
-        self.drawing.prepared.discard();
         outcome
     }
 

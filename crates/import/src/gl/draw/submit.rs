@@ -62,29 +62,16 @@ impl Gl {
             Some(OnCard::Buffers(resident)) => (resident.constant.clone(), resident.summary),
             None => (batch.vertices[batch.indices[0] as usize].clone(), Summary::of(&batch.vertices)),
         };
-        let resident = matches!(on_card, Some(OnCard::Buffers(_)));
-        // They are out of the machine while it is compared with them.
-        let mut all = std::mem::take(&mut self.drawing.prepared);
-        let known = if resident { None } else { all.take(|known| known.matches(self, batch, &summary)) };
-        self.drawing.prepared = all;
-        let mut prepared = match known {
-            Some(known) => {
-                debug_assert!(known.is_up_to_date(self, batch, &mut constant, &mut summary));
-                known
-            }
-            None => match self.prepare(batch, on_card, &mut constant, &mut summary)? {
-                Preparation::Nothing => return Ok(()),
-                Preparation::BySides => return self.draw_sides(batch),
-                Preparation::Ready(prepared) => *prepared,
-            },
-        };
-        self.submit(&mut prepared, batch, on_card, &constant);
-        self.drawing.prepared.put(prepared);
+        match self.prepare(batch, on_card, &mut constant, &mut summary)? {
+            Preparation::Nothing => {}
+            Preparation::BySides => return self.draw_sides(batch),
+            Preparation::Ready(prepared) => self.submit(&prepared, batch, on_card, &constant),
+        }
         Ok(())
     }
 
     /// Records a prepared draw.
-    fn submit(&mut self, prepared: &mut Prepared, batch: &Batch, on_card: Option<OnCard<'_>>, constant: &Vertex) {
+    fn submit(&mut self, prepared: &Prepared, batch: &Batch, on_card: Option<OnCard<'_>>, constant: &Vertex) {
         let packing = &prepared.packing;
         let own = |offset: u64| VertexRange { buffer: None, offset };
         let (vertices, order, count) = match on_card {
@@ -132,15 +119,11 @@ impl Gl {
         if count == 0 {
             return;
         }
-        let pipeline = *prepared.pipeline.get_or_insert_with(|| self.card.pipeline(&prepared.fixed));
+        let pipeline = self.card.pipeline(&prepared.fixed);
         let bound = &prepared.bound;
-        let textures = (!bound.is_empty()).then(|| *prepared.group.get_or_insert_with(|| self.card.textures(bound)));
-        let mut block = std::mem::take(&mut prepared.block);
-        block.clear();
-        let lit = prepared.lit.take();
-        let lit = uniforms::bytes(&prepared.key, &prepared.source(self, constant), lit, &mut block);
-        let uniforms = self.card.uniforms(&block);
-        (prepared.block, prepared.lit) = (block, lit);
+        let textures = (!bound.is_empty()).then(|| self.card.textures(bound));
+        let uniforms = uniforms::bytes(&prepared.key, &prepared.source(self, constant));
+        let uniforms = self.card.uniforms(&uniforms);
         for &(texture, ..) in &prepared.bound {
             self.card.pass.textures.insert(texture, ());
         }
@@ -181,7 +164,6 @@ impl Gl {
                 let vertices = triangle.iter().map(|&index| batch.vertices[index as usize].clone()).collect();
                 let mut one = Batch { class: batch.class, vertices, indices: vec![0, 1, 2], ..Batch::default() };
                 outcome = self.draw(&mut one, None);
-                self.drawing.prepared.discard();
                 if outcome.is_err() {
                     break 'triangles;
                 }

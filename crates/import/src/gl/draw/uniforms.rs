@@ -68,8 +68,8 @@ fn alpha_reference(compare: u32, reference: f32, float: bool) -> [f32; 4] {
     [moved, HALF, 0.0, 0.0]
 }
 
-/// Visits all fields of a shader with this key, in order. Those of lighting are one field if their values are known.
-fn visit(key: &ShaderKey, source: &UniformInputs, lit: Option<&[[f32; 4]]>, field: Visit) {
+/// Visits all fields of a shader with this key, in order.
+fn visit(key: &ShaderKey, source: &UniformInputs, field: Visit) {
     let (state, constant) = (source.state, source.constant);
     let wide = |v: [f32; 3], w: f32| [v[0], v[1], v[2], w];
     let mut mvp = to_clip(source.projection, source.modelview);
@@ -121,10 +121,7 @@ fn visit(key: &ShaderKey, source: &UniformInputs, lit: Option<&[[f32; 4]]>, fiel
             field(name, None, &program.values);
         }
     }
-    match lit {
-        Some(lit) => field("lighting", None, lit),
-        None => lighting(key, source, field),
-    }
+    lighting(key, source, field);
     for (unit, sampling) in key.units.iter().zip(source.sampling) {
         let (k, of) = (unit.unit, &state.texturing.units[unit.unit]);
         let planes = |wanted: TexGenMode, plane: &dyn Fn(usize) -> [f32; 4]| {
@@ -229,25 +226,20 @@ fn lighting(key: &ShaderKey, source: &UniformInputs, field: Visit) {
 /// The fields of the block.
 pub fn fields(key: &ShaderKey, source: &UniformInputs) -> Vec<Field> {
     let mut fields = Vec::new();
-    visit(key, source, None, &mut |name, index, vectors| fields.push(Field { name, index, count: vectors.len() }));
+    visit(key, source, &mut |name, index, vectors| fields.push(Field { name, index, count: vectors.len() }));
     fields
 }
 
-/// Appends the bytes of the block. `lit` are the vectors of lighting, if they are known; they are returned.
-pub fn bytes(key: &ShaderKey, source: &UniformInputs, lit: Option<Vec<[f32; 4]>>, out: &mut Vec<u8>) -> Option<Vec<[f32; 4]>> {
-    let lit = lit.unwrap_or_else(|| {
-        let mut all = Vec::new();
-        lighting(key, source, &mut |_, _, vectors| all.extend_from_slice(vectors));
-        all
-    });
-    // As many as most blocks have: a vector that grows field by field is copied again and again.
-    out.reserve(1024);
-    visit(key, source, Some(&lit), &mut |_, _, vectors| {
+/// The bytes of the block.
+pub fn bytes(key: &ShaderKey, source: &UniformInputs) -> Vec<u8> {
+    // Most blocks are smaller. A vector that grows with each field is copied again and again.
+    let mut bytes = Vec::with_capacity(1024);
+    visit(key, source, &mut |_, _, vectors| {
         for vector in vectors {
-            out.extend_from_slice(vector.map(f32::to_le_bytes).as_flattened());
+            bytes.extend_from_slice(vector.map(f32::to_le_bytes).as_flattened());
         }
     });
-    Some(lit)
+    bytes
 }
 
 #[cfg(test)]

@@ -9,7 +9,7 @@ use num::NumberMap;
 use crate::gl::geometry::listed::Geometry;
 use crate::gl::geometry::primitive::{Batch, Elements};
 use crate::gl::geometry::vertex::Vertex;
-use crate::gl::state::prepared::{Packings, PixelRectangle, PreparedDraws};
+use crate::gl::state::prepared::{Packings, PixelRectangle};
 
 /// The draw that is gathered, and what the next ones can use of the last one.
 #[derive(Default)]
@@ -22,8 +22,6 @@ pub struct Drawing {
     pub first_listed: Option<Rc<Geometry>>,
     /// Whether the last draw was one of few vertices of a list from the card's memory, and nothing has changed the state since.
     pub after_small_list: bool,
-    /// Draws that are prepared for the present state.
-    pub prepared: PreparedDraws,
     /// The pixel rectangle that is drawn.
     pub pixels: Option<PixelRectangle>,
     /// Whether indices select the vertices of the draw that runs.

@@ -100,11 +100,6 @@ impl MaterialTracking {
         (self.waiting, self.kept) = ([0; 2], [0; 2]);
     }
 
-    /// Whether any parameters keep their value.
-    pub fn has_unchanged(&self) -> bool {
-        self.kept != [0; 2]
-    }
-
     /// The parameters that keep their value with this colour.
     pub fn unchanged(&self, color: [f32; 4]) -> [u8; 2] {
         if color == self.color { self.kept } else { [0; 2] }

@@ -1,4 +1,4 @@
-//! A draw that is prepared, so that others can use it.
+//! A draw that is prepared: everything but its vertices and the values of its uniforms.
 
 use std::rc::Rc;
 
@@ -24,10 +24,6 @@ pub struct Sampling {
 
 /// A prepared draw.
 pub struct Prepared {
-    /// What it depends on.
-    pub draw_key: DrawKey,
-    /// Whether other draws may use it.
-    pub reusable: bool,
     /// What it draws to.
     pub target: Target,
     /// The key of its shader.
@@ -44,81 +40,14 @@ pub struct Prepared {
     pub fixed: PipelineState,
     /// The buffers that it may write, as [`crate::gl::card::pass::writes`] has them.
     pub writes: u8,
-    /// Its pipeline, once it is made.
-    pub pipeline: Option<RenderPipelineId>,
     /// Its textures, each with its view and sampler.
     pub bound: Vec<(TextureId, ViewId, SamplerId)>,
-    /// The group of its textures, once it is made.
-    pub group: Option<BindGroupId>,
     /// Viewport.
     pub viewport: Viewport,
     /// Scissor.
     pub scissor: Rect,
     /// Blend constant.
     pub blend: [f32; 4],
-    /// The uniforms of lighting, until a material changes.
-    pub lit: Option<Vec<[f32; 4]>>,
-    /// The memory of the last draw's uniforms, for reuse.
-    pub block: Vec<u8>,
-}
-
-/// Maximum number of draws that are prepared for one state. Programs alternate between primitives that differ in the attributes that vary.
-const DRAWS_MAX: usize = 4;
-
-/// The draws that are prepared for the present state, the last one at the end.
-#[derive(Default)]
-pub struct PreparedDraws(Vec<Prepared>);
-
-impl PreparedDraws {
-    /// Discards all: something has changed that draws are prepared for.
-    pub fn discard(&mut self) {
-        self.0.clear();
-    }
-
-    /// Discards the uniforms of lighting: materials have changed.
-    pub fn change_materials(&mut self) {
-        self.0.iter_mut().for_each(|prepared| prepared.lit = None);
-    }
-
-    /// Takes out a draw, if one matches.
-    pub fn take(&mut self, matches: impl Fn(&Prepared) -> bool) -> Option<Prepared> {
-        let at = self.0.iter().rposition(matches)?;
-        Some(self.0.remove(at))
-    }
-
-    /// Puts back a draw. One that no other draw may use discards all.
-    pub fn put(&mut self, prepared: Prepared) {
-        if !prepared.reusable {
-            return self.discard();
-        }
-        if self.0.len() == DRAWS_MAX {
-            self.0.remove(0);
-        }
-        self.0.push(prepared);
-    }
-}
-
-/// The key of a prepared draw: all that it depends on, except state whose change discards it.
-#[derive(Debug, PartialEq)]
-pub struct DrawKey {
-    /// Points, lines or triangles.
-    pub class: Class,
-    /// See [`crate::gl::geometry::primitive::Batch::polygon`].
-    pub polygon: Option<bool>,
-    /// How the card assembles vertices.
-    pub topology: Option<Topology>,
-    /// Whether the winding is reversed.
-    pub turned: bool,
-    /// Attributes that are sent in any case.
-    pub sent: Option<SentAttributes>,
-    /// Which attributes vary.
-    pub summary: Summary,
-    /// Whether the modelview matrix computes a w.
-    pub projective: bool,
-    /// Whether the texture matrix of a unit of the key is not the identity, and whether it computes a q: a bit each.
-    pub matrices: [u8; 2],
-    /// Whether colour material leaves materials as `glMaterial` set them, as long as the colour is the same: then no other draw is served.
-    pub keeps_material: bool,
 }
 
 /// Layouts of vertices: for which summary, class and attributes that are sent; in a buffer; and of the buffers.

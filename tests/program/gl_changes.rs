@@ -1,4 +1,4 @@
-//! What consecutive draws share: it ends with every change that it depends on, and stays otherwise.
+//! Changes of the state between draws, of which some end a batch: the draws do not show which.
 
 use fillrate::trace::TraceError;
 
@@ -16,7 +16,7 @@ const SCENE: &str = "glMatrixMode(GL_PROJECTION)\nglOrtho(0,16,0,16,-8,8)\nglMat
 const DRAW: &str = "glBegin(GL_QUADS)\nglTexCoord2f(0,0)\nglVertex2f(1,1)\nglTexCoord2f(1,0)\nglVertex2f(5,1)\nglTexCoord2f(1,1)\nglVertex2f(5,5)\n\
     glTexCoord2f(0,1)\nglVertex2f(1,5)\nglEnd()\nglTranslatef(0.5,0,0)\n";
 
-/// Changes between two draws. What is prepared ends with most of them; no result may show whether it does.
+/// Changes between two draws. Most of them end the batch.
 const CHANGES: &[&str] = &[
     "glRotatef(30,0,0,1)",
     "glPushMatrix()\nglScalef(2,2,2)",
@@ -105,8 +105,8 @@ fn commands(calls: &str) -> Vec<String> {
 }
 
 #[test]
-fn what_draws_share_ends_with_every_change_that_it_depends_on() {
-    // The zoom has no effect on these draws, but it ends what is prepared.
+fn a_change_between_draws_gives_the_same_commands_whether_the_batch_has_ended_before() {
+    // The zoom has no effect on these draws, but it ends the batch.
     let end = "glPixelZoom(1,1)";
     let list = format!("glNewList(9,GL_COMPILE)\n{DRAW}glEndList()\n");
     for change in CHANGES {
