@@ -22,6 +22,7 @@ use super::pass::ActivePass;
 use super::resources::*;
 use super::sprites::Sprites;
 use super::state::StateError;
+use super::targets::TargetReader;
 
 /// Some of a trace's frames, in ranges.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -88,6 +89,8 @@ pub struct Options {
     pub consumer_memory: ConsumerMemory,
     /// Watches the rendering: gets its ledger when it begins.
     pub watch: Option<Arc<Watch>>,
+    /// Reads attachments as passes end, in the frames whose events are handed on.
+    pub targets: Option<TargetReader>,
 }
 
 impl Default for Options {
@@ -105,6 +108,7 @@ impl Default for Options {
             skips: Skips::default(),
             consumer_memory: ConsumerMemory::default(),
             watch: None,
+            targets: None,
         }
     }
 }

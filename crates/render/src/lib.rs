@@ -49,6 +49,7 @@ mod resources;
 mod sprites;
 mod state;
 mod stored;
+mod targets;
 mod transfer;
 
 pub mod draw;
@@ -60,3 +61,4 @@ pub use execute::{FrameSet, Options, Sink, Stop, Summary, render};
 pub use inspection::{Frames, Image, Inspection, inspect};
 pub use ledger::{ConsumerMemory, Ledger, Watch};
 pub use needs::{Dependencies, Need, Needs, Want};
+pub use targets::{PassTarget, TargetReader};

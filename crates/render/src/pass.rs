@@ -10,7 +10,7 @@ use shader::{BuiltIn, Interface, Uniforms};
 use trace::command::*;
 use work::{Aspects, Attachment, Event, Extent, Funnel, Load, Pass, Reach, Segment, Signature, Stored, Surface};
 
-use super::attachments::{Clearing, Subresource, announce, clear_bits, discard, lost, place_of, put_tiles, take_tiles};
+use super::attachments::{Clearing, Subresource, announce, clear_bits, discard, kept, lost, place_of, put_tiles, take_tiles};
 use super::bind::{Lent, ResolvedBindings};
 use super::draw::{
     BoundStage, BufferRange, DrawCall, Drawn, DynamicState, IndexRange, OpenQueries, PassOptions, RenderPass, Signer,
@@ -24,6 +24,7 @@ use super::resources::Buffer;
 use super::state::{IndexSlot, MAX_VERTEX_BUFFERS, PassState, StateError, VertexSlot};
 use super::stored::stored_blocks;
 use super::surface::{Shape, TileSurface};
+use super::targets::PassTarget;
 
 /// One attachment while the pass runs.
 struct BoundAttachment {
@@ -38,6 +39,7 @@ struct BoundAttachment {
 
 /// A render pass between its begin and its end.
 pub(super) struct ActivePass {
+    number: u32,
     pass: RenderPass,
     color: Vec<Option<BoundAttachment>>,
     depth: Option<BoundAttachment>,
@@ -194,6 +196,7 @@ impl ActivePass {
             skips: renderer.options.skips,
         };
         Ok(ActivePass {
+            number,
             pass: RenderPass::begin(width, height, samples, storage, depth_storage, options),
             need,
             color: bound,
@@ -473,9 +476,10 @@ impl ActivePass {
                 renderer.res.holdings.forget(place.key());
             }
         }
-        for (bound, tiles) in self.color.iter().chain([&self.depth]).zip(images) {
+        for (location, (bound, tiles)) in self.color.iter().chain([&self.depth]).zip(images).enumerate() {
             let (Some(bound), Some(mut tiles)) = (bound, tiles) else { continue };
             let (Subresource { texture, level, layer }, shape) = (bound.place, tiles.shape());
+            let location = (location < self.color.len()).then_some(location as u32);
             if bound.format.is_depth_stencil() {
                 if bound.read_only {
                     continue;
@@ -487,10 +491,15 @@ impl ActivePass {
                 renderer.ledger.bytes.charge(shape.bytes())?;
                 let single = Shape { samples: 1, ..shape };
                 let claim = renderer.ledger.claim("the resolved samples of an attachment", single.tiled_bytes())?;
-                put_tiles(&mut renderer.res, to, tiles.resolve(bound.format), Some(claim))?;
+                let resolved = tiles.resolve(bound.format);
+                show(renderer, (self.number, location, bound), to, &resolved)?;
+                put_tiles(&mut renderer.res, to, resolved, Some(claim))?;
                 renderer.drawn = Some((to.texture, to.level, to.layer));
             } else if shape.samples == 1 {
                 renderer.drawn = Some((texture, level, layer));
+            }
+            if bound.resolve.is_none() {
+                show(renderer, (self.number, location, bound), bound.place, &tiles)?;
             }
             discard(bound.keeps, &mut tiles);
             put_tiles(&mut renderer.res, bound.place, tiles, None)?;
@@ -500,6 +509,23 @@ impl ActivePass {
         }
         renderer.emit(Event::EndPass(stored))
     }
+}
+
+/// Hands an attachment of a pass to the reader of targets, if there is one.
+fn show(
+    renderer: &mut Renderer<'_, '_>,
+    (pass, location, bound): (u32, Option<u32>, &BoundAttachment),
+    Subresource { texture, level, layer }: Subresource,
+    tiles: &TileSurface,
+) -> Result<(), Fault> {
+    let Some(reader) = renderer.options.targets.clone().filter(|_| renderer.in_range()) else { return Ok(()) };
+    renderer.ledger.bytes.charge(tiles.shape().bytes())?;
+    renderer.ledger.passing("the picture of an attachment", tiles.shape().bytes())?;
+    let surface = renderer.res.textures.get(texture.0)?.surface(texture, level, layer);
+    let surface = Surface { format: bound.format, ..surface };
+    let kept = bound.resolve.is_some() || kept(bound.keeps, bound.format).any();
+    reader.read(PassTarget { pass, location, kept, surface, bytes: tiles.to_bytes() });
+    Ok(())
 }
 
 /// The memory that the blocks of attachments take. The first `colors` attachments are colours. This reads all texels of the attachments.

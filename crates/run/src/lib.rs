@@ -37,4 +37,5 @@ pub mod rendering;
 pub mod replay;
 pub mod sample;
 pub mod stored_work;
+pub mod targets;
 pub mod timeline;

@@ -4,14 +4,15 @@
 //! Z, which lines miss, and when a block is drawn. Its caches are empty when the frame begins.
 
 use std::collections::BTreeMap;
-use std::sync::Arc;
+use std::sync::{Arc, PoisonError};
 
 use anyhow::Result;
 
 use super::bound::{Bound, FrameEstimate};
 use super::profiles::{Profiled, Reader};
 use super::rendering::{Consumer, Rendering, Work};
-use super::timeline::Timeline;
+use super::targets::TargetPictures;
+use super::timeline::{Span, Timeline};
 use machine::{BlockNotes, Config, Machine, PassNotes};
 use num::{Cycle, Limits};
 use render::{self, ConsumerMemory, FrameSet};
@@ -383,9 +384,12 @@ fn noting<'c>(config: &Config, limits: &Limits, out: &'c mut (Vec<PassNotes>, Op
     let mut machine = Machine::new(config)?.within(limits);
     let mut timeline = Timeline::new(config, None)?;
     machine.watch_blocks();
+    machine.watch_draws();
     let memory = ConsumerMemory { images: Machine::images(config), pieces: Machine::pieces(config), frames: false };
     let run = move |work: Work| {
-        machine.run_watched(work, Clock::default(), |_| (), Some(&mut timeline))?;
+        let mut phases = Vec::new();
+        machine.run_watched(work, Clock::default(), |frame| phases = Span::of(&frame), Some(&mut timeline))?;
+        timeline.phases = phases;
         *out = (machine.take_notes(), Some(timeline));
         Ok(())
     };
@@ -426,6 +430,8 @@ pub struct FrameDetails {
     pub estimate: Option<FrameEstimate>,
     /// The activity of units and channels, if a machine has drawn the frame.
     pub timeline: Option<Timeline>,
+    /// Small pictures of the attachments of its passes.
+    pub targets: TargetPictures,
 }
 
 /// Renders one frame for its maps and its estimate; `timed`: has a machine draw it, too, which notes what only it knows.
@@ -434,7 +440,9 @@ pub struct FrameDetails {
 /// If the trace cannot be rendered.
 pub fn details(trace: &Trace, config: &Config, frame: u32, timed: bool) -> Result<FrameDetails> {
     let (mut details, mut notes) = (FrameDetails::default(), (Vec::new(), None));
-    let options = render::Options { frames: FrameSet::from(frame..frame.saturating_add(1)), ..render::Options::default() };
+    let (reader, targets) = TargetPictures::reader();
+    let frames = FrameSet::from(frame..frame.saturating_add(1));
+    let options = render::Options { frames, targets: Some(reader), ..render::Options::default() };
     let mut rendering = Rendering::new(trace, options);
     let key: RenderKey = config.render_key();
     rendering.consume(key, counting(&mut details.maps));
@@ -452,6 +460,7 @@ pub fn details(trace: &Trace, config: &Config, frame: u32, timed: bool) -> Resul
         rendering.profile(key, Reader { keeps: false, read: Box::new(read) });
     }
     rendering.run()?;
+    details.targets = std::mem::take(&mut targets.lock().unwrap_or_else(PoisonError::into_inner));
     if timed {
         for surface in &mut details.maps.surfaces {
             surface.add_notes(&notes.0);

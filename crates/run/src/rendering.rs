@@ -120,7 +120,7 @@ struct Readers<'r> {
 }
 
 impl<'r> Rendering<'r> {
-    /// A rendering without readers. Of the options it takes the frames, the skips and the watch.
+    /// A rendering without readers. Of the options it takes the frames, the skips, the watch and the reader of targets.
     pub fn new(trace: &'r Trace, options: render::Options) -> Rendering<'r> {
         Rendering { trace, options, turns: rayon::current_num_threads(), pool: None, readers: Vec::new() }
     }

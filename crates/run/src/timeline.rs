@@ -2,10 +2,11 @@
 
 use anyhow::{Result, bail};
 
-use machine::{Config, Machine, Watcher};
+use machine::{Config, DrawReport, FrameReport, Machine, PhaseReport, Watcher};
 use num::{Cycle, NEVER};
 use sim::Reading;
 use stats::Cycles;
+use unit::phase::PhaseKind;
 
 /// Samples that are kept where no interval is given: twice as many are joined two by two, and the interval doubles.
 pub const SAMPLES: usize = 2000;
@@ -40,6 +41,50 @@ pub struct Bank {
     pub count: usize,
 }
 
+/// A phase of a frame, or a draw of a pass, on the clock of its timeline.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Span {
+    /// The phase as the terminal names it; of a draw its label, or empty.
+    pub name: String,
+    /// Of a draw its number in the trace. None of a phase, and of the end of a pass.
+    pub number: Option<u32>,
+    /// Whether something is drawn or computed in it.
+    pub draws: bool,
+    /// The first cycle.
+    pub begin: Cycle,
+    /// The cycle behind the last.
+    pub end: Cycle,
+    /// Of a phase its draws in the order in which they retire, each from the retirement before it. Those that retire together have the span of
+    /// their pass.
+    pub parts: Vec<Span>,
+}
+
+impl Span {
+    /// Whether draws of this phase retire together, so that each has the span of the phase.
+    pub fn is_shared(&self) -> bool {
+        self.parts.len() > 1 && self.parts.iter().all(|part| (part.begin, part.end) == (self.begin, self.end))
+    }
+
+    /// The phases of a frame that began at cycle 0.
+    pub fn of(frame: &FrameReport) -> Vec<Span> {
+        let mut at = 0;
+        let phase = |report: &PhaseReport| {
+            let (begin, end) = (at, at + report.cycles);
+            at = end;
+            let draws = matches!(report.phase.kind, PhaseKind::Pass | PhaseKind::Dispatch);
+            let mut retired = begin;
+            let draw = |draw: &DrawReport| {
+                let [from, to] = if draw.halves.is_some() { [begin, end] } else { [retired, retired + draw.cycles] };
+                retired = to;
+                Span { name: draw.label.clone(), number: draw.number, draws: true, begin: from, end: to, parts: Vec::new() }
+            };
+            let parts = report.draws.iter().map(draw).collect();
+            Span { name: report.phase.to_string(), number: None, draws, begin, end, parts }
+        };
+        frame.phases.iter().map(phase).collect()
+    }
+}
+
 /// Takes the samples of a run.
 #[derive(Clone, Debug)]
 pub struct Timeline {
@@ -51,6 +96,8 @@ pub struct Timeline {
     pub channels: Vec<Bank>,
     /// Samples in order, without gaps.
     pub samples: Vec<Sample>,
+    /// The phases of the frame, where the timeline is of one frame that began at cycle 0.
+    pub phases: Vec<Span>,
     unit_bank: Vec<usize>,
     channel_bank: Vec<usize>,
     interval: Cycle,
@@ -90,6 +137,7 @@ impl Timeline {
             warps: config.core.warps,
             channels,
             samples: Vec::new(),
+            phases: Vec::new(),
             unit_bank,
             channel_bank,
             interval,
