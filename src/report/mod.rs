@@ -11,6 +11,7 @@ pub mod limits;
 pub mod order;
 pub mod owned;
 pub mod pages;
+pub mod peak;
 pub mod plots;
 pub mod references;
 pub mod rows;

@@ -6,6 +6,7 @@ use serde_json::{Value, json};
 
 use super::compare::KnobDifference;
 use super::files::{About, head};
+use super::peak::MemoryPeak;
 use super::summary::{self, Phases, Pictures};
 use crate::num::Cycle;
 use crate::run::bound::STATED_ERRORS;
@@ -129,7 +130,9 @@ pub fn report(done: &ReplayOutcome, seen: &mut ReportedFrames, options: &Options
     }
     if options.fidelity.name() != Fidelity::Bound.name() {
         section("What the units did, in shares of the cycles", &summary::units(&done.total));
-        section("What moved through memory", &summary::memory(&done.total));
+        let peak = MemoryPeak::new(&options.config);
+        let text = summary::memory(&done.total, &peak) + &seen.phases.rates(&peak, 8);
+        section("What moved through memory", &text);
         section("What sorting cost", &summary::sorting(&done.total, options.config.card.sort, options.config.card.pipelines));
     }
     if let Some(sampled) = &done.sampled {

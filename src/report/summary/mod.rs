@@ -8,11 +8,12 @@ use crate::machine::class::{Class, Sorted};
 use crate::machine::config::SortClass;
 use crate::machine::{LossCounts, PassOrderCounts, SORTING, SORTING_LOSS, SortOutcome};
 use crate::mem::{CACHES, CLIENTS, CacheCounts, ClientCounts, DRAM, DramCounts};
+use crate::report::peak::{MemoryPeak, MemoryRate};
 use crate::run::sample::clusters::LEVEL;
 use crate::run::sample::survey::Count;
 use crate::run::sample::{Margin, Quantity, Sampled};
 use crate::sim::UNITS;
-use crate::stats::{Cycles, Group, Tree, counter};
+use crate::stats::{Cycles, FRAME, FrameCounts, Group, Tree, counter};
 use crate::unit::bin::{BINNING, BinCounts};
 use crate::unit::core::{CORES, CoreCounts};
 use crate::unit::early::{EARLY_TESTS, EarlyCounts};
@@ -174,8 +175,14 @@ fn cores(total: &Tree) -> String {
     format!("  core: {}\n", occupancy(&counts, UNITS.sum_of(total, "core")).join("; "))
 }
 
-/// Writes the bytes that each client moved, and what the DRAM did.
-pub fn memory(total: &Tree) -> String {
+/// Writes the bytes that each client moved, and what the DRAM did, with rates over all cycles and their shares of the DRAM's peak.
+pub fn memory(total: &Tree, peak: &MemoryPeak) -> String {
+    let FrameCounts { cycles } = FRAME.sum(total);
+    let line = |name: &str, read: f64, written: f64| {
+        let MemoryRate { gigabytes, share } = peak.rate(read + written, cycles as f64);
+        let [read, written] = [read, written].map(bytes);
+        format!("  {name:<26}{read:>14}{written:>14}{gigabytes:>10.2}{:>9.1} %", 100.0 * share)
+    };
     let mut text = String::new();
     let moved = |(name, _)| {
         let ClientCounts { read_bytes, write_bytes, .. } = CLIENTS.sum_of(total, name);
@@ -185,20 +192,27 @@ pub fn memory(total: &Tree) -> String {
     if !rows.is_empty() {
         rows.retain(|(_, read, write)| read + write > 0.0);
         rows.sort_by(|a, b| (b.1 + b.2).total_cmp(&(a.1 + a.2)));
-        text.push_str(&format!("  {:<26}{:>14}{:>14}\n", "client", "read", "written"));
-        for (name, read, write) in rows {
-            text.push_str(&format!("  {name:<26}{:>14}{:>14}\n", bytes(read), bytes(write)));
+        text.push_str(&format!("  {:<26}{:>14}{:>14}{:>10}{:>11}\n", "client", "read", "written", "GB/s", "of peak"));
+        for (name, read, write) in &rows {
+            text.push_str(&format!("{}\n", line(name, *read, *write)));
         }
+        let [read, written] = [1, 2].map(|at| rows.iter().map(|row| if at == 1 { row.1 } else { row.2 }).sum());
+        text.push_str(&format!("{}\n", line("all clients", read, written)));
     }
     let dram: DramCounts = DRAM.sum(total);
     let rows = dram.row_hits + dram.row_misses;
     if dram.read_bytes + dram.write_bytes > 0 {
-        let [read, written] = [dram.read_bytes, dram.write_bytes].map(|n| bytes(n as f64));
-        text.push_str(&format!("  {:<26}{read:>14}{written:>14}", "DRAM"));
+        text.push_str(&line("DRAM", dram.read_bytes as f64, dram.write_bytes as f64));
         if rows > 0 {
             text.push_str(&format!("   row hits {:.1} %", 100.0 * dram.row_hits as f64 / rows as f64));
         }
         text.push('\n');
+    }
+    if !text.is_empty() {
+        text.push_str(&format!(
+            "  peak: {:.1} GB/s, what all DRAM channels move in bursts without gaps; the second level serves clients beside that\n",
+            peak.gigabytes()
+        ));
     }
     text
 }
