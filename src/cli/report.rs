@@ -208,6 +208,7 @@ impl Subject {
             limits: &limits,
             why: why.as_ref(),
             maps: details.as_ref().map(|details| &details.maps),
+            targets: details.as_ref().map(|details| &details.targets),
             timeline: details.as_ref().and_then(|details| details.timeline.as_ref()),
         });
         host::write_file(path, page.as_bytes()).with_context(|| format!("cannot write {}", path.display()))

@@ -123,6 +123,42 @@ fn the_numbers_of_a_page_are_those_of_the_json() {
     }
 }
 
+/// The numbers in the last cells of the rows of a table whose head has this text in front, with the first of each row.
+fn last_cells(page: &str, head: &str) -> Vec<(String, f64)> {
+    let table = page.split(head).nth(1).expect("the table").split("</table>").next().expect("its end");
+    let row = |row: &str| {
+        let cells: Vec<&str> = row.split("<td").skip(1).collect();
+        let name = cells.first()?.split('>').nth(1)?.split('<').next()?.to_owned();
+        let value = cells.iter().rev().find_map(|cell| attribute(cell, "data-value"))?;
+        Some((name, value.parse().ok()?))
+    };
+    table.split("<tr").filter_map(row).collect()
+}
+
+#[test]
+fn shares_of_clients_add_up_to_that_of_all() {
+    let home = replayed("traces/torus-knot.zip", &[]);
+    assert_eq!(run(&["report", &home.path().display().to_string()]).0, 0);
+    let page = fs::read_to_string(home.path().join("report.html")).expect("a page");
+    let mut shares = last_cells(&page, "<h2>Memory</h2>");
+    let (name, all) = shares.pop().expect("a row of all clients");
+    assert!(name == "all clients" && shares.len() > 4 && all > 0.0, "{shares:?}");
+    let sum: f64 = shares.iter().map(|(_, share)| share).sum();
+    assert!((sum - all).abs() < 1e-9, "{sum}, {all}");
+    // The peak of the baseline in bytes per cycle: 8 channels, each with 32 bytes in 2 cycles of a clock that ticks 1,753 times in 1,126 of the
+    // card's cycles.
+    let peak = 8.0 * 32.0 / 2.0 * 1753.0 / 1126.0;
+    let statistics = json_of(&home.path().join("stats.json"));
+    let frame = &statistics["frames"][0];
+    let bytes: f64 = frame["memory"]["clients"]
+        .as_object()
+        .expect("clients")
+        .values()
+        .map(|client| client["read_bytes"].as_f64().unwrap_or(0.0) + client["write_bytes"].as_f64().unwrap_or(0.0))
+        .sum();
+    assert!((bytes / frame["cycles"].as_f64().expect("cycles") / peak - all).abs() < 1e-9, "{bytes}, {all}");
+}
+
 #[test]
 fn the_slowest_of_several_frames_is_shown() {
     let home = replayed("traces/particles", &[]);
@@ -391,7 +427,8 @@ fn browser() -> Option<PathBuf> {
     named.or(found)
 }
 
-/// A script for a page: it counts errors, sorts a table twice, points at a map and sets a filter. It writes the results into an element.
+/// A script for a page: it counts errors, sorts a table twice, points at a map and at a time, selects draws by pixel, row and time, and sets
+/// filters. It writes the results into an element.
 const ACTS: &str = r##"<script>
 addEventListener("load", async () => {
   const out = { errors: window.errors, wide: document.documentElement.scrollWidth - document.documentElement.clientWidth };
@@ -414,6 +451,60 @@ addEventListener("load", async () => {
     document.querySelectorAll(".tabs button")[5].click();
     await wait(200);
     out.pressed = document.querySelector(".tabs button[aria-pressed=true]").textContent;
+    out.scale = document.querySelector(".scale").offsetHeight;
+    const lines = () => document.querySelector(".readout").innerText.split("\n");
+    const number = (text) => Number(/draw (\d+)/.exec(text)[1]);
+    const picked = () => [...document.querySelectorAll("tr[aria-selected=true]")].map((row) => Number(row.dataset.draw));
+    const events = [];
+    document.addEventListener("select", (event) => events.push(event.detail));
+    // A pixel selects the draw that is last there, on the map and in the table.
+    const spot = heat.getBoundingClientRect();
+    heat.dispatchEvent(new MouseEvent("click", { bubbles: true, clientX: spot.left + spot.width * 0.75, clientY: spot.top + spot.height * 0.5 }));
+    await wait(500);
+    const layer = document.querySelector("canvas.chosen"), all = layer.getContext("2d").getImageData(0, 0, layer.width, layer.height).data;
+    let clear = 0;
+    for (let i = 3; i < all.length; i += 4) clear += all[i] === 0;
+    out.pixel = { last: number(lines().find((line) => line.startsWith("last draw"))), rows: picked(), hidden: layer.hidden, clear, told: lines().find((line) => line.startsWith("Highlighted")) };
+    const row = document.querySelector("tr[aria-selected=true]").getBoundingClientRect();
+    out.pixel.seen = row.top >= 0 && row.bottom <= innerHeight;
+    const before = lines()[0];
+    heat.dispatchEvent(new KeyboardEvent("keydown", { key: "ArrowRight", bubbles: true }));
+    await wait(200);
+    out.moved = [before, lines()[0]];
+    // A row selects its draw, and again none.
+    const draws = document.querySelector("#draws"), shown = () => [...draws.tBodies[0].rows].filter((row) => !row.hidden);
+    const other = shown().find((row) => row.dataset.draw && row.getAttribute("aria-selected") === null);
+    other.cells[0].click();
+    out.row = [Number(other.dataset.draw), picked(), events[events.length - 1]];
+    other.cells[0].click();
+    await wait(200);
+    out.none = [picked(), events[events.length - 1], layer.hidden];
+    // A time of the track selects the draw that retires then.
+    const track = document.querySelector("canvas.track"), line = track.getBoundingClientRect();
+    const at = { bubbles: true, clientX: Math.round(line.left + line.width * 0.5), clientY: line.top + 3 };
+    track.dispatchEvent(new PointerEvent("pointermove", at));
+    out.when = document.querySelector(".when").textContent;
+    track.dispatchEvent(new MouseEvent("click", at));
+    out.time = [picked(), document.querySelectorAll("table.timeline.spanned").length > 0, document.querySelectorAll(".axis span").length];
+    out.event = events[events.length - 1];
+    select(null);
+    // Twenty rows, all rows, and those that a filter finds; columns that are chosen.
+    const box = draws.closest(".scroll"), tools = box.previousElementSibling, more = box.nextElementSibling;
+    out.rows = [shown().length, draws.tBodies[0].rows.length];
+    more.querySelector("button").click();
+    out.rows.push(shown().length);
+    const filter = tools.querySelector("input[type=search]");
+    filter.value = "many";
+    filter.dispatchEvent(new Event("input"));
+    out.rows.push(shown().length);
+    filter.value = "";
+    filter.dispatchEvent(new Event("input"));
+    const check = [...tools.querySelectorAll("label")].find((label) => label.textContent === "quads").firstChild;
+    const quads = [...draws.tHead.rows[0].cells].find((cell) => cell.textContent === "quads");
+    out.columns = [quads.hidden];
+    check.click();
+    out.columns.push(quads.hidden);
+    out.wide = Math.max(out.wide, document.documentElement.scrollWidth - document.documentElement.clientWidth);
   }
   const filter = document.querySelector(".filters select");
   if (filter) {
@@ -488,7 +579,7 @@ fn pages_work_in_a_browser() {
     };
     let home = tempfile::tempdir().expect("a folder");
     let replay = home.path().join("replay.html");
-    assert_eq!(run(&["replay", "traces/torus-knot.zip", "--report", &replay.display().to_string()]).0, 0);
+    assert_eq!(run(&["replay", "traces/town.zip", "--per-draw", "--report", &replay.display().to_string()]).0, 0);
     let sweep = home.path().join("sweep");
     assert_eq!(run(&["sweep", "traces/cube", "--vary", "core.warps=2,4,8", "--out", &sweep.display().to_string()]).0, 0);
     let sweep = sweep.join("report.html");
@@ -504,8 +595,31 @@ fn pages_work_in_a_browser() {
         assert_eq!([&told["first"][0], &told["second"][0]], ["descending", "ascending"]);
         if page.ends_with("replay.html") {
             let readout = told["readout"].as_array().expect("a read-out");
-            assert!(readout.len() == 11 && readout[0].as_str().is_some_and(|text| text.starts_with("pixel 6")), "{told}");
-            assert_eq!(told["pressed"], "last draw");
+            assert!(readout.len() == 11 && readout[0].as_str().is_some_and(|text| text.starts_with("pixel 2")), "{told}");
+            // Colours of draws have no scale.
+            assert_eq!((&told["pressed"], &told["scale"]), (&json!("last draw"), &json!(0)), "{told}");
+            let pixel = &told["pixel"];
+            assert_eq!(
+                (&pixel["rows"], &pixel["hidden"], &pixel["seen"]),
+                (&json!([pixel["last"]]), &json!(false), &json!(true)),
+                "{told}"
+            );
+            let clear = pixel["clear"].as_u64().expect("a number");
+            let said = pixel["told"].as_str().expect("a line").replace(',', "");
+            assert!(clear > 0 && said.starts_with(&format!("Highlighted: {clear} pixels")), "{told}");
+            let [before, after] = [&told["moved"][0], &told["moved"][1]].map(|text| {
+                let text = text.as_str().and_then(|text| text.strip_prefix("pixel ")).expect("a pixel");
+                text.split(", ").map(|number| number.parse().expect("a number")).collect::<Vec<u32>>()
+            });
+            assert_eq!([before[0] + 1, before[1]], after[..], "{told}");
+            assert_eq!((&told["row"][1], &told["row"][2]), (&json!([told["row"][0]]), &told["row"][0]), "{told}");
+            assert_eq!(told["none"], json!([[], null, true]), "{told}");
+            let when = told["when"].as_str().expect("a time");
+            assert!(when.starts_with("Cycle ") && when.contains(&format!("; pass 0; draw {},", told["event"])), "{told}");
+            assert_eq!((&told["time"][0], &told["time"][1]), (&json!([told["event"]]), &json!(true)), "{told}");
+            assert!(told["time"][2].as_u64() > Some(3), "{told}");
+            assert_eq!(told["rows"], json!([20, 399, 399, 2]), "{told}");
+            assert_eq!(told["columns"], json!([true, false]), "{told}");
         } else {
             assert_eq!(told["filtered"], "1 of 3");
         }

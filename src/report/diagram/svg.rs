@@ -279,7 +279,11 @@ fn draw_box(text: &mut String, b: &Box, bank: &Bank, busy: Option<f64>) {
         Some(busy) => (format!(" fill=\"{ink}\""), format!(", busy in {:.1} % of its cycles", 100.0 * busy)),
         None => (String::new(), String::new()),
     };
-    text.push_str(&format!("<g><title>{}{share}</title>\n", escaped(&times(bank.name, bank.count))));
+    // A page has colours of its own for shares: its style mixes them by `--use`, and writes in dark letters from half of the cycles on.
+    let class = busy.map_or(String::new(), |busy| {
+        format!(" class=\"use{}\" style=\"--use:{:.1}%\"", if busy > 0.52 { " dark" } else { "" }, 100.0 * busy.clamp(0.0, 1.0))
+    });
+    text.push_str(&format!("<g{class}><title>{}{share}</title>\n", escaped(&times(bank.name, bank.count))));
     let behind: &[f64] = if bank.count > 1 { &[6.0, 3.0, 0.0] } else { &[0.0] };
     for offset in behind {
         text.push_str(&format!(

@@ -5,10 +5,10 @@ use maud::{Markup, PreEscaped, html};
 use super::data::CountedSpan;
 use super::replay::Input;
 use super::{Column, bar, cell, cell_share, heads, key, percent, readable, share};
-use crate::machine::config::MemoryKind;
 use crate::machine::{Config, Machine, Moved};
 use crate::mem::DRAM;
 use crate::report::diagram::Diagram;
+use crate::report::peak::MemoryPeak;
 use crate::report::plots::{Roofline, roofline as draw_roofline};
 use crate::report::summary::occupancy;
 use crate::sim::{CAPACITY, CHANNELS, ChannelCounts, MEAN_OCCUPANCY, UNITS, UnitCounts};
@@ -144,16 +144,6 @@ fn channels(frame: &CountedSpan, place: &str) -> Markup {
     }
 }
 
-/// Bytes per cycle that the memory of a configuration moves at most.
-pub fn bandwidth(config: &Config) -> f64 {
-    let dram = &config.dram;
-    if config.memory.kind == MemoryKind::Ideal {
-        return f64::from(config.memory.ideal_bytes_per_cycle);
-    }
-    let tick = f64::from(dram.card_cycles) / f64::from(dram.clock);
-    f64::from(dram.channels) * f64::from(dram.burst_bytes) / (f64::from(dram.burst_cycles) * tick)
-}
-
 /// Passes that have a point of their own in the roofline: those that take most cycles.
 const POINTS: usize = 7;
 
@@ -174,7 +164,11 @@ pub fn roofs(frame: &CountedSpan, config: &Config) -> Option<Roofline> {
     let own = phases.into_iter().filter_map(|phase| point(phase.name(), phase)).take(POINTS);
     let peak = f64::from(config.core.issue) * width * cores;
     let lanes = f64::from(config.core.float_lanes) * cores;
-    Some(Roofline { bandwidth: bandwidth(config), peak: peak.min(lanes), points: std::iter::once(whole).chain(own).collect() })
+    Some(Roofline {
+        bandwidth: MemoryPeak::new(config).bytes_per_cycle,
+        peak: peak.min(lanes),
+        points: std::iter::once(whole).chain(own).collect(),
+    })
 }
 
 /// The roofline, with the figures in words.
@@ -183,10 +177,10 @@ pub fn roofline(input: &Input<'_>) -> Option<Markup> {
     let roofs = roofs(input.statistics.frame(), config)?;
     let columns = [
         Column("", false, ""),
-        Column("a byte", true, "Instructions for each byte of DRAM traffic."),
+        Column("per byte", true, "Instructions for each byte of DRAM traffic."),
         Column("per cycle", true, "Instructions per cycle."),
         Column("of the roof", true, "Of the lower one of both roofs at this place."),
-        Column("the lower roof", false, ""),
+        Column("lower roof", false, ""),
     ];
     Some(html! {
         figure.two {
@@ -221,9 +215,9 @@ pub fn drawing(input: &Input<'_>) -> Option<Markup> {
     let banks = banks(input.statistics.frame());
     let busy = |name: &str| banks.iter().find(|bank| bank.name == name).map(|bank| bank.shares[0]);
     Some(html! {
-        p.note { "Boxes are units, lines are channels. The darker a box, the larger the share of the cycles in which the unit is busy." }
-        div.scale { span { "0 %" } i style="background:linear-gradient(90deg,#f3f7fc,#08519c)" {} span { "100 % busy" } }
-        div.diagram tabindex="0" role="img" aria-label="The machine" { (PreEscaped(Diagram::new(&machine).svg_by_use(&busy))) }
+        p.note { "Boxes are units, lines are channels. The stronger the colour of a box, the larger the share of the cycles in which the unit is busy." }
+        div.scale { span { "0 %" } i.use {} span { "100 % busy" } }
+        div.diagram.scroll tabindex="0" role="img" aria-label="The machine" { (PreEscaped(Diagram::new(&machine).svg_by_use(&busy))) }
         p.note { (readable(banks.iter().map(|bank| bank.count as f64).sum())) " units. Only units that had cycles in these statistics are coloured." }
     })
 }

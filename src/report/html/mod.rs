@@ -15,6 +15,7 @@ pub mod plots;
 pub mod replay;
 pub mod series;
 mod tables;
+mod targets;
 
 use base64::Engine;
 use base64::engine::general_purpose::STANDARD;
@@ -28,7 +29,8 @@ use data::CountedSpan;
 
 const STYLE: &str = include_str!("page.css");
 /// Tables, then the selection of draws, then what follows it.
-const SCRIPT: &str = concat!(include_str!("page.js"), include_str!("draws.js"), include_str!("maps.js"));
+const SCRIPT: &str =
+    concat!(include_str!("page.js"), include_str!("draws.js"), include_str!("maps.js"), include_str!("series.js"));
 
 /// What tells a page from other files.
 pub const MARK: &[u8] = br#"<meta name="generator" content="fillrate">"#;

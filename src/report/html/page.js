@@ -126,3 +126,10 @@ for (const box of document.querySelectorAll(".filters")) {
   addEventListener("scroll", mark, { passive: true });
   mark();
 }
+// The drawing of the machine fits its box, or has its own size.
+for (const box of document.querySelectorAll(".diagram")) {
+  const button = element("button", { type: "button", class: "plain", "aria-pressed": "false" }, "Full size");
+  button.addEventListener("click", () => button.setAttribute("aria-pressed", String(box.classList.toggle("whole"))));
+  box.before(button);
+  button.hidden = box.scrollWidth >= box.querySelector("svg").getAttribute("width");
+}

@@ -4,9 +4,11 @@ use maud::{Markup, html};
 
 use super::data::{CYCLES, CountedSpan};
 use super::replay::{Input, Limit};
+use super::targets;
 use super::{Column, bar, cell, cell_behind, cell_of, cell_share, heads, key, percent, readable, share};
 use crate::machine::{Moved, Spent};
 use crate::mem::{CACHES, CacheCounts, DRAM};
+use crate::report::peak::{MemoryPeak, MemoryRate};
 use crate::report::rows::{GEOMETRY, TILES};
 use crate::report::waits::{Waits, limited};
 use crate::sim::UNITS;
@@ -193,11 +195,16 @@ fn phases(input: &Input<'_>) -> Option<Markup> {
     if counted {
         titles.push(USED);
     }
+    let peak = input.config.map(MemoryPeak::new).filter(|_| counted);
+    if peak.is_some() {
+        titles.push(Column("DRAM GB/s", true, "Bytes of DRAM both ways, in 10^9 per second of the card's time."));
+        titles.push(Column("of peak", true, "The same as a share of what all channels move in bursts without gaps."));
+    }
     let named = heads_of(&more);
     titles.extend(named.iter().map(|(name, path)| Column(name, true, path)));
     (!phases.is_empty()).then(|| {
         html! {
-            div.scroll.tall { table.sortable id="passes" {
+            div.scroll.tall { table.sortable id="passes" data-shown=(SHOWN_OF_PASSES.join("|")) {
                 (heads(&titles))
                 tbody { @for at in order {
                     @let phase = &phases[at];
@@ -209,6 +216,11 @@ fn phases(input: &Input<'_>) -> Option<Markup> {
                         (cell_share(share(phase.cycles(), all)))
                         (limit(input, at, phase))
                         @if counted { (used_cell(phase, frame)) }
+                        @if let Some(peak) = &peak {
+                            @let MemoryRate { gigabytes, share } = peak.rate(moved(phase), phase.cycles());
+                            td.n data-value=(gigabytes) { (format!("{gigabytes:.2}")) }
+                            (cell_share(share))
+                        }
                         @for (key, _) in &more { (counted_cell(phase, &base, key)) }
                     }
                 } }
@@ -216,6 +228,16 @@ fn phases(input: &Input<'_>) -> Option<Markup> {
         }
     })
 }
+
+/// Bytes of DRAM both ways.
+fn moved(of: &CountedSpan) -> f64 {
+    let Moved { read_bytes, write_bytes } = DRAM.sum(&of.counts);
+    (read_bytes + write_bytes) as f64
+}
+
+/// Columns of passes that the page shows at first. The others can be chosen.
+const SHOWN_OF_PASSES: [&str; 8] =
+    ["phase", "cycles", "share", "limited by", "most used", "DRAM GB/s", "of peak", "fragments shaded"];
 
 /// Columns of draws that the page shows at first. The others can be chosen.
 const SHOWN: [&str; 9] =
@@ -326,6 +348,7 @@ pub fn tables(input: &Input<'_>) -> Option<Markup> {
     Some(html! {
         (table)
         p.note { (why) }
+        @if let Some(targets) = input.targets { @if let Some(pictures) = targets::section(targets) { (pictures) } }
         @match draw_table(input) {
             Some(draws) => (draws),
             None => p.note { "Draws have no cycles of their own in these statistics: replay with " code { "--per-draw" } "." },

@@ -4,14 +4,15 @@ use maud::{Markup, html};
 use serde_json::{Value, json};
 
 use super::data::{CYCLES, CountedSpan, Statistics};
-use super::{PageSection, advice, inline, machine, maps, page, part, passes, readable, series, share, tables, word};
+use super::{PageSection, advice, inline, machine, maps, page, part, passes, percent, readable, series, share, tables, word};
 use crate::machine::{Config, PhaseReport, SORTING, WRONG_PIXELS};
 use crate::mem::{DRAM, DramCounts};
-use crate::report::summary::bytes;
+use crate::report::peak::MemoryPeak;
 use crate::report::verdict::{Draws, counted, numbers, sentence};
 use crate::report::waits::Waits;
 use crate::run::bound::{FrameEstimate, PhaseEstimate};
 use crate::run::maps::Maps;
+use crate::run::targets::TargetPictures;
 use crate::run::timeline::Timeline;
 use crate::stats::{FRAME, Key, SECONDS, counter};
 use crate::work::{FUNNEL, Funnel};
@@ -32,6 +33,8 @@ pub struct Input<'i> {
     pub why: Option<&'i Value>,
     /// Heat maps of the frame that is shown.
     pub maps: Option<&'i Maps>,
+    /// Small pictures of what the passes of the frame that is shown leave.
+    pub targets: Option<&'i TargetPictures>,
     /// What units and channels did over time in the frame that is shown.
     pub timeline: Option<&'i Timeline>,
 }
@@ -92,27 +95,73 @@ fn knob(value: &Value) -> String {
     value.as_str().map_or_else(|| value.to_string(), str::to_owned)
 }
 
-/// The figures that stand first.
-fn tiles(statistics: &Statistics) -> Markup {
-    let place = statistics.place();
-    let mut tiles: Vec<(String, &str, Key, f64)> = Vec::new();
-    let mut tile = |key: Key, name, text: &dyn Fn(f64) -> String| {
-        let value = key.sum(&statistics.frame().counts);
-        tiles.extend(value.map(|value| (text(value), name, key, value)));
+/// Seconds that a frame may take at 60 frames per second.
+const BUDGET: f64 = 1.0 / 60.0;
+
+/// A number that stands first, with what it is. `path` is that of the statistic; none of what is computed.
+struct Tile {
+    text: String,
+    name: String,
+    path: Option<(Key, f64)>,
+    warns: bool,
+}
+
+/// Pixels of a picture, from the head of its PNG file.
+fn pixels(png: &[u8]) -> Option<f64> {
+    let number = |at: usize| Some(f64::from(u32::from_be_bytes(png.get(at..at + 4)?.try_into().ok()?)));
+    Some(number(16)? * number(20)?).filter(|&pixels| pixels > 0.0)
+}
+
+/// The numbers that stand first.
+fn tiles(input: &Input<'_>) -> Markup {
+    let statistics = input.statistics;
+    let (place, counts) = (statistics.place(), &statistics.frame().counts);
+    let mut tiles: Vec<Tile> = Vec::new();
+    let mut counted = |key: Key, text: &dyn Fn(f64) -> String, name: &dyn Fn(f64) -> String, warns: bool| {
+        let value = key.sum(counts);
+        tiles.extend(value.map(|value| Tile { text: text(value), name: name(value), path: Some((key, value)), warns }));
     };
-    tile(CYCLES, "cycles", &readable);
+    counted(CYCLES, &readable, &|_| "cycles".into(), false);
     let seconds = FRAME.statistic(&SECONDS);
-    if seconds.sum(&statistics.frame().counts) > Some(0.0) {
-        tile(seconds, "of the card's time", &|seconds| format!("{:.3} ms", 1e3 * seconds));
+    if seconds.sum(counts) > Some(0.0) {
+        let late = seconds.sum(counts) > Some(BUDGET);
+        counted(
+            seconds,
+            &|seconds| format!("{:.3} ms", 1e3 * seconds),
+            &|seconds| format!("frame time, {} of 16.7 ms", percent(seconds / BUDGET)),
+            late,
+        );
     }
-    tile(FUNNEL.counter(counter!(Funnel, triangles_setup)), "triangles set up", &readable);
-    tile(FUNNEL.counter(counter!(Funnel, fragments_shaded)), "fragments shaded", &readable);
-    tile(DRAM.counter(counter!(DramCounts, read_bytes)), "read from DRAM", &bytes);
-    tile(DRAM.counter(counter!(DramCounts, write_bytes)), "written to DRAM", &bytes);
-    tile(SORTING.statistic(&WRONG_PIXELS), "wrong pixels", &readable);
+    counted(FUNNEL.counter(counter!(Funnel, fragments_shaded)), &readable, &|_| "fragments shaded".into(), false);
+    if SORTING.statistic(&WRONG_PIXELS).sum(counts) > Some(0.0) {
+        counted(SORTING.statistic(&WRONG_PIXELS), &readable, &|_| "wrong pixels".into(), true);
+    }
+    let funnel: Funnel = FUNNEL.sum(counts);
+    let mut computed = |text: String, name: String| tiles.push(Tile { text, name, path: None, warns: false });
+    let invocations = (funnel.fragments_shaded + funnel.helper_fragments) as f64;
+    if let (Some(pixels), true) = (input.picture.and_then(pixels), invocations > 0.0) {
+        let shaded = funnel.fragments_shaded as f64 / pixels;
+        computed(format!("{shaded:.2}"), "overdraw: fragments shaded per pixel".into());
+    }
+    if invocations > 0.0 {
+        computed(percent(funnel.fragments_shaded as f64 / invocations), "quad efficiency".into());
+    }
+    if let (Some(config), true) = (input.config, !DRAM.find(counts).is_empty()) {
+        let DramCounts { read_bytes, write_bytes, .. } = DRAM.sum(counts);
+        let peak = MemoryPeak::new(config);
+        let rate = peak.rate((read_bytes + write_bytes) as f64, statistics.frame().cycles());
+        let name = format!("of DRAM, {} of {:.0} GB/s", percent(rate.share), peak.gigabytes());
+        computed(format!("{:.2} GB/s", rate.gigabytes), name);
+    }
     html! {
-        div.tiles { @for (text, name, key, value) in &tiles {
-            div.tile { b data-path=(format!("{place}.{}", key.path(""))) data-value=(value) { (text) } span { (name) } }
+        div.tiles { @for Tile { text, name, path, warns } in &tiles {
+            div.tile.warns[*warns] {
+                @match path {
+                    Some((key, value)) => b data-path=(format!("{place}.{}", key.path(""))) data-value=(value) { (text) },
+                    None => b { (text) },
+                }
+                span { (name) }
+            }
         } }
     }
 }
@@ -257,7 +306,7 @@ pub fn replay(input: &Input<'_>) -> String {
     let head = html! {
         h1 { (title) }
         p.sub { "Frame " (statistics.number()) @if statistics.frames().len() > 1 { " of " (statistics.frames().len()) " frames: the one that costs most" } ". What was drawn, how long it took, and what held it back." }
-        (tiles(statistics))
+        (tiles(input))
     };
     let missing =
         "The trace is not at hand. This command adds maps and what units did over time: fillrate report DIR --trace TRACE.";
@@ -289,6 +338,6 @@ pub fn replay(input: &Input<'_>) -> String {
         .iter()
         .map(|limit| json!({ "phase": limit.name, "limit": limit.unit, "work_cycles": limit.work, "cycles": limit.cycles }))
         .collect();
-    let more = json!({ "limits": estimates, "why": input.why, "timeline": input.timeline.map(series::json) });
+    let more = json!({ "limits": estimates, "why": input.why, "timeline": input.timeline.map(|timeline| series::json(timeline, input.config)) });
     page(&title, &head, &parts, &[("statistics", statistics.json()), ("estimates", &more)])
 }

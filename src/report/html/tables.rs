@@ -9,6 +9,7 @@ use super::replay::Input;
 use super::{Column, bar, cell, cell_bytes, cell_of, cell_share, heads, key, percent, readable, share};
 use crate::mem::{CACHES, CLIENTS, CacheCounts, ClientCounts, DRAM, DramCounts};
 use crate::report::pages::Glossary;
+use crate::report::peak::{MemoryPeak, MemoryRate};
 use crate::report::plots::{Scale, Series, chart};
 use crate::report::summary::{bin_rows, sorting_rows};
 use crate::run::maps::MapKind;
@@ -105,7 +106,18 @@ pub fn caches(input: &Input<'_>) -> Option<Markup> {
     } } })
 }
 
-/// Bytes by client, and what the DRAM did.
+/// A row of a rate beside its share of the peak; nothing where the machine is not known.
+fn rate_cells(peak: Option<&MemoryPeak>, bytes: f64, cycles: f64) -> Markup {
+    html! {
+        @if let Some(peak) = peak {
+            @let MemoryRate { gigabytes, share } = peak.rate(bytes, cycles);
+            td.n data-value=(gigabytes) { (format!("{gigabytes:.2}")) }
+            (cell_share(share))
+        }
+    }
+}
+
+/// Bytes by client, and what the DRAM did, with rates and their shares of the peak.
 pub fn memory(input: &Input<'_>) -> Option<Markup> {
     let frame = input.statistics.frame();
     let place = input.statistics.place();
@@ -117,20 +129,29 @@ pub fn memory(input: &Input<'_>) -> Option<Markup> {
     if clients.is_empty() && DRAM.find(&frame.counts).is_empty() {
         return None;
     }
-    let DramCounts { row_hits, row_misses, .. } = DRAM.sum(&frame.counts);
+    let DramCounts { row_hits, row_misses, read_bytes, write_bytes, .. } = DRAM.sum(&frame.counts);
     let rows = row_hits + row_misses;
-    let columns = [
+    let (peak, cycles) = (input.config.map(MemoryPeak::new), frame.cycles());
+    let mut columns = vec![
         Column("client", false, "The unit that asks."),
         Column("read", true, "Bytes read from the memory system."),
         Column("written", true, "Bytes written."),
         Column("requests", true, ""),
-        Column("", false, ""),
     ];
+    let rates = [
+        Column("GB/s", true, "Bytes both ways, in 10^9 per second of the card's time."),
+        Column("of peak", true, "The same as a share of what all DRAM channels move in bursts without gaps."),
+    ];
+    columns.extend(rates.into_iter().filter(|_| peak.is_some()));
+    let all = clients.iter().map(|(_, counts)| sum(counts)).sum::<f64>();
     Some(html! {
+        @if let Some(peak) = &peak {
+            p { "The DRAM of this machine moves " (format!("{:.1}", peak.gigabytes())) " GB/s at most, its peak. Clients ask the second level, which serves what it has, so that they can have more than the DRAM." }
+        }
         @if !clients.is_empty() {
             (key(&[("b-read", "read"), ("b-write", "written")]))
             div.scroll { table.sortable {
-                (heads(&columns[..4]))
+                (heads(&columns))
                 tbody { @for (name, counts) in &clients {
                     @let key = |counter| CLIENTS.counter(counter).of(name);
                     @let [read, written] = [counts.read_bytes, counts.write_bytes].map(|bytes| bytes as f64);
@@ -139,23 +160,30 @@ pub fn memory(input: &Input<'_>) -> Option<Markup> {
                         (cell_bytes(frame, &place, &key(counter!(ClientCounts, read_bytes))))
                         (cell_bytes(frame, &place, &key(counter!(ClientCounts, write_bytes))))
                         (cell(frame, &place, &key(counter!(ClientCounts, requests))))
+                        (rate_cells(peak.as_ref(), read + written, cycles))
                         td.wide { (bar("bar", &[
                             ("b-read", share(read, most), format!("read {} bytes", readable(read))),
                             ("b-write", share(written, most), format!("written {} bytes", readable(written))),
                         ])) }
                     }
                 } }
+                @if peak.is_some() { tfoot { tr.sum { td.name { "all clients" } td {} td {} td {} (rate_cells(peak.as_ref(), all, cycles)) td.wide {} } } }
             } }
         }
         div.scroll { table {
-            thead { tr { th scope="col" { "DRAM" } th.n scope="col" { "read" } th.n scope="col" { "written" } th.n scope="col" { "row hits" } } }
+            thead { tr {
+                th scope="col" { "DRAM" } th.n scope="col" { "read" } th.n scope="col" { "written" } th.n scope="col" { "row hits" }
+                @if peak.is_some() { th.n scope="col" { "GB/s" } th.n scope="col" { "of peak" } }
+            } }
             tbody { tr {
                 td.name { "all channels" }
                 (cell_bytes(frame, &place, &DRAM.counter(counter!(DramCounts, read_bytes))))
                 (cell_bytes(frame, &place, &DRAM.counter(counter!(DramCounts, write_bytes))))
                 @if rows > 0 { (cell_share(row_hits as f64 / rows as f64)) } @else { td.n data-value="" { "\u{2013}" } }
+                (rate_cells(peak.as_ref(), (read_bytes + write_bytes) as f64, cycles))
             } }
         } }
+        @if peak.is_some() { p.note { "The table of passes has the rate of each phase." } }
     })
 }
 
@@ -213,7 +241,7 @@ pub fn frames(input: &Input<'_>) -> Option<Markup> {
 /// Rows of a name, a value and a remark.
 fn told(rows: &[[String; 3]]) -> Markup {
     html! {
-        div.scroll { table { tbody { @for [name, value, rest] in rows {
+        div.scroll { table.told { tbody { @for [name, value, rest] in rows {
             tr { th scope="row" { (name.trim_start()) } td.n { (value) } td { (rest) } }
         } } } }
     }
@@ -252,7 +280,7 @@ pub fn bins(input: &Input<'_>) -> Option<Markup> {
 }
 
 /// Words that the page uses beside the names of statistics.
-const TERMS: [(&str, &str); 14] = [
+const TERMS: [(&str, &str); 26] = [
     (
         "busy",
         "The unit works in this cycle. A core is busy where its lanes take in an instruction; in other cycles it waits for what its oldest warp waits for.",
@@ -264,15 +292,30 @@ const TERMS: [(&str, &str); 14] = [
         "waits for instructions",
         "A core holds warps, and the instructions that they have issued are not complete. More warps would hide this latency.",
     ),
+    ("warp", "Invocations of a shader that a core executes together, one in each lane."),
+    ("SIMT", "Single instruction, multiple threads: all lanes of a warp take the same instruction."),
     (
-        "warps held",
-        "Warps that cores hold at a time, of their slots for warps: the occupancy. Slots, registers or workgroups may limit it.",
+        "occupancy",
+        "The warps that cores hold at a time, of their slots for warps. Slots, registers or workgroups may limit it.",
     ),
     ("idle", "The unit has nothing to do until the frame ends."),
     (
         "phase",
         "What the command processor does one after another: a pass, a dispatch, transfers, or scan-out. Phases do not overlap.",
     ),
+    ("transfers", "Uploads, copies and clears outside passes."),
+    ("limit", "The unit that needs most time for the work of a phase, by counts and rates."),
+    ("waits", "No unit works nearly all the time: the unit that waits in most of its cycles, and for what."),
+    ("frustum", "The part of space that is in view. Primitives outside are out of view."),
+    ("overdraw", "Fragments per pixel of the picture, over all passes."),
+    (
+        "quad efficiency",
+        "The share of invocations of fragment shaders that shade a fragment. The others are helper invocations.",
+    ),
+    ("channel", "A bounded FIFO between two units. Of DRAM: a part with a data bus of its own."),
+    ("port", "The connection of a unit to the memory system. It carries some bytes per cycle and adds latency."),
+    ("slice", "A part of the second-level cache with addresses of its own. Slices work side by side."),
+    ("peak", "The rate at which all DRAM channels move bytes in bursts without gaps: channels x bytes per clock x clock."),
     ("quad", "2x2 pixels of one triangle, which are shaded together."),
     (
         "helper invocation",
