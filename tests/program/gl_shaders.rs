@@ -336,7 +336,7 @@ fn what_is_not_supported_is_named_with_its_line() {
     };
     for (text, wanted) in [
         ("void main() {\n gl_FragColor = vec4(nothing); }", "fragment shader, line 2: Unknown variable: nothing"),
-        ("void main() { gl_FragColor = vec4(1.0) }", "fragment shader, line 1: Expected Semicolon, found RightBrace"),
+        ("void main() { gl_FragColor = vec4(1.0) }", "fragment shader, line 1: `;` is expected, not `}`"),
         ("\n\nvoid main() { gl_FragColor = gl_Nonsense; }", "fragment shader, line 3: gl_Nonsense is not supported"),
         (
             "#version 150 compatibility\nin Block { vec4 a; };\nvoid main() { gl_FragColor = a; }",

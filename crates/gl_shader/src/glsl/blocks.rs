@@ -4,8 +4,6 @@
 use naga::ScalarKind;
 
 use super::access::{Layout, Member};
-use super::tokens::{Token, closing, parts};
-use super::{TranslateResult, Wrong};
 
 /// A uniform block.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -33,81 +31,6 @@ pub struct Filled {
 
 /// Alignment of arrays, matrices and structures.
 const WIDE: usize = 16;
-
-/// Whether tokens of a layout ask for rows of matrices one after another.
-pub fn is_row_major(layout: &[Token]) -> bool {
-    layout.iter().any(|token| token.is("row_major"))
-}
-
-/// The variables that the members of a block declare: the tokens of each, from its type on, with its name.
-pub(super) fn members(body: &[Token]) -> TranslateResult<Vec<(Vec<Token>, Token)>> {
-    let mut all = Vec::new();
-    for declaration in body.split(|token| token.is(";")) {
-        let mut at = 0;
-        while let Some(token) = declaration.get(at) {
-            match token.text.as_str() {
-                "highp" | "mediump" | "lowp" | "uniform" => {}
-                "layout" => {
-                    let end =
-                        closing(declaration, at + 1).ok_or_else(|| Wrong::at(token.line, "a bracket that is not closed"))?;
-                    if is_row_major(&declaration[at..end]) {
-                        return Err(Wrong::at(token.line, "row_major in a uniform block is not supported"));
-                    }
-                    if declaration[at..end].iter().any(|token| token.is("offset") || token.is("align")) {
-                        return Err(Wrong::at(token.line, "offset and align in a uniform block are not supported"));
-                    }
-                    at = end;
-                }
-                _ => break,
-            }
-            at += 1;
-        }
-        let Some(kind) = declaration.get(at) else { continue };
-        let mut names = &declaration[at + 1..];
-        let mut count: &[Token] = &[];
-        if names.first().is_some_and(|token| token.is("[")) {
-            let close = closing(names, 0).ok_or_else(|| Wrong::at(kind.line, "a bracket that is not closed"))?;
-            (count, names) = names.split_at(close + 1);
-        }
-        for declarator in parts(names) {
-            let name = declarator.first().filter(|token| token.word);
-            let name = name.ok_or_else(|| Wrong::at(kind.line, "a member of a block without a name"))?;
-            all.push(([std::slice::from_ref(kind), count, declarator].concat(), name.clone()));
-        }
-    }
-    Ok(all)
-}
-
-/// The variables that stand for a block, by its number, its members, and the tokens after them: declarations and names. One structure if its
-/// instance has a name, or else one variable for each member; none if it is an array.
-pub(super) fn variables(
-    number: usize,
-    members: Vec<(Vec<Token>, Token)>,
-    instance: &[Token],
-) -> Option<Vec<(Vec<Token>, String)>> {
-    let end = |line: u32| Token::new(";", line);
-    match instance {
-        [] => {
-            let one = |(mut declaration, name): (Vec<Token>, Token)| {
-                declaration.push(end(name.line));
-                (declaration, name.text)
-            };
-            Some(members.into_iter().map(one).collect())
-        }
-        [instance] if instance.word => {
-            let (line, kind) = (instance.line, format!("glx_block{number}"));
-            let mut structure: Vec<Token> = ["struct", &kind, "{"].map(|text| Token::new(text, line)).into();
-            for (declaration, name) in members {
-                structure.extend(declaration);
-                structure.push(end(name.line));
-            }
-            structure.extend(["}", ";", &kind].map(|text| Token::new(text, line)));
-            structure.extend([instance.clone(), end(line)]);
-            Some(vec![(structure, instance.text.clone())])
-        }
-        _ => None,
-    }
-}
 
 /// The alignment and the size of a value.
 fn extent(layout: &Layout) -> (usize, usize) {

@@ -1,41 +1,36 @@
 //! Programs in GLSL.
 //!
-//! The passes of a shader: [`preprocess`], from [`lexemes`] to [`tokens`]; [`prepare`] (what naga does not do as the language says: names that hide samplers, scopes
-//! without blocks, arrays in declarations, comparisons of arrays and structures, functions with built-in names, components of components,
-//! `continue` in `do`, `&&` and `||`, global initialisers); [`specialise`] (copies of functions for their samplers); [`order`] (several shader
-//! objects, order of functions); [`rewrite`] (version 4.50, built-in names become plain variables); naga's front end, components as arguments
-//! ([`outs`]) and WGSL writer ([`emit`]); replacement of variables by uniforms ([`access`]); and the stage in the machine's module
-//! ([`stage`]), where fixed-function code does the rest.
+//! The preprocessor ([`preprocess`]) makes [`tokens`] of [`lexemes`], the parser ([`parse`]) makes a syntax [`tree`] of tokens. [`rewrite`] joins
+//! the trees of several shader objects ([`link`]) and lowers them to version 4.50, as naga's front end reads it: variables at global scope
+//! ([`globals`]), functions ([`lower`], with types in [`scope`]), and what naga does not do as the language says ([`arrays`], [`compare`], [`flow`]).
+//! [`print`] writes the tree. Then follow naga's front end, components as arguments ([`outs`]) and WGSL writer ([`emit`]), the replacement of
+//! variables by uniforms ([`access`]), and the stage in the machine's module ([`stage`]), where fixed-function code does the rest.
 
 mod access;
+mod arrays;
 pub mod blocks;
-mod braces;
 mod builtins;
-mod cases;
+mod compare;
 mod condition;
-mod declarators;
 mod emit;
-mod equality;
-mod initial;
-mod lazy;
+mod flow;
+mod globals;
 mod lexemes;
-mod loops;
-mod order;
-mod outline;
+mod link;
+mod lower;
 mod outs;
-mod overrides;
+mod parse;
 mod prelude;
-mod prepare;
 mod preprocess;
-mod returns;
+mod print;
 mod rewrite;
 mod sampler;
-mod shadows;
-mod specialise;
+mod scope;
 pub mod stage;
-mod statements;
-mod swizzles;
+#[cfg(test)]
+mod tests;
 mod tokens;
+mod tree;
 mod words;
 
 use std::rc::Rc;

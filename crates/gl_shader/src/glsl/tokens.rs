@@ -79,9 +79,10 @@ pub fn nesting(tokens: &[Token]) -> u64 {
                     open.pop();
                     outside -= open.last().copied().unwrap_or(0) + 1;
                 }
-                // A statement ends with its block, unless `else` follows.
-                if token.is("}") && !tokens.get(at + 1).is_some_and(|next| next.is("else")) {
-                    open.last_mut().into_iter().for_each(|operators| *operators = 0);
+                // An index is an operator. A statement ends with its block, unless `else` follows.
+                let ended = token.is("}") && !tokens.get(at + 1).is_some_and(|next| next.is("else"));
+                if let Some(operators) = open.last_mut() {
+                    *operators = if ended { 0 } else { *operators + u64::from(token.is("]")) };
                 }
             }
             ";" | "," => *operators = 0,
@@ -198,12 +199,6 @@ pub fn pairs(tokens: &[Token]) -> u64 {
     functions.into_iter().map(product).fold(product([outside[0], 0]), u64::saturating_add)
 }
 
-/// Prints tokens, each on its line.
-#[cfg(test)]
-pub fn print(tokens: &[Token]) -> String {
-    lines(tokens).0
-}
-
 /// Prints tokens, those of one source line on one line; and the source line of each.
 pub fn lines(tokens: &[Token]) -> (String, Vec<u32>) {
     let (mut text, mut lines) = (String::new(), Vec::new());
@@ -239,26 +234,6 @@ pub fn closing(tokens: &[Token], open: usize) -> Option<usize> {
     None
 }
 
-/// The parts of a list between commas outside of brackets.
-pub fn parts(tokens: &[Token]) -> Vec<&[Token]> {
-    let (mut list, mut start, mut depth) = (Vec::new(), 0, 0_i32);
-    for (at, token) in tokens.iter().enumerate() {
-        match token.text.as_str() {
-            "(" | "[" | "{" => depth += 1,
-            ")" | "]" | "}" => depth -= 1,
-            "," if depth == 0 => {
-                list.push(&tokens[start..at]);
-                start = at + 1;
-            }
-            _ => {}
-        }
-    }
-    if start < tokens.len() || !list.is_empty() {
-        list.push(&tokens[start..]);
-    }
-    list
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -289,6 +264,7 @@ mod tests {
         assert_eq!(of("int a = 1; int b = 2;"), 1);
         assert_eq!(of("void f() { if (a) { b(); } if (a) { b(); } }"), 4);
         assert!(of("int a = -(-(-1));") >= 6);
+        assert!(of("int a = b[0][0][0];") >= 4);
         assert!(of("void f() { if (a) {} else if (b) {} else if (c) {} }") >= 6);
     }
 
