@@ -18,6 +18,7 @@ use crate::report::html::replay::{Input, limits, replay};
 use crate::report::html::series::COLUMNS;
 use crate::report::html::{self as pages, plots, word};
 use crate::report::owned::check_replaceable;
+use crate::report::peak::MemoryPeak;
 use crate::report::rows::json_frame;
 use crate::run::maps::{FrameDetails, details};
 use crate::run::replay::Frame;
@@ -144,19 +145,24 @@ fn statistics(folder: &Path, frame: Option<u32>) -> Result<Statistics> {
     Statistics::parse(&text, frame).map_err(|reason| anyhow!("{name} {reason}"))
 }
 
+/// Reads the machine that a replay left in a folder; none if it is not there.
+fn config(folder: &Path) -> Result<Option<Config>> {
+    let path = folder.join("config.ron");
+    if !path.exists() {
+        return Ok(None);
+    }
+    let name = path.display().to_string();
+    let text = host::read_text(&path, CONFIG_MAX).with_context(|| format!("cannot read {name}"))?;
+    Ok(Some(Config::parse(&name, &text)?))
+}
+
 impl Subject {
     /// Reads what a replay left in a folder.
     fn open(folder: &Path, limits: &Limits) -> Result<Subject> {
         let statistics = statistics(folder, None)?;
-        let path = folder.join("config.ron");
-        let config = path.exists().then(|| -> Result<Config> {
-            let name = path.display().to_string();
-            let text = host::read_text(&path, CONFIG_MAX).with_context(|| format!("cannot read {name}"))?;
-            Ok(Config::parse(&name, &text)?)
-        });
         let path = folder.join(format!("frame-{:04}.png", statistics.number()));
         let picture = path.exists().then(|| png(&path, limits));
-        Ok(Subject { statistics, picture: picture.transpose()?, config: config.transpose()?, command: None })
+        Ok(Subject { statistics, picture: picture.transpose()?, config: config(folder)?, command: None })
     }
 
     /// Renders the frame again, if there is a trace.
@@ -264,7 +270,8 @@ pub fn run(arguments: &Arguments) -> Result<Verdict> {
         if folder.join("inputs.json").exists() {
             bail!("--phase and --draw apply to a replay only, and {} is of a sweep", folder.display());
         }
-        let text = counted(&statistics(folder, arguments.frame)?, &chosen);
+        let peak = config(folder)?.as_ref().map(MemoryPeak::new);
+        let text = counted(&statistics(folder, arguments.frame)?, &chosen, peak.as_ref());
         print!("{}", text.map_err(|reason| anyhow!("{}: {reason}", folder.display()))?);
         return Ok(Verdict::Done);
     }

@@ -1,6 +1,7 @@
 //! All that was counted in one phase or draw, as text: what `stats.json` has of it.
 
 use super::html::data::{CountedSpan, Statistics};
+use super::peak::MemoryPeak;
 use super::summary::{bytes, funnel, grouped};
 use crate::host::one_line;
 use crate::machine::{Moved, SHADING, Spent};
@@ -18,11 +19,11 @@ pub enum Chosen {
     Draw(u64),
 }
 
-/// What was counted in the chosen parts of the frame that costs most.
+/// What was counted in the chosen parts of the frame that costs most. With the peak of the memory, traffic has rates.
 ///
 /// # Errors
 /// If the frame has no such part, or nothing was counted in it; the message says which there are.
-pub fn counted(statistics: &Statistics, chosen: &Chosen) -> Result<String, String> {
+pub fn counted(statistics: &Statistics, chosen: &Chosen, peak: Option<&MemoryPeak>) -> Result<String, String> {
     let frame = statistics.frame();
     let phases = &frame.parts;
     let place = |phase: &CountedSpan| format!("{} of frame {}", one_line(&phase.name()), statistics.number());
@@ -48,7 +49,7 @@ pub fn counted(statistics: &Statistics, chosen: &Chosen) -> Result<String, Strin
         return Err(format!("nothing was counted in it by --fidelity {fidelity}: replay with --fidelity cycle"));
     }
     let all: f64 = phases.iter().map(CountedSpan::cycles).sum();
-    let mut text = parts.iter().map(|(title, part)| whole(title, part, frame, all)).collect::<Vec<_>>().join("\n");
+    let mut text = parts.iter().map(|(title, part)| whole(title, part, frame, all, peak)).collect::<Vec<_>>().join("\n");
     if let Chosen::Draw(_) = chosen {
         text.push_str("\nThe funnel is the draw's own. All else counts the cycles from the retirement before it to its own, with other draws in the machine.\n");
     }
@@ -84,7 +85,7 @@ fn missing(phases: &[CountedSpan], chosen: &Chosen, frame: u32) -> String {
 }
 
 /// All of a part.
-fn whole(title: &str, part: &CountedSpan, frame: &CountedSpan, all: f64) -> String {
+fn whole(title: &str, part: &CountedSpan, frame: &CountedSpan, all: f64, peak: Option<&MemoryPeak>) -> String {
     let own = part.cycles();
     let mut out = format!("{title}: {} cycles, {:.1} % of the frame\n", grouped(own as u64), percent(own, all));
     let mut section = |title: &str, text: String| {
@@ -98,7 +99,7 @@ fn whole(title: &str, part: &CountedSpan, frame: &CountedSpan, all: f64) -> Stri
     section("What the units did, in cycles of the bank; units that only waited for input are left out", units(part, frame));
     section("Caches", caches(part));
     section("What cores issued, and texture units filtered", shading(part));
-    section("What moved through memory", memory(part));
+    section("What moved through memory", memory(part, peak));
     out
 }
 
@@ -162,10 +163,12 @@ fn shading(part: &CountedSpan) -> String {
         .collect()
 }
 
-fn memory(part: &CountedSpan) -> String {
+fn memory(part: &CountedSpan, peak: Option<&MemoryPeak>) -> String {
     let row = |name: &str, read_bytes: u64, write_bytes: u64, requests: String| {
+        let rate = peak.map(|peak| peak.rate((read_bytes + write_bytes) as f64, part.cycles()));
+        let rate = rate.map_or(String::new(), |rate| format!("{:>10.2}{:>9.1} %", rate.gigabytes, 100.0 * rate.share));
         let [read, written] = [read_bytes, write_bytes].map(|n| bytes(n as f64));
-        let row = format!("  {name:<18}{read:>14}{written:>14}{requests:>14}");
+        let row = format!("  {name:<18}{read:>14}{written:>14}{requests:>14}{rate}");
         row.trim_end().to_owned() + "\n"
     };
     let requests = CLIENTS.counter(counter!(ClientCounts, requests));
@@ -179,5 +182,9 @@ fn memory(part: &CountedSpan) -> String {
         let Moved { read_bytes, write_bytes } = DRAM.sum(&part.counts);
         text.push_str(&row("DRAM", read_bytes, write_bytes, String::new()));
     }
-    if text.is_empty() { text } else { format!("  {:<18}{:>14}{:>14}{:>14}\n{text}", "client", "read", "written", "requests") }
+    if text.is_empty() {
+        return text;
+    }
+    let rates = if peak.is_some() { format!("{:>10}{:>11}", "GB/s", "of peak") } else { String::new() };
+    format!("  {:<18}{:>14}{:>14}{:>14}{rates}\n{text}", "client", "read", "written", "requests")
 }

@@ -130,9 +130,7 @@ pub fn report(done: &ReplayOutcome, seen: &mut ReportedFrames, options: &Options
     }
     if options.fidelity.name() != Fidelity::Bound.name() {
         section("What the units did, in shares of the cycles", &summary::units(&done.total));
-        let peak = MemoryPeak::new(&options.config);
-        let text = summary::memory(&done.total, &peak) + &seen.phases.rates(&peak, 8);
-        section("What moved through memory", &text);
+        section("What moved through memory", &summary::memory(&done.total, &MemoryPeak::new(&options.config)));
         section("What sorting cost", &summary::sorting(&done.total, options.config.card.sort, options.config.card.pipelines));
     }
     if let Some(sampled) = &done.sampled {

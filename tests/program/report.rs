@@ -102,6 +102,16 @@ fn the_numbers_of_a_page_are_those_of_the_json() {
         // How much a unit is used is no reason. What limits a pass stands in its row, and not in that of each draw.
         assert!(page.contains(">limited by<") && page.contains(">most used<") && !page.contains("usiest unit"), "{name}");
         assert!(!page.contains(">limit of its pass<"), "{name}");
+        // Words of the page are explained. Wrong pixels stand first only where there are any.
+        for term in
+            ["limit", "transfers", "occupancy", "SIMT", "port", "slice", "roofline", "peak", "overdraw", "quad efficiency"]
+        {
+            assert!(page.contains(&format!("<dt>{term}</dt>")), "{name}: {term}");
+        }
+        for tile in ["frame time, ", "overdraw: fragments shaded per pixel", "quad efficiency", "of DRAM, "] {
+            assert!(page.contains(&format!("<span>{tile}")), "{name}: {tile}");
+        }
+        assert!(!page.contains("<span>wrong pixels"), "{name}");
         // Each draw has a row that links find.
         let draws = own["frames"][0]["phases"].as_array().expect("phases").iter().filter_map(|phase| phase["draws"].as_array());
         let numbers: Vec<u64> = draws.flatten().filter_map(|draw| draw["number"].as_u64()).collect();
@@ -362,6 +372,42 @@ fn maps_add_up_to_the_funnel() {
         }
     }
     assert!(empty > 10_000, "{empty} pixels are empty");
+}
+
+#[test]
+fn attachments_of_each_pass_are_shown() {
+    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("traces/shadow");
+    let trace = Trace::open(path).expect("the trace is there");
+    let config = Config::built_in("baseline").expect("it is built in");
+    let found = details(&trace, &config, 0, false).expect("it renders").targets;
+    assert_eq!(found.left_out, 0);
+    // The shadow map of the first pass alone, then the picture and its depths.
+    let kinds: Vec<(u32, Option<u32>)> = found.pictures.iter().map(|of| (of.pass, of.location)).collect();
+    assert_eq!(kinds, [(0, None), (1, Some(0)), (1, None)]);
+    for of in &found.pictures {
+        let (width, height) = of.image.dimensions();
+        assert!(width.max(height) <= 160 && width.max(height) >= 150, "{width} x {height}");
+        let mut shades: Vec<_> = of.image.pixels().map(|pixel| pixel.0).collect();
+        shades.sort_unstable();
+        shades.dedup();
+        assert!(shades.len() > 50, "pass {}: {} shades", of.pass, shades.len());
+        assert_eq!(of.depths.is_some(), of.location.is_none());
+        assert!(of.depths.is_none_or(|[least, most]| 0.0 <= least && least < most && most <= 1.0), "{:?}", of.depths);
+    }
+    // The picture in small has the colours of the picture.
+    let home = replayed("traces/shadow", &[]);
+    let picture = image::open(home.path().join("frame-0000.png")).expect("a picture").into_rgb8();
+    let (small, mean) = (&found.pictures[1].image, |image: &image::RgbImage| {
+        let sums = image.pixels().fold([0.0; 3], |sums, pixel| std::array::from_fn(|c| sums[c] + f64::from(pixel.0[c])));
+        sums.map(|sum: f64| sum / f64::from(image.width() * image.height()))
+    });
+    for (a, b) in std::iter::zip(mean(small), mean(&picture)) {
+        assert!((a - b).abs() < 2.0, "{a}, {b}");
+    }
+    assert_eq!(run(&["report", &home.path().display().to_string()]).0, 0);
+    let page = fs::read_to_string(home.path().join("report.html")).expect("a page");
+    let section = page.split("<div class=\"targets\">").nth(1).expect("the pictures").split("</div>").next().expect("an end");
+    assert_eq!(section.matches("<figure><img src=\"data:image/png;base64,").count(), 3);
 }
 
 #[test]

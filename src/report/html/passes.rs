@@ -300,7 +300,9 @@ fn draw_table(input: &Input<'_>) -> Option<Markup> {
     if halves {
         titles.extend(HALVES.map(|(_, name, about)| Column(name, true, about)));
     }
-    titles.push(USED);
+    // Draws that retire together have no cycles of units.
+    let used = draws.iter().any(|(.., draw)| most_used(draw, frame).is_some());
+    titles.extend(used.then_some(USED));
     titles.push(Column("out of view", true, "Primitives that lie outside the view, of those that the draw has."));
     let named = heads_of(&more);
     titles.extend(named.iter().map(|(name, path)| Column(name, true, path)));
@@ -325,7 +327,7 @@ fn draw_table(input: &Input<'_>) -> Option<Markup> {
                     (cell_behind(CYCLES.sum(&draw.counts), &format!("{base}.{}", CYCLES.path(draw.units)), share(draw.cycles(), most)))
                     (cell_share(share(draw.cycles(), all)))
                     @if halves { @for (key, ..) in &HALVES { (cell(draw, &base, key)) } }
-                    (used_cell(draw, frame))
+                    @if used { (used_cell(draw, frame)) }
                     @match out_of_view(draw) {
                         Some((out, primitives)) => td.n data-value=(share(out as f64, primitives as f64)) title=(format!("{} of {} primitives", readable(out as f64), readable(primitives as f64))) { (percent(share(out as f64, primitives as f64))) },
                         None => td.n data-value="" { "\u{2013}" },

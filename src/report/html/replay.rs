@@ -257,7 +257,7 @@ fn proven(why: &Value) -> Markup {
             }
         }
         p.note { "The frame was timed again on " (gains.len()) " machines, each with more of one resource. Caches are cold when the frame begins: " (readable(why["cycles"].as_f64().unwrap_or(0.0))) " cycles." }
-        div.scroll.tall { table.sortable id="why" {
+        div.scroll.tall { table.sortable.stacked id="why" {
             (super::heads(&[super::Column("with this change alone", false, ""), super::Column("cycles", true, ""), super::Column("change", true, ""), super::Column("most in", false, "The phase that saves most cycles."), super::Column("seen there without it", false, "Counted in that phase, or in the frame.")]))
             tbody { @for own in some {
                 tr {

@@ -6,7 +6,6 @@ use super::{bytes, grouped};
 use crate::host::one_line;
 use crate::machine::{DrawReport, PhaseReport};
 use crate::num::Cycle;
-use crate::report::peak::{MemoryPeak, MemoryRate};
 use crate::report::verdict;
 use crate::report::waits::{Waits, limited};
 use crate::unit::phase::{Phase, PhaseKind};
@@ -116,18 +115,6 @@ impl Phases {
             })
         };
         self.lines.iter().map(line).collect()
-    }
-
-    /// The rate of DRAM traffic in each phase that has any, those with most bytes first; at most `most` lines.
-    pub fn rates(&self, peak: &MemoryPeak, most: usize) -> String {
-        let mut lines: Vec<&Line> = self.lines.iter().filter(|line| line.bytes > 0).collect();
-        lines.sort_by_key(|line| std::cmp::Reverse(line.bytes));
-        let row = |line: &&Line| {
-            let MemoryRate { gigabytes, share } = peak.rate(line.bytes as f64, line.cycles as f64);
-            let (name, moved) = (format!("DRAM in {}", one_line(&line.phase.to_string())), bytes(line.bytes as f64));
-            format!("  {:<26}{moved:>28}{gigabytes:>10.2}{:>9.1} %\n", clip(&name, 26), 100.0 * share)
-        };
-        lines.iter().take(most).map(row).collect()
     }
 
     /// The phases in order, those that took least left out; at most `most` lines.
