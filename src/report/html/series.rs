@@ -152,7 +152,7 @@ pub fn section(input: &Input<'_>) -> Option<Markup> {
             ", read " (samples.len()) " times. This machine draws frame " (input.statistics.number()) " alone, with empty caches."
         }
         (key(&[("s-busy", "busy"), ("s-blocked", "no room behind it"), ("s-memory", "waits for memory"), ("s-latency", "waits for instructions")]))
-        p.note.when role="status" { "Point at a time, or move with the arrow keys. A click selects the draw that retires then." }
+        p.note.when role="status" { "Point at a time, or move with the arrow keys." @if !binned { " A click selects the draw that retires then." } }
         div.scroll { table.timeline tabindex="0" aria-label="What units did over time" {
             thead { tr { th scope="col" { "unit" } th.over scope="col" {} th.n scope="col" { "busy" } } }
             tbody {
