@@ -62,7 +62,7 @@
 pub use accuracy;
 #[cfg(feature = "vulkan")]
 pub use gfxr;
-pub use {gfx, host, import, knob, machine, mem, num, render, run, shader, sim, stats, synthetic, trace, unit, work};
+pub use {gfx, host, import, knob, machine, mem, num, render, run, scenes, shader, sim, stats, synthetic, trace, unit, work};
 
 pub use machine::Config;
 pub use run::picture;

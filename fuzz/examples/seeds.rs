@@ -227,7 +227,7 @@ fn shaders(root: &Path) -> io::Result<()> {
 fn modules(root: &Path) -> io::Result<()> {
     let corpus = Corpus::of("spirv")?;
     let mut texts: Vec<String> = (0..20).map(|seed| generate::generate(&mut generate::Random::seeded(seed)).source).collect();
-    for entry in fs::read_dir(root.join("examples/record_scenes/scenes"))? {
+    for entry in fs::read_dir(root.join("crates/scenes/src"))? {
         let path = entry?.path();
         if path.extension().is_some_and(|extension| extension == "wgsl") {
             texts.push(fs::read_to_string(path)?);

@@ -1,11 +1,9 @@
 //! The kept scenes: recording them again gives the same bytes, they keep all rules, and their shaders are valid.
 
-#[path = "../../examples/record_scenes/scenes/mod.rs"]
-mod scenes;
-
 use std::fs;
 use std::path::{Path, PathBuf};
 
+use fillrate::scenes;
 use fillrate::trace::{Trace, check};
 
 /// Bytes of a scene at most.

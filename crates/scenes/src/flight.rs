@@ -1,15 +1,15 @@
 //! Ten seconds of a camera that flies among globes over a chequered floor: 600 short frames whose load rises and falls, for what
 //! looks at sequences of frames. As programs do, it draws only what may be seen.
 
-use fillrate::gfx::format::Format;
-use fillrate::gfx::state::*;
-use fillrate::trace::command::BoundResource;
-use fillrate::trace::record::{self, Recorder};
+use gfx::format::Format;
+use gfx::state::*;
 use glam::dvec4;
+use trace::command::BoundResource;
+use trace::record::{self, Recorder};
 
-use super::maths::*;
-use super::pixels::*;
-use super::solids::Mesh;
+use crate::maths::*;
+use crate::pixels::*;
+use crate::solids::Mesh;
 
 const WIDTH: u32 = 512;
 const HEIGHT: u32 = 384;

@@ -3,15 +3,15 @@
 
 use std::f64::consts::TAU;
 
-use fillrate::gfx::format::Format;
-use fillrate::gfx::state::*;
-use fillrate::num::{BindGroupId, BufferId};
-use fillrate::trace::command::{BindingKind, BoundResource};
-use fillrate::trace::record::{self, Recorder, RenderPass};
+use gfx::format::Format;
+use gfx::state::*;
+use num::{BindGroupId, BufferId};
+use trace::command::{BindingKind, BoundResource};
+use trace::record::{self, Recorder, RenderPass};
 
-use super::maths::*;
-use super::pixels::*;
-use super::solids::{Mesh, Solid};
+use crate::maths::*;
+use crate::pixels::*;
+use crate::solids::{Mesh, Solid};
 
 const WIDTH: u32 = 320;
 const HEIGHT: u32 = 240;

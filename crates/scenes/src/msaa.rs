@@ -1,8 +1,8 @@
 //! A wheel of thin spokes with four samples per pixel, resolved.
 
-use fillrate::gfx::format::Format;
-use fillrate::gfx::state::Multisample;
-use fillrate::trace::record::{self, Recorder};
+use gfx::format::Format;
+use gfx::state::Multisample;
+use trace::record::{self, Recorder};
 
 const WIDTH: u32 = 640;
 const HEIGHT: u32 = 480;

@@ -4,13 +4,13 @@
 
 use std::f64::consts::TAU;
 
-use fillrate::gfx::format::Format;
-use fillrate::gfx::state::*;
-use fillrate::trace::command::BoundResource;
-use fillrate::trace::record::{self, Recorder};
+use gfx::format::Format;
+use gfx::state::*;
+use trace::command::BoundResource;
+use trace::record::{self, Recorder};
 
-use super::maths::*;
-use super::pixels::*;
+use crate::maths::*;
+use crate::pixels::*;
 
 const WIDTH: u32 = 256;
 const HEIGHT: u32 = 192;

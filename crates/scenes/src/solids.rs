@@ -2,11 +2,11 @@
 
 use std::f64::consts::TAU;
 
-use fillrate::gfx::state::{VertexBufferLayout, VertexFormat};
-use fillrate::num::BufferId;
-use fillrate::trace::record::{self, Recorder};
+use gfx::state::{VertexBufferLayout, VertexFormat};
+use num::BufferId;
+use trace::record::{self, Recorder};
 
-use super::maths::*;
+use crate::maths::*;
 
 /// An indexed triangle list, counter-clockwise seen from outside.
 #[derive(Default)]

@@ -2,13 +2,13 @@
 
 use std::f64::consts::TAU;
 
-use fillrate::gfx::format::Format;
-use fillrate::gfx::state::*;
-use fillrate::trace::command::BoundResource;
-use fillrate::trace::record::{self, Recorder, RenderPass};
+use gfx::format::Format;
+use gfx::state::*;
+use trace::command::BoundResource;
+use trace::record::{self, Recorder, RenderPass};
 
-use super::maths::*;
-use super::solids::{Mesh, Solid};
+use crate::maths::*;
+use crate::solids::{Mesh, Solid};
 
 const WIDTH: u32 = 800;
 const HEIGHT: u32 = 600;

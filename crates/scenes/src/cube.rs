@@ -1,13 +1,13 @@
 //! Wooden crates with a mipmapped texture and a depth test: one in front, a row that recedes behind it.
 
-use fillrate::gfx::format::Format;
-use fillrate::gfx::state::*;
-use fillrate::trace::command::BoundResource;
-use fillrate::trace::record::{self, Recorder};
+use gfx::format::Format;
+use gfx::state::*;
+use trace::command::BoundResource;
+use trace::record::{self, Recorder};
 
-use super::maths::*;
-use super::pixels::*;
-use super::solids::Mesh;
+use crate::maths::*;
+use crate::pixels::*;
+use crate::solids::Mesh;
 
 const WIDTH: u32 = 640;
 const HEIGHT: u32 = 480;

@@ -1,10 +1,9 @@
-//! Records the scenes that are kept in `traces/`: `record_scenes [DIR]`. A test records them again and compares the bytes, so
-//! everything here is deterministic on every host: hashes instead of random numbers, `libm` instead of the C library.
-
-mod scenes;
+//! Records the scenes that are kept in `traces/`: `record_scenes [DIR]`. A test records them again and compares the bytes.
 
 use std::path::Path;
 use std::process::ExitCode;
+
+use fillrate::scenes;
 
 fn main() -> ExitCode {
     let mut arguments = std::env::args().skip(1);

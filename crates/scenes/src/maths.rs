@@ -1,11 +1,11 @@
 //! What scenes compute with: vectors and matrices of f64, hashes and codes, with the same result on every host.
 
-pub use fillrate::num::hash;
 pub use glam::dcamera::rh::{
     proj::directx::{orthographic, perspective},
     view::look_at_mat4,
 };
 pub use glam::{DMat4, DVec3, dvec3};
+pub use num::hash;
 
 /// A model's matrix: its scale, then a rotation about the y axis in radians, then its place.
 pub fn placed(at: DVec3, turn: f64, size: DVec3) -> DMat4 {

@@ -1,13 +1,13 @@
 //! A long corridor with a trilinear texture array: every ratio of texels to pixels, from magnified to the last level.
 
-use fillrate::gfx::format::Format;
-use fillrate::gfx::state::*;
-use fillrate::trace::command::{BoundResource, ViewDesc};
-use fillrate::trace::record::{self, Recorder};
+use gfx::format::Format;
+use gfx::state::*;
+use trace::command::{BoundResource, ViewDesc};
+use trace::record::{self, Recorder};
 
-use super::maths::*;
-use super::pixels::*;
-use super::solids::Mesh;
+use crate::maths::*;
+use crate::pixels::*;
+use crate::solids::Mesh;
 
 const WIDTH: u32 = 640;
 const HEIGHT: u32 = 480;

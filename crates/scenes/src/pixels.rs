@@ -1,10 +1,10 @@
 //! Textures made by code, and their mip chains.
 
-use fillrate::gfx::format::Format;
-use fillrate::num::{TextureId, ViewId};
-use fillrate::trace::record::{self, Recorder};
+use gfx::format::Format;
+use num::{TextureId, ViewId};
+use trace::record::{self, Recorder};
 
-use super::maths::*;
+use crate::maths::*;
 
 /// An RGBA image with values 0 to 1: linear light, alpha not premultiplied unless its user does.
 pub struct Image {

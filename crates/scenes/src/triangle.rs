@@ -1,10 +1,10 @@
 //! One triangle with a colour at each corner.
 
-use fillrate::gfx::format::Format;
-use fillrate::gfx::state::VertexFormat;
-use fillrate::trace::record::{self, Recorder};
+use gfx::format::Format;
+use gfx::state::VertexFormat;
+use trace::record::{self, Recorder};
 
-use super::maths::floats;
+use crate::maths::floats;
 
 pub fn record() -> Recorder {
     let mut card = Recorder::new("triangle");

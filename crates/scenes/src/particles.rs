@@ -1,10 +1,10 @@
 //! A few frames of particles that a compute pass moves: workgroup memory and a barrier for their common centre, an atomic count
 //! of those that came round, and an indirect draw.
 
-use fillrate::gfx::format::Format;
-use fillrate::gfx::state::*;
-use fillrate::trace::command::*;
-use fillrate::trace::record::{self, Recorder};
+use gfx::format::Format;
+use gfx::state::*;
+use trace::command::*;
+use trace::record::{self, Recorder};
 
 const WIDTH: u32 = 640;
 const HEIGHT: u32 = 480;

@@ -2,11 +2,11 @@
 
 use std::f64::consts::TAU;
 
-use fillrate::gfx::format::Format;
-use fillrate::gfx::state::*;
-use fillrate::trace::record::{self, Recorder};
+use gfx::format::Format;
+use gfx::state::*;
+use trace::record::{self, Recorder};
 
-use super::maths::*;
+use crate::maths::*;
 
 /// Rings along the knot.
 const RINGS: u16 = 1_400;

@@ -3,11 +3,11 @@
 //!
 //! A smaller picture of them is recorded in three orders: front first, by lot, back first. Nothing else differs.
 
-use fillrate::gfx::format::Format;
-use fillrate::gfx::state::*;
-use fillrate::trace::record::{self, Recorder};
+use gfx::format::Format;
+use gfx::state::*;
+use trace::record::{self, Recorder};
 
-use super::maths::*;
+use crate::maths::*;
 
 const LAYERS: u32 = 10;
 

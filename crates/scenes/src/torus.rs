@@ -3,10 +3,10 @@
 
 use std::f64::consts::TAU;
 
-use fillrate::trace::record::Recorder;
+use trace::record::Recorder;
 
-use super::knot::{Shot, shown, vertex};
-use super::maths::*;
+use crate::knot::{Shot, shown, vertex};
+use crate::maths::*;
 
 /// Rings along the torus.
 const RINGS: u16 = 48;
