@@ -38,7 +38,9 @@
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
 //!
-//! [`import::open`] reads a trace from a file, [`Config::set`] changes a knob, and [`Replay::frames`](run::replay::Replay::frames) have pictures.
+//! [`import::open`] reads a trace from a file, [`scenes`] has traces that are built in, [`Config::set`] changes a knob, [`Replay::frames`] have
+//! pictures, and [`Statistics`] are read by group, as above, or by path. Errors are [`TraceError`], [`ConfigError`] and [`ReplayError`].
+//! `docs/library.md` is a guide.
 //!
 //! Floors, each a package or module that depends only on floors below:
 //!
@@ -46,7 +48,7 @@
 //! |---|---|
 //! | 0 | [`num`], [`host`], `gfxr` |
 //! | 1 | [`gfx`], [`trace`], [`knob`], [`stats`], [`sim`] |
-//! | 2 | [`work`], [`shader`], [`mem`], [`import`] |
+//! | 2 | [`work`], [`shader`], [`mem`], [`import`], [`scenes`] |
 //! | 3 | [`render`], [`mod@unit`], [`synthetic`] |
 //! | 4 | [`machine`] |
 //! | 5 | [`run`] |
@@ -64,10 +66,12 @@ pub use accuracy;
 pub use gfxr;
 pub use {gfx, host, import, knob, machine, mem, num, render, run, scenes, shader, sim, stats, synthetic, trace, unit, work};
 
-pub use machine::Config;
+pub use machine::{Config, ConfigError};
+pub use run::error::ReplayError;
 pub use run::picture;
 pub use run::replay::{Fidelity, Options, Replay, replay};
-pub use trace::{Trace, record};
+pub use stats::Tree as Statistics;
+pub use trace::{Trace, TraceError, record};
 
 #[cfg(feature = "cli")]
 pub mod report;

@@ -25,6 +25,7 @@
 
 pub mod bound;
 pub mod cycle;
+pub mod error;
 pub mod frame_runs;
 pub mod frame_sink;
 pub mod functional;

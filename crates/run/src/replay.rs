@@ -9,6 +9,7 @@ use anyhow::{Result, bail};
 
 use super::bound::frames::{self, Estimated, estimate};
 use super::cycle::{Simulated, simulate};
+use super::error::ReplayError;
 use super::frame_runs::simulate_in_runs;
 use super::frame_sink::{FrameSink, Pictures};
 use super::functional;
@@ -207,7 +208,7 @@ pub struct Replay {
 ///
 /// # Errors
 /// If the trace cannot be rendered, or the machine stops.
-pub fn replay(trace: &Trace, options: &Options, progress: &Progress<'_>) -> Result<Replay> {
+pub fn replay(trace: &Trace, options: &Options, progress: &Progress<'_>) -> Result<Replay, ReplayError> {
     let mut frames = Vec::new();
     let keep = |frame| {
         frames.push(frame);
