@@ -89,13 +89,32 @@ fn open_as(path: &Path, reading: &Reading, frames: Range<u64>, survey: Survey) -
                 format!("is a {kind} trace, which this build cannot read: build with the feature `{feature}`"),
             ))
         }
-        None => Err(TraceError::new(
-            path,
-            "is no trace: neither a native one (folder with trace.ron, or zip archive), nor a wgpu API trace (folder with \
-             trace.ron), nor an apitrace, GLInterceptor or GFXReconstruct file",
-        )),
+        None => {
+            let held = traces_in(path);
+            Err(TraceError::new(
+                path,
+                match held.is_empty() {
+                    false => format!("is no trace, and holds traces: {}", held.join(", ")),
+                    true => "is no trace: neither a native one (folder with trace.ron, or zip archive), nor a wgpu API trace (folder \
+                             with trace.ron), nor an apitrace, GLInterceptor or GFXReconstruct file"
+                        .into(),
+                },
+            ))
+        }
     }
     .map(|trace| (trace, None))
+}
+
+/// Traces in a folder that are listed at most.
+const LISTED: usize = 8;
+
+/// The names of the first traces in a folder, in order.
+fn traces_in(folder: &Path) -> Vec<String> {
+    let Ok(entries) = std::fs::read_dir(folder) else { return Vec::new() };
+    let mut paths: Vec<_> = entries.filter_map(|entry| Some(entry.ok()?.path())).collect();
+    paths.sort();
+    let found = paths.iter().filter(|path| detect::detect_with(path, Links::Refuse).is_ok_and(|found| found.is_some()));
+    found.take(LISTED).map(|path| host::path_line(path)).collect()
 }
 
 fn open_path(path: &Path, reading: &Reading) -> Result<Trace, TraceError> {
