@@ -138,6 +138,7 @@ mod tests {
             assert_eq!(diagram.banks.iter().map(|bank| bank.count).sum::<usize>(), machine.units().count());
             assert_eq!(diagram.cables.iter().map(|cable| cable.count).sum::<usize>(), machine.wires().count());
             assert!(diagram.cables.iter().any(|cable| cable.sorts));
+            assert!(diagram.svg().contains("stroke=\"#c05000\""), "the picture marks where the machine sorts");
         }
     }
 

@@ -25,6 +25,8 @@ struct Box {
     height: f64,
     /// Small writing below the name.
     notes: Vec<String>,
+    /// Whether the bank sorts within itself: no line shows it.
+    sorts: bool,
 }
 
 impl Box {
@@ -109,7 +111,8 @@ fn group<'a>(diagram: &'a Diagram, banks: &[usize], end: &str) -> Group<'a> {
         .map(|&BoxPosition { bank, row, column }| {
             let notes = notes(diagram, bank);
             let height = 24.0 + LINE * notes.len() as f64;
-            Box { bank, row, column, x: 0.0, y: 0.0, height, notes }
+            let sorts = diagram.cables.iter().any(|cable| cable.sorts && cable.from == bank && cable.to == bank);
+            Box { bank, row, column, x: 0.0, y: 0.0, height, notes, sorts }
         })
         .collect();
 
@@ -284,10 +287,11 @@ fn draw_box(text: &mut String, b: &Box, bank: &Bank, busy: Option<f64>) {
         format!(" class=\"use{}\" style=\"--use:{:.1}%\"", if busy > 0.52 { " dark" } else { "" }, 100.0 * busy.clamp(0.0, 1.0))
     });
     text.push_str(&format!("<g{class}><title>{}{share}</title>\n", escaped(&times(bank.name, bank.count))));
+    let (edge, thick) = if b.sorts { (SORTS, " stroke-width=\"2\"") } else { ("#44546a", "") };
     let behind: &[f64] = if bank.count > 1 { &[6.0, 3.0, 0.0] } else { &[0.0] };
     for offset in behind {
         text.push_str(&format!(
-            "<rect x=\"{:.1}\" y=\"{:.1}\" width=\"{BOX_WIDTH}\" height=\"{height}\" rx=\"3\" fill=\"{fill}\" stroke=\"#44546a\"/>\n",
+            "<rect x=\"{:.1}\" y=\"{:.1}\" width=\"{BOX_WIDTH}\" height=\"{height}\" rx=\"3\" fill=\"{fill}\" stroke=\"{edge}\"{thick}/>\n",
             x + offset,
             y - offset
         ));
