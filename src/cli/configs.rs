@@ -67,6 +67,12 @@ pub struct Choice {
 }
 
 impl Choice {
+    /// The options as they were given, for another command.
+    pub fn options(&self) -> Vec<String> {
+        let set = self.set.iter().flat_map(|setting| ["--set".to_owned(), setting.clone()]);
+        ["--config".to_owned(), self.config.clone()].into_iter().chain(set).collect()
+    }
+
     /// Its configuration.
     pub fn load(&self) -> Result<Config> {
         load(&self.config, &self.set)

@@ -15,11 +15,11 @@ use crate::trace::{self, Packing, Trace};
 pub struct Arguments {
     /// The trace: a file, or its folder
     trace: PathBuf,
-    #[command(flatten)]
-    reading: super::reading::Reading,
     /// Where to write the native trace: a folder that does not exist or is empty, or a file ending in .zip
-    #[arg(long, value_name = "DIR")]
+    #[arg(help_heading = "Output", long, value_name = "DIR")]
     out: PathBuf,
+    #[command(flatten, next_help_heading = "Reading the trace")]
+    reading: super::reading::Reading,
 }
 
 pub fn run(arguments: &Arguments) -> Result<Verdict> {

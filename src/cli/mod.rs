@@ -27,10 +27,12 @@ mod attila;
 mod beside;
 #[cfg(feature = "accuracy")]
 mod builds;
+mod built_in;
 #[cfg(feature = "accuracy")]
 mod card;
 mod compare;
 mod configs;
+mod demo;
 #[cfg(feature = "accuracy")]
 mod estimates;
 mod import;
@@ -71,7 +73,7 @@ use host::is_guarded;
 
 /// Replays recorded graphics traces on a cycle-approximate model of a graphics card.
 #[derive(Parser)]
-#[command(name = "fillrate", version = env!("FILLRATE_VERSION"), about, after_help = "Start with:\n  fillrate replay traces/cube --out out")]
+#[command(name = "fillrate", version = env!("FILLRATE_VERSION"), about, after_help = "Start with:\n  fillrate demo cube")]
 struct Arguments {
     #[command(subcommand)]
     command: Command,
@@ -82,6 +84,7 @@ struct Arguments {
 
 #[derive(Subcommand)]
 enum Command {
+    Demo(demo::Arguments),
     Replay(replay::Arguments),
     Import(import::Arguments),
     Inspect(inspect::Arguments),
@@ -172,6 +175,7 @@ fn complain(text: std::fmt::Arguments<'_>) {
 
 fn run(command: &Command) -> Result<Verdict> {
     threads::start(match command {
+        Command::Demo(arguments) => arguments.threads,
         Command::Replay(arguments) => arguments.threads,
         #[cfg(feature = "accuracy")]
         Command::Accuracy(arguments) => arguments.threads,
@@ -182,6 +186,7 @@ fn run(command: &Command) -> Result<Verdict> {
         Command::Completions(_) | Command::Manual(_) => None,
     })?;
     match command {
+        Command::Demo(arguments) => demo::run(arguments),
         Command::Replay(arguments) => replay::run(arguments),
         Command::Import(arguments) => import::run(arguments),
         Command::Inspect(arguments) => inspect::run(arguments),

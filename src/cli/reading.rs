@@ -7,9 +7,11 @@ use std::path::Path;
 use anyhow::{Result, anyhow};
 
 use super::Verdict;
+use super::built_in;
 use crate::import::{self, Report, TraceKind};
 use crate::num::Limits;
-use crate::trace::{self, Origin, Trace};
+use crate::scenes;
+use crate::trace::{self, Origin, Trace, TraceError};
 
 /// Limits on what files that are read may ask for.
 #[derive(clap::Args)]
@@ -83,14 +85,27 @@ impl Reading {
     /// end: see [`Reading::say_at_end`].
     pub fn open_frames(&self, path: &Path, frames: Range<u64>) -> Result<Trace> {
         self.warn_ignored(path);
-        self.supported(path, import::open_frames(path, &self.reading(path)?, frames)?)
+        self.supported(path, self.read(path, self.reading(path)?, |reading| import::open_frames(path, reading, frames))?)
     }
 
     /// As [`Reading::open`], with all commands and payload in memory, as writing the trace needs.
     pub fn open_whole(&self, path: &Path) -> Result<Trace> {
         self.warn_ignored(path);
         let reading = trace::Reading { in_memory: Some(u64::MAX), ..self.reading(path)? };
-        self.supported(path, import::open_reported(path, &reading)?)
+        self.supported(path, self.read(path, reading, |reading| import::open_reported(path, reading))?)
+    }
+
+    /// Opens a built-in scene by its name, and another trace by `open`.
+    fn read(
+        &self,
+        path: &Path,
+        reading: trace::Reading,
+        open: impl FnOnce(&trace::Reading) -> Result<(Trace, Option<Report>), TraceError>,
+    ) -> Result<(Trace, Option<Report>)> {
+        match built_in::scene(path)? {
+            Some(scene) => Ok((scene.open(&reading.limits)?, None)),
+            None => Ok(open(&reading).map_err(|error| hinted(path, error))?),
+        }
     }
 
     fn supported(&self, path: &Path, (trace, _): (Trace, Option<Report>)) -> Result<Trace> {
@@ -115,7 +130,8 @@ impl Reading {
     /// Opens a trace of any kind to show what is in it. What is not supported is no error.
     pub fn open_to_inspect(&self, path: &Path) -> Result<(Trace, Option<Report>)> {
         self.warn_ignored(path);
-        let (trace, report) = import::open_reported(path, &trace::Reading { lenient: true, ..self.reading(path)? })?;
+        let reading = trace::Reading { lenient: true, ..self.reading(path)? };
+        let (trace, report) = self.read(path, reading, |reading| import::open_reported(path, reading))?;
         if let Some(cut) = trace.origin().cut {
             eprintln!("warning: {}: {cut}", path.display());
         }
@@ -125,14 +141,13 @@ impl Reading {
     /// Opens a trace of any kind, with what is known of a recorded program.
     pub fn open_reported(&self, path: &Path) -> Result<(Trace, Option<Report>)> {
         self.warn_ignored(path);
-        Ok(import::open_reported(path, &self.reading(path)?)?)
+        self.read(path, self.reading(path)?, |reading| import::open_reported(path, reading))
     }
 
     /// Warns of options that a trace of its kind ignores. They are not refused: where a command reads several traces, its options may be
     /// meant for others of them.
     fn warn_ignored(&self, path: &Path) {
-        let kind = import::detect(path).map(|found| found.kind);
-        let Some(kind @ (TraceKind::Native | TraceKind::Wgpu)) = kind else { return };
+        let Some(kind @ (TraceKind::Native | TraceKind::Wgpu)) = built_in::kind(path) else { return };
         for (option, given) in
             [("--lenient", self.lenient), ("--keep-draws", self.keep_draws), ("--window", self.window.is_some())]
         {
@@ -154,6 +169,15 @@ impl Reading {
             in_memory: None,
         })
     }
+}
+
+/// The error, with the name of a scene if the file is not there and has its name.
+fn hinted(path: &Path, mut error: TraceError) -> TraceError {
+    let scene = path.file_stem().and_then(|name| scenes::named(name.to_str()?));
+    if let (false, Some(scene)) = (path.exists(), scene) {
+        error.reason.push_str(&format!("; @{} is built in", scene.name));
+    }
+    error
 }
 
 /// Bytes of the files of a trace: of a file, or of those in a folder and in its folder `trace`.
@@ -196,5 +220,5 @@ pub fn verdict(trace: &Trace) -> Verdict {
 
 /// Whether a command failed since a recording asks for what is not supported: it is not damaged.
 pub fn is_unsupported(error: &anyhow::Error) -> bool {
-    error.chain().any(|cause| cause.downcast_ref::<trace::TraceError>().is_some_and(|error| error.unsupported))
+    error.chain().any(|cause| cause.downcast_ref::<TraceError>().is_some_and(|error| error.unsupported))
 }

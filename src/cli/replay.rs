@@ -7,7 +7,8 @@ use std::str::FromStr;
 use std::sync::Arc;
 use std::time::Duration;
 
-use anyhow::{Context, Result, bail};
+use anyhow::{Context, Result, anyhow, bail};
+use clap::builder::PossibleValuesParser;
 
 use super::Verdict;
 use super::interrupt::keeps;
@@ -20,6 +21,7 @@ use crate::report::files::About;
 use crate::report::folder::{Folder, Images};
 use crate::report::order::{fault, wrong_pixels};
 use crate::report::owned::check_replaceable;
+use crate::report::sections::{of_replay, shown_of_replay};
 use crate::report::terminal::{self, ReportedFrames};
 use crate::report::{html, timeline};
 use crate::run::replay::{Fidelity, Frame, Options, frame_range, no_frames, replay_pictured, replay_to, replay_watched};
@@ -34,7 +36,7 @@ use crate::trace::{Summary, check};
 fillrate replay traces/cube --config tiny --set memory.port_latency=400 --clock every-cycle\n  \
 fillrate replay recorded/trace --frames 2..4 --fidelity functional --out out\n  \
 fillrate replay traces/flight.zip --fidelity sampled --images none --out out\n\n\
-Leaves in --out: frame-NNNN.png (the trace's own frame numbers; none with --images none), stats.json, stats.csv (a row a frame),\npasses.csv (a row a phase: a pass, a dispatch, transfers or scan-out), draws.csv (a row a draw, with --per-draw), config.ron.\n\
+Leaves in --out: frame-NNNN.png (the trace's own frame numbers; none with --images none), stats.json, stats.csv (a row for each frame),\npasses.csv (a row for each phase: a pass, a dispatch, transfers or scan-out), draws.csv (a row for each draw, with --per-draw),\nconfig.ron, report.txt (what is printed, without the host's time).\n\
 `fillrate report DIR --phase NAME` prints all that was counted in a phase, `--draw N` in a draw.")]
 pub struct Arguments {
     /// The trace: a file, or its folder; native or foreign
@@ -47,8 +49,11 @@ pub struct Arguments {
     /// Where to leave a page that shows the frame that costs most: one HTML file with all that is in it
     #[arg(help_heading = "Output", long, value_name = "FILE.html")]
     report: Option<PathBuf>,
+    /// Print only these sections of the report, without the host's time; several with commas between them
+    #[arg(help_heading = "Output", long, value_name = "SECTIONS", value_delimiter = ',', value_parser = PossibleValuesParser::new(of_replay()))]
+    show: Vec<String>,
     /// Print one JSON document with all that the report says, and all statistics over the frames
-    #[arg(help_heading = "Output", long)]
+    #[arg(help_heading = "Output", long, conflicts_with = "show")]
     json: bool,
     /// Where to leave a timeline of phases, units and channels, for Perfetto (https://ui.perfetto.dev)
     #[arg(help_heading = "Output", long, value_name = "FILE.json")]
@@ -373,8 +378,21 @@ pub fn run(arguments: &Arguments) -> Result<Verdict> {
             options.frames.start, options.frames.end
         );
     }
+    let report = match nothing {
+        true => format!(
+            "{name}: nothing is drawn: the trace has no pass and presents nothing, so that there is no picture and nothing to time\n"
+        ),
+        false => {
+            let mut text = terminal::report(&done, &mut seen, &options, &changed);
+            if without_picture.is_some_and(|summary| summary.render_passes == 0 && summary.presented.is_none()) {
+                text.push_str("\nthere is no picture: no pass draws, and nothing is presented");
+            }
+            format!("{name} on {}: {text}\n", options.config.name)
+        }
+    };
+    let told = terminal::without_host(&report);
     if let Some(folder) = folder {
-        folder.end(done.total.clone(), done.display.clone())?;
+        folder.end(done.total.clone(), done.display.clone(), told.clone())?;
         keeps("pictures and statistics are kept".into());
     }
     if let (Some(path), Some(recorder)) = (&arguments.timeline, &recorder) {
@@ -391,18 +409,11 @@ pub fn run(arguments: &Arguments) -> Result<Verdict> {
         let mut document = terminal::json(&done, &mut seen, &options, &about);
         document["draws_nothing"] = nothing.into();
         super::say_json(&document)?;
-    } else if nothing {
-        tell!(
-            "{name}: nothing is drawn: the trace has no pass and presents nothing, so that there is no picture and nothing to time"
-        );
-    } else {
-        tell!("{name} on {}: {}", options.config.name, terminal::report(&done, &mut seen, &options, &changed));
-        if without_picture.is_some_and(|summary| summary.render_passes == 0 && summary.presented.is_none()) {
-            tell!("there is no picture: no pass draws, and nothing is presented");
-        }
-    }
-    if !arguments.json {
+    } else if arguments.show.is_empty() {
+        tell!("{}", report.trim_end());
         written(arguments, recorder.as_ref());
+    } else {
+        print!("{}", shown_of_replay(&told, &arguments.show).map_err(|reason| anyhow!("--show: {reason}"))?);
     }
     if let Some(fault) = fault(&options.config, wrong_pixels(&done.total)) {
         eprintln!("error: {fault}");

@@ -3,9 +3,11 @@
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Result, anyhow, bail};
+use clap::builder::PossibleValuesParser;
 use serde_json::{Map, Value};
 
 use super::Verdict;
+use super::built_in::is_there;
 use super::threads::MOST;
 use crate::host;
 use crate::machine::Config;
@@ -13,6 +15,7 @@ use crate::num::Limits;
 use crate::picture;
 use crate::report::counted::{Chosen, counted};
 use crate::report::files::{About, json_head};
+use crate::report::folder::REPORT;
 use crate::report::html::data::{CountedSpan, Gather, Statistics};
 use crate::report::html::replay::{Input, limits, replay};
 use crate::report::html::series::COLUMNS;
@@ -20,6 +23,7 @@ use crate::report::html::{self as pages, plots, word};
 use crate::report::owned::check_replaceable;
 use crate::report::peak::MemoryPeak;
 use crate::report::rows::json_frame;
+use crate::report::sections::{of_replay, of_sweep, shown_of_replay, shown_of_sweep};
 use crate::run::maps::{FrameDetails, details};
 use crate::run::replay::Frame;
 use crate::stats::{Tree, counter};
@@ -27,6 +31,7 @@ use crate::sweep::folder::Results;
 use crate::sweep::html;
 use crate::sweep::inputs::begun;
 use crate::sweep::outcome::SweepResult;
+use crate::sweep::report::REPORT as SWEEP_REPORT;
 use crate::trace::Trace;
 use crate::why::why;
 use crate::work::{FUNNEL, Funnel};
@@ -41,36 +46,39 @@ more, for heat maps and for what limits each pass: from the trace that the repla
 pub struct Arguments {
     /// What `replay --out` or `sweep --out` left
     dir: PathBuf,
-    /// The trace of the replay [default: the one that its statistics name, if it is there]
-    #[arg(long, value_name = "TRACE")]
-    trace: Option<PathBuf>,
-    #[command(flatten)]
-    reading: super::reading::Reading,
-    /// Prove what holds the frame back, by timing it on some 60 machines (as `fillrate why` does)
-    #[arg(long)]
-    why: bool,
     /// The page [default: report.html in DIR]
-    #[arg(long, value_name = "FILE.html")]
+    #[arg(help_heading = "Output", long, value_name = "FILE.html")]
     out: Option<PathBuf>,
-    /// Replace a file that is no page of fillrate
-    #[arg(long)]
-    force: bool,
-    /// Leave the plots as SVG in DIR/plots, too
-    #[arg(long)]
-    plots: bool,
+    /// Make no page: print these sections of the text that the replay or sweep printed, without the host's time; several with commas between them
+    #[arg(help_heading = "Output", long, value_name = "SECTIONS", value_delimiter = ',', value_parser = PossibleValuesParser::new([of_replay(), of_sweep()].concat()), conflicts_with_all = ["phase", "draw", "trace", "why", "out", "force", "plots"])]
+    show: Vec<String>,
     /// Make no page: print all that was counted in a phase (funnel, cycles of units, caches, bytes by client), named as `replay` names it:
     /// `pass 0`, `scan-out`; `all`: in each phase
-    #[arg(long, value_name = "NAME", conflicts_with_all = ["trace", "why", "out", "force", "plots"])]
+    #[arg(help_heading = "Output", long, value_name = "NAME", conflicts_with_all = ["trace", "why", "out", "force", "plots"])]
     phase: Option<String>,
     /// The same of a draw, by its number, of a replay with --per-draw
-    #[arg(long, value_name = "N", conflicts_with_all = ["phase", "trace", "why", "out", "force", "plots"])]
+    #[arg(help_heading = "Output", long, value_name = "N", conflicts_with_all = ["phase", "trace", "why", "out", "force", "plots"])]
     draw: Option<u64>,
     /// With --phase or --draw: of this frame [default: the one that costs most]
-    #[arg(long, value_name = "N")]
+    #[arg(help_heading = "Output", long, value_name = "N")]
     frame: Option<u32>,
+    /// Leave the plots as SVG in DIR/plots, too
+    #[arg(help_heading = "Output", long)]
+    plots: bool,
+    /// Replace a file that is no page of fillrate
+    #[arg(help_heading = "Output", long)]
+    force: bool,
+    /// Prove what holds the frame back, by timing it on some 60 machines (as `fillrate why` does)
+    #[arg(help_heading = "Simulation", long)]
+    why: bool,
     /// Threads; no result depends on it [default: all processors]
-    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=i64::from(MOST)))]
+    #[arg(help_heading = "Simulation", long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=i64::from(MOST)))]
     pub threads: Option<u16>,
+    /// The trace of the replay [default: the one that its statistics name, if it is there]
+    #[arg(help_heading = "Reading the trace", long, value_name = "TRACE")]
+    trace: Option<PathBuf>,
+    #[command(flatten, next_help_heading = "Reading the trace")]
+    reading: super::reading::Reading,
 }
 
 /// Bytes of statistics that are read at most: hours of frames.
@@ -275,6 +283,17 @@ pub fn run(arguments: &Arguments) -> Result<Verdict> {
         print!("{}", text.map_err(|reason| anyhow!("{}: {reason}", folder.display()))?);
         return Ok(Verdict::Done);
     }
+    if !arguments.show.is_empty() {
+        let of_sweep = folder.join("inputs.json").exists();
+        let path = folder.join(if of_sweep { SWEEP_REPORT } else { REPORT });
+        let name = path.display();
+        let text = host::read_text(&path, STATISTICS_MAX).with_context(|| {
+            format!("{} is no folder of a replay or of a sweep that has ended: cannot read {name}", folder.display())
+        })?;
+        let shown = if of_sweep { shown_of_sweep } else { shown_of_replay };
+        print!("{}", shown(&text, &arguments.show).map_err(|reason| anyhow!("{name}: {reason}"))?);
+        return Ok(Verdict::Done);
+    }
     if arguments.frame.is_some() {
         bail!("--frame applies to --phase and --draw only: a page shows the frame that costs most");
     }
@@ -298,7 +317,7 @@ pub fn run(arguments: &Arguments) -> Result<Verdict> {
     let without_trace = || subject.write(&out, None, false).map(|()| Verdict::Done);
     let verdict = match &arguments.trace {
         Some(path) => with_trace(path)?,
-        None if subject.config.is_some() && stated.exists() => match with_trace(stated) {
+        None if subject.config.is_some() && is_there(stated) => match with_trace(stated) {
             Ok(verdict) => verdict,
             Err(reason) if arguments.why => return Err(reason),
             Err(reason) => {

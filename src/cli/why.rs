@@ -1,6 +1,6 @@
 //! `fillrate why`
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Result, bail};
 
@@ -40,7 +40,7 @@ pub struct Arguments {
     /// Changes that are listed
     #[arg(help_heading = "Output", long, value_name = "N", default_value = "12")]
     rows: usize,
-    /// Where to leave all of it as JSON
+    /// Where to leave all of it as JSON; -: print it instead of the text
     #[arg(help_heading = "Output", long, value_name = "FILE")]
     json: Option<PathBuf>,
     /// With --json: replace a file that fillrate has not written
@@ -64,7 +64,8 @@ fn chosen(trace: &Trace, config: &Config) -> Result<u32> {
 }
 
 pub fn run(arguments: &Arguments) -> Result<Verdict> {
-    if let Some(path) = &arguments.json {
+    let printed = arguments.json.as_deref().is_some_and(|path| path == Path::new("-"));
+    if let Some(path) = arguments.json.as_ref().filter(|_| !printed) {
         check_replaceable(path, MARK, arguments.force)?;
     }
     let config = arguments.machine.load()?;
@@ -96,8 +97,13 @@ pub fn run(arguments: &Arguments) -> Result<Verdict> {
         if let Some(json) = json.as_object_mut() {
             json.shift_insert(0, "generator".into(), "fillrate".into());
         }
-        let text = serde_json::to_string_pretty(&json)?;
-        host::write_file(path, format!("{text}\n").as_bytes()).with_context(|| format!("cannot write {}", path.display()))?;
+        if printed {
+            super::say_json(&json)?;
+        } else {
+            let text = serde_json::to_string_pretty(&json)?;
+            host::write_file(path, format!("{text}\n").as_bytes())
+                .with_context(|| format!("cannot write {}", path.display()))?;
+        }
     }
     let last = frames.end.saturating_sub(1);
     let named = if frames.start == last { format!("frame {last}") } else { format!("frames {}..{}", frames.start, frames.end) };
@@ -108,8 +114,10 @@ pub fn run(arguments: &Arguments) -> Result<Verdict> {
     } else {
         String::new()
     };
-    println!("{} on {}, {named}: {} cycles{apart}\n", arguments.trace.display(), config.name, grouped(cycles));
-    print!("{}", table(&found, arguments.rows));
+    if !printed {
+        println!("{} on {}, {named}: {} cycles{apart}\n", arguments.trace.display(), config.name, grouped(cycles));
+        print!("{}", table(&found, arguments.rows));
+    }
     let mut verdict = super::reading::verdict(&trace);
     for (change, fault) in found.faults() {
         eprintln!("error: with {change}: {fault}");

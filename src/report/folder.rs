@@ -25,6 +25,9 @@ const STATISTICS: &str = "stats.json";
 /// The resolved configuration.
 const CONFIGURATION: &str = "config.ron";
 
+/// The report as text, without the host's time.
+pub const REPORT: &str = "report.txt";
+
 /// The table of the frames.
 const TABLE: &str = "stats.csv";
 
@@ -59,7 +62,7 @@ enum Leaving {
     Frame(Box<Frame>),
     /// A frame's picture alone.
     Picture(Box<Frame>),
-    Total(Box<Tree>, Box<Shown>),
+    Total(Box<Tree>, Box<Shown>, String),
 }
 
 impl Folder {
@@ -111,12 +114,12 @@ impl Folder {
         self.answer().err().unwrap_or(error)
     }
 
-    /// The replay has ended; `display` is what a free-running display has shown behind the last frame.
+    /// The replay has ended; `display` is what a free-running display has shown behind the last frame, and `report` the report as text.
     ///
     /// # Errors
     /// If a file cannot be written.
-    pub fn end(mut self, total: Tree, display: Shown) -> Result<()> {
-        self.send(Leaving::Total(Box::new(total), Box::new(display)))?;
+    pub fn end(mut self, total: Tree, display: Shown, report: String) -> Result<()> {
+        self.send(Leaving::Total(Box::new(total), Box::new(display), report))?;
         self.answer()
     }
 
@@ -149,7 +152,7 @@ fn is_picture(name: &str) -> bool {
 /// Whether a replay writes files of this name.
 fn is_output(name: &str) -> bool {
     let whole = name.strip_suffix(".part").unwrap_or(name);
-    is_picture(name) || name == CONFIGURATION || TABLES.contains(&whole) || whole == STATISTICS
+    is_picture(name) || name == CONFIGURATION || name == REPORT || TABLES.contains(&whole) || whole == STATISTICS
 }
 
 /// A file of the folder that grows.
@@ -204,8 +207,10 @@ impl Pages {
             match leaving {
                 Leaving::Frame(frame) => self.frame(&frame)?,
                 Leaving::Picture(frame) => self.picture(&frame)?,
-                Leaving::Total(total, display) => {
+                Leaving::Total(total, display, report) => {
                     self.display(&display)?;
+                    self.owned.add(REPORT)?;
+                    put(&self.out, REPORT, host::printable(&report).as_bytes())?;
                     return self.end(&total);
                 }
             }

@@ -15,6 +15,7 @@ pub mod peak;
 pub mod plots;
 pub mod references;
 pub mod rows;
+pub mod sections;
 pub mod summary;
 pub mod terminal;
 pub mod timeline;

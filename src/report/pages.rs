@@ -205,7 +205,7 @@ pub fn statistics() -> String {
     let mut text = format!(
         "# Statistics\n\nGenerated from the declarations in the code; `cargo test --test program pages` checks it.\n\n\
          `stats.json` (this is version {VERSION} of it) holds `total` and, for each frame, an entry of `frames` with these names (and `frame`, its number). `stats.csv` \
-         has a row a frame and a column a path, such as `units.setup[2].busy`. Functional runs have the funnel only.\n\n",
+         has a row for each frame and a column for each path, such as `units.setup[2].busy`. Functional runs have the funnel only.\n\n",
     );
     text.push_str(&page("stats.json", "The outermost names of the file, in their order.", &file()));
     text.push('\n');

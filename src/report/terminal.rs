@@ -80,6 +80,32 @@ impl ReportedFrames {
     }
 }
 
+/// The sections of a report: the name of each, and the beginning of its title. That with the cycles has none: its first line ends with the clock.
+pub const SECTIONS: [(&str, &str); 11] = [
+    ("knobs", "Knobs that differ from "),
+    ("funnel", "What was drawn"),
+    ("shares", "In shares"),
+    ("phases", "Where the cycles went"),
+    ("causes", "What holds it back"),
+    ("draws", "The draws that took most"),
+    ("units", "What the units did"),
+    ("memory", "What moved through memory"),
+    ("sorting", "What sorting cost"),
+    ("estimates", "What is estimated"),
+    ("cycles", ""),
+];
+
+/// The name of the section that begins with this line. None if it is no section.
+pub fn section_of(first: &str) -> Option<&'static str> {
+    let named = SECTIONS.iter().find(|(_, title)| !title.is_empty() && first.starts_with(title)).map(|(name, _)| *name);
+    named.or(first.ends_with(" MHz").then_some("cycles"))
+}
+
+/// The lines of a report that do not depend on the host.
+pub fn without_host(report: &str) -> String {
+    report.lines().filter(|line| !line.starts_with("host: ")).map(|line| format!("{line}\n")).collect()
+}
+
 /// What a replay came to: how many frames, the knobs that differ from the named configuration, where the work went and where the cycles,
 /// and the host's time.
 pub fn report(done: &ReplayOutcome, seen: &mut ReportedFrames, options: &Options, changed: &[KnobDifference]) -> String {

@@ -10,6 +10,32 @@ use crate::host;
 /// Bytes of an experiment's text at most.
 const TEXT_MAX: u64 = 1 << 20;
 
+/// An experiment that is built in.
+pub struct BuiltIn {
+    /// Its name.
+    pub name: &'static str,
+    /// Its text.
+    pub text: &'static str,
+}
+
+impl BuiltIn {
+    /// The question that it asks: the comment in its first line.
+    pub fn question(&self) -> &'static str {
+        self.text.lines().next().unwrap_or_default().trim_start_matches(['/', ' '])
+    }
+}
+
+macro_rules! built_in {
+    ($($name:literal)*) => {
+        &[$(BuiltIn { name: $name, text: include_str!(concat!("../../configs/experiments/", $name, ".ron")) }),*]
+    };
+}
+
+/// All experiments that are built in. Their traces are built-in scenes.
+pub const BUILT_IN: &[BuiltIn] = built_in!(
+    "latency-hiding" "texture-cache" "depth" "sort-class" "vertex-reuse" "tile-size" "unified-shaders" "compression"
+);
+
 /// How machines are chosen from the axes.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case", deny_unknown_fields)]

@@ -324,10 +324,13 @@ impl<'s> SweepResult<'s> {
         self.trace_names().into_iter().enumerate().filter_map(response).collect()
     }
 
-    /// What the page calls the traces: the names of their files without folder and ending, where these differ.
+    /// What the page calls the traces: the names of their files without folder and ending, or of scenes without `@`, where these differ.
     pub fn trace_names(&self) -> Vec<String> {
         let whole = &self.inputs.experiment.traces;
-        let stem = |path: &String| Path::new(path).file_stem().map_or(path.clone(), |stem| stem.to_string_lossy().into_owned());
+        let stem = |path: &String| {
+            let scene = path.strip_prefix('@').map(str::to_owned);
+            scene.or(Path::new(path).file_stem().map(|stem| stem.to_string_lossy().into_owned())).unwrap_or(path.clone())
+        };
         let short: Vec<String> = whole.iter().map(stem).collect();
         let differ = short.iter().enumerate().all(|(at, name)| !short[..at].contains(name));
         if differ { short } else { whole.clone() }

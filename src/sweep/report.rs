@@ -16,6 +16,9 @@ pub const LISTED: usize = 32;
 /// Values of an axis up to which two axes make a table.
 const SIDE: usize = 16;
 
+/// The file of a folder that has the page.
+pub const REPORT: &str = "report.md";
+
 /// The page, in Markdown.
 pub fn page(sweep: &SweepResult<'_>, plan: &Plan, screened: Option<&[Screened]>) -> String {
     let experiment = &sweep.inputs.experiment;

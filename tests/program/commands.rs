@@ -12,6 +12,8 @@
 //!   set. Nothing is compared: the output is written with the host and the date.
 //! * `slow host` runs where both are set.
 //!
+//! A comment `<!-- picture FILE -->` stands above an image, which is that file as the commands of the page have left it.
+//!
 //! `FILLRATE_ONLY=TEXT` runs only blocks with a command that holds the text, as in `FILLRATE_ONLY="accuracy pareto"`.
 
 use std::fs;
@@ -170,6 +172,20 @@ fn pages(folder: &Path, found: &mut Vec<PathBuf>) {
     }
 }
 
+/// Pictures of a page: the file that a command leaves, and the image that shows it.
+fn pictures(page: &str) -> Vec<(&str, &str)> {
+    let lines = page.lines().zip(page.lines().skip(1));
+    let found = lines.filter_map(|(above, line)| {
+        let file = above.strip_prefix("<!-- picture ")?.strip_suffix(" -->")?;
+        let image = line.strip_prefix("![")?.split_once("](")?.1.strip_suffix(')')?;
+        Some((file, image))
+    });
+    found.collect()
+}
+
+/// Bytes of a picture on a page at most.
+const PICTURE_MAX: u64 = 150_000;
+
 #[cfg(unix)]
 #[test]
 fn commands_on_pages_print_what_the_pages_say() {
@@ -209,6 +225,17 @@ fn commands_on_pages_print_what_the_pages_say() {
                 }
             }
         }
+        for (file, image) in pictures(&old) {
+            let shown = page.with_file_name(image);
+            // A command that is left out leaves nothing.
+            let Ok(made) = fs::read(room.path().join(file)) else { continue };
+            if fs::read(&shown).ok() != Some(made) {
+                stale.push(format!("{}: {image} is not {file}", page.display()));
+                if bless {
+                    fs::copy(room.path().join(file), &shown).expect("the picture is written");
+                }
+            }
+        }
         if bless && written(&pieces) != old {
             fs::write(&page, written(&pieces)).expect("the page is written");
         }
@@ -231,6 +258,30 @@ fn a_page_is_read_and_written_back() {
     let Piece::Block { when: When::SlowHost, fenced: false, steps, .. } = &parts[3] else { panic!("a block of the host") };
     assert_eq!((steps[0].command.as_str(), steps[0].output.as_str()), ("d $ e", "| 1 |\n"));
     assert_eq!(written(&parts), page);
+    let page = "<!-- picture out/a.png -->\n![A cube](a.png)\n![Another](b.png)\n<!-- picture out/c.png -->\n";
+    assert_eq!(pictures(page), [("out/a.png", "a.png")]);
+}
+
+/// Each tutorial shows pictures, and every picture on it is one that its own commands make.
+#[test]
+fn tutorials_have_pictures_of_their_own_commands() {
+    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("docs/tutorials");
+    for entry in fs::read_dir(folder).expect("a folder") {
+        let page = entry.expect("an entry").path();
+        if page.extension().is_none_or(|extension| extension != "md") {
+            continue;
+        }
+        let text = fs::read_to_string(&page).expect("a page");
+        let made = pictures(&text);
+        assert!(!made.is_empty() && made.len() == text.matches("![").count(), "{}: {made:?}", page.display());
+        for (file, image) in made {
+            let size = fs::metadata(page.with_file_name(image)).expect("the picture is there").len();
+            assert!(size > 0 && size <= PICTURE_MAX, "{image} has {size} bytes");
+            // The first part of its path is a folder that a command is given, or the file itself.
+            let home = file.split('/').next().unwrap_or(file);
+            assert!(text.lines().any(|line| line.starts_with("$ ") && line.contains(home)), "no command leaves {file}");
+        }
+    }
 }
 
 /// All pages together have at most 16,000 words of prose. Tables, code blocks and comments do not count.

@@ -8,6 +8,7 @@ mod cli;
 mod commands;
 mod compare;
 mod counters;
+mod demo;
 mod draws;
 mod floors;
 mod gfxr;

@@ -5,7 +5,8 @@ use std::fs;
 use std::path::Path;
 
 use fillrate::machine::Config;
-use fillrate::sweep::experiment::Experiment;
+use fillrate::scenes;
+use fillrate::sweep::experiment::{BUILT_IN, Experiment};
 use fillrate::sweep::plan::Plan;
 
 use crate::cli::{refused, run};
@@ -182,7 +183,7 @@ fn threads_shards_and_interruptions_change_no_byte() {
     fs::remove_file(part.join("report.html")).expect("removed");
     let (code, text, message) = sweep(&part, &["--threads", "2"]);
     assert_eq!(code, LACKING, "{message}");
-    assert!(text.contains("1 machines simulated"), "{text}");
+    assert!(text.contains("1 machine simulated"), "{text}");
     assert!(files(&part) == wanted, "the interrupted sweep differs");
     // Once more: nothing is left to do.
     assert!(sweep(&part, &[]).1.contains("had ended before"));
@@ -265,7 +266,7 @@ fn a_screen_that_is_killed_begins_again_and_ends_with_the_same_bytes() {
         assert!(text.contains("6 machines estimated"), "{text}");
         let failed = journal.lines().filter(|line| line.contains("memory.l2.slices is 3")).count();
         let done = usize::from(lines.is_some_and(|lines| lines.contains("l2.slices is 3")));
-        assert!(text.contains(&format!("{} machines simulated", left - (failed - done))), "{failed} {done}: {text}");
+        assert!(text.contains(&format!("{} machine", left - (failed - done))), "{failed} {done}: {text}");
         assert!(files(&part) == wanted, "{name}: the interrupted sweep differs");
     }
     // A process that is killed at any time.
@@ -493,7 +494,12 @@ fn every_experiment_of_the_repository_has_a_question_and_machines() {
         // The question, and perhaps who asked it first.
         let asked = format!("// {}", experiment.question);
         assert!(first.starts_with(&asked) && asked.ends_with('?'), "{}: {first}", path.display());
-        assert!(experiment.traces.iter().all(|trace| root.join(trace).exists()), "{}", path.display());
+        // They run in every folder.
+        let is_built_in = |trace: &String| trace.strip_prefix('@').is_some_and(|name| scenes::named(name).is_some());
+        assert!(experiment.traces.iter().all(is_built_in), "{}", path.display());
+        let name = path.file_stem().and_then(|name| name.to_str()).expect("a name");
+        let built_in = BUILT_IN.iter().find(|own| own.name == name).expect("each is built in");
+        assert!(built_in.text == text && built_in.question().starts_with(&experiment.question), "{name}");
         let mut base = Config::built_in(&experiment.base).expect("it is built in");
         experiment.set.iter().for_each(|setting| base.set(setting).expect("a knob"));
         let plan = Plan::new(base, &experiment, 1000).expect("a plan");

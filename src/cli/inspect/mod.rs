@@ -21,20 +21,20 @@ use crate::trace::{Summary, Trace, check};
 pub struct Arguments {
     /// The trace: a file, or its folder
     trace: PathBuf,
-    #[command(flatten)]
-    reading: super::reading::Reading,
     /// List every command with its number
-    #[arg(long)]
+    #[arg(help_heading = "Output", long)]
     commands: bool,
     /// Print the WGSL that the fixed functions and programs of an OpenGL recording became, each once
-    #[arg(long)]
+    #[arg(help_heading = "Output", long)]
     shaders: bool,
     /// List the limits that a recorded wgpu program asked of its device
-    #[arg(long)]
+    #[arg(help_heading = "Output", long)]
     device_limits: bool,
     /// Print the counts as JSON
-    #[arg(long)]
+    #[arg(help_heading = "Output", long)]
     json: bool,
+    #[command(flatten, next_help_heading = "Reading the trace")]
+    reading: super::reading::Reading,
 }
 
 pub fn run(arguments: &Arguments) -> Result<Verdict> {
@@ -55,7 +55,7 @@ pub fn run(arguments: &Arguments) -> Result<Verdict> {
     println!(
         "{}: {} trace",
         arguments.trace.display(),
-        import::detect(&arguments.trace).map_or("unknown".into(), |f| f.kind.to_string())
+        super::built_in::kind(&arguments.trace).map_or("unknown".into(), |kind| kind.to_string())
     );
     let row = |name: &str, value: String| println!("  {name:<26}{value:>16}");
     if let Some(report) = &report {

@@ -8,14 +8,17 @@ use std::str::FromStr;
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::time::Instant;
 
-use anyhow::{Context, Result, bail};
+use anyhow::{Context, Result, anyhow, bail};
+use clap::builder::PossibleValuesParser;
 use indicatif::ProgressBar;
 
 use crate::cli::Verdict;
+use crate::cli::built_in::{Found, named, scene};
 use crate::cli::configs::load;
 use crate::cli::interrupt::keeps;
 use crate::cli::threads::MOST;
 use crate::host;
+use crate::report::sections::{of_sweep, shown_of_sweep};
 use crate::run::replay::frame_range;
 use crate::sweep::entry::Keep;
 use crate::sweep::experiment::{Design, Experiment, Screen, Screener};
@@ -35,13 +38,13 @@ use crate::trace::Trace;
 #[command(
     args_conflicts_with_subcommands = true,
     subcommand_negates_reqs = true,
-    after_help = "Examples:\n  fillrate sweep configs/experiments/sort-class.ron --out results\n  \
+    after_help = "Examples:\n  fillrate sweep @sort-class --out results\n  \
 fillrate sweep traces/torus-knot.zip --vary texture.cache_lines=16..1024*2 --vary sort=all --out results\n  \
 fillrate sweep traces/cube --vary card.pipelines=2,4,8 --link card.geometry_units=card.pipelines/2 --out results\n  \
 fillrate sweep traces/shadow --let size=4096..65536*2 --vary texture.line_bytes=64..256*2 --link texture.cache_lines=size/texture.line_bytes \
 --where \"texture.cache_lines<=1024\" --out results\n\n\
 Values: 8,16,32; 1..8; 0..100+25; 16..1024*2; all. Both ends of a range belong to it.\n\n\
-Leaves in --out: report.md, report.html, machines.csv (a row a machine and frame), long.csv (a row a statistic), both as Parquet, too, \
+Leaves in --out: report.md, report.html, machines.csv (a row for each machine and frame), long.csv (a row for each statistic), both as Parquet, too, \
 screen.csv where machines are screened, experiment.ron, base.ron, configs/N.ron (the fastest machines), inputs.json (hashes of all inputs) and \
 shard-I-of-N.jsonl. `fillrate sweep config DIR N` prints the configuration of any machine. \
 A sweep that was killed goes on when the same command is given again."
@@ -49,8 +52,8 @@ A sweep that was killed goes on when the same command is given again."
 pub struct Arguments {
     #[command(subcommand)]
     command: Option<Command>,
-    /// An experiment (a .ron file), or traces
-    #[arg(required = true, value_name = "EXPERIMENT.ron|TRACE")]
+    /// An experiment (a .ron file, or @NAME for a built-in one), or traces
+    #[arg(required = true, value_name = "EXPERIMENT|TRACE")]
     inputs: Vec<PathBuf>,
     /// An axis: a knob and the values that it takes; may be repeated
     #[arg(help_heading = "Machines", long, value_name = "PATH=VALUES")]
@@ -79,6 +82,9 @@ pub struct Arguments {
     /// Where to leave the results
     #[arg(help_heading = "Output", long, value_name = "DIR", required = true)]
     out: Option<PathBuf>,
+    /// Print only these sections of the report; several with commas between them
+    #[arg(help_heading = "Output", long, value_name = "SECTIONS", value_delimiter = ',', value_parser = PossibleValuesParser::new(of_sweep()), conflicts_with_all = ["shard", "slurm"])]
+    show: Vec<String>,
     /// Tell this of machines beside cycles: a formula over statistics, such as caches.texture.misses/caches.texture.accesses; may be repeated
     #[arg(help_heading = "Output", long, value_name = "[NAME=]FORMULA")]
     measure: Vec<String>,
@@ -169,9 +175,13 @@ impl FromStr for DesignName {
     }
 }
 
-/// Whether a path is that of an experiment, and not of a trace.
+/// Whether a path or name is that of an experiment, and not of a trace.
 fn is_experiment(path: &Path) -> bool {
-    path.extension().is_some_and(|ending| ending == "ron") && path.file_name().is_some_and(|name| name != "trace.ron")
+    match named(path) {
+        Ok(Some(Found::Experiment(_))) => true,
+        Ok(Some(Found::Scene(_))) => false,
+        _ => path.extension().is_some_and(|ending| ending == "ron") && path.file_name().is_some_and(|name| name != "trace.ron"),
+    }
 }
 
 /// The experiment that is asked for, by a file or by options.
@@ -198,7 +208,10 @@ fn experiment(arguments: &Arguments) -> Result<Experiment> {
         if let Some((option, _)) = given.into_iter().find(|&(_, given)| given) {
             bail!("{option} is part of the experiment {}: write it there", path.display());
         }
-        return Experiment::open(path);
+        return match named(path)? {
+            Some(Found::Experiment(built_in)) => Experiment::parse(&path.display().to_string(), built_in.text),
+            _ => Experiment::open(path),
+        };
     }
     if let Some(path) = arguments.inputs.iter().find(|path| is_experiment(path)) {
         bail!("{} is an experiment, which names its traces itself: give it alone", path.display());
@@ -298,14 +311,18 @@ pub fn run(arguments: &Arguments) -> Result<Verdict> {
     let took = run_shard(out, &sweep, screened.as_deref())?;
     bar.finish_and_clear();
     match took {
+        _ if !arguments.show.is_empty() => {}
         None => tell!("{} had ended before", shard.file(out).display()),
         Some(took) => {
+            let s = |count: u64| if count == 1 { "" } else { "s" };
             let seconds = (started.elapsed() - screen_time).as_secs_f64();
             tell!(
-                "{} machines simulated in {seconds:.1} s ({:.1} a minute), {} renderings, at most {} of work kept",
+                "{} machine{} simulated in {seconds:.1} s ({:.1} per minute), {} rendering{}, at most {} of work kept",
                 took.machines,
+                s(took.machines),
                 60.0 * took.machines as f64 / seconds.max(1e-9),
                 took.renderings,
+                s(took.renderings),
                 crate::report::summary::bytes(took.kept_bytes as f64)
             );
             if screened.is_some() {
@@ -318,7 +335,7 @@ pub fn run(arguments: &Arguments) -> Result<Verdict> {
         return Ok(complete);
     }
     let results = Results::open(&[out.to_owned()], 1)?;
-    Ok(finish(out, results, &inputs, &plan, screened.as_deref())?.and(complete))
+    Ok(finish(out, results, &inputs, &plan, screened.as_deref(), &arguments.show)?.and(complete))
 }
 
 /// The machines of an experiment.
@@ -345,7 +362,10 @@ fn open(
     for name in &experiment.traces {
         let path = Path::new(name);
         traces.push((name.clone(), reading.open(path)?));
-        hashes.push(hash_path(path)?);
+        hashes.push(match scene(path)? {
+            Some(scene) => hash(&scene.archive()?),
+            None => hash_path(path)?,
+        });
     }
     let inputs = Inputs {
         fillrate: env!("CARGO_PKG_VERSION").into(),
@@ -395,7 +415,7 @@ fn merge(folders: &[PathBuf], reading: &crate::cli::reading::Reading) -> Result<
             Some(sweep.screened(screen.keep)?)
         }
     };
-    Ok(finish(folder, results, &inputs, &plan, screened.as_deref())?.and(complete))
+    Ok(finish(folder, results, &inputs, &plan, screened.as_deref(), &[])?.and(complete))
 }
 
 /// Prints the configuration of a machine.
@@ -424,8 +444,15 @@ fn configurations(folder: &Path, plan: &Plan, sweep: &SweepResult<'_>) -> Result
     Ok(())
 }
 
-/// Makes the tables and the page from the results of all shards.
-fn finish(folder: &Path, mut results: Results, inputs: &Inputs, plan: &Plan, screened: Option<&[Screened]>) -> Result<Verdict> {
+/// Makes the tables and the page from the results of all shards. Prints these sections of the page; none: all of it.
+fn finish(
+    folder: &Path,
+    mut results: Results,
+    inputs: &Inputs,
+    plan: &Plan,
+    screened: Option<&[Screened]>,
+    show: &[String],
+) -> Result<Verdict> {
     let chosen = |machine: &u32| screened.is_none_or(|list| list[*machine as usize].kept);
     let traces = inputs.experiment.traces.len();
     let wanted = (0..plan.len()).filter(chosen).count() * traces;
@@ -457,15 +484,16 @@ fn finish(folder: &Path, mut results: Results, inputs: &Inputs, plan: &Plan, scr
     }
     configurations(folder, plan, &sweep)?;
     let page = report::page(&sweep, plan, screened);
-    for (name, text) in [("report.md", &page), ("report.html", &html::page(&sweep))] {
+    for (name, text) in [(report::REPORT, &page), ("report.html", &html::page(&sweep))] {
         let path = folder.join(name);
         host::write_file(&path, host::printable(text).as_bytes())
             .with_context(|| format!("cannot write {}", path.display()))?;
     }
-    if !crate::cli::is_quiet() {
-        print!("\n{page}");
+    if show.is_empty() {
+        tell!("\n{}\nwritten to {}", page, folder.display());
+    } else {
+        print!("{}", shown_of_sweep(&page, show).map_err(|reason| anyhow!("--show: {reason}"))?);
     }
-    tell!("\nwritten to {}", folder.display());
     let faults: Vec<(u32, &String)> = sweep.machines.iter().filter_map(|own| Some((own.number, own.fault.as_ref()?))).collect();
     for (machine, fault) in &faults {
         eprintln!("error: machine {machine}: {fault}");

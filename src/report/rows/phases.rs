@@ -11,7 +11,7 @@ use crate::stats::{Declaration, Group as _, csv_field};
 use crate::unit::phase::PhaseKind;
 use crate::work::Funnel;
 
-/// The table of phases: a row a phase of a frame.
+/// The table of phases: a row for each phase of a frame.
 pub const PASSES: &str = "passes.csv";
 
 /// The table of draws: a row per draw, and one for the end of its pass.
