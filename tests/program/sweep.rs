@@ -71,7 +71,7 @@ fn a_sweep_is_the_replays_that_it_stands_for() {
     let out = home.path().join("s");
     let (code, text, message) = sweep(&out, &[]);
     assert_eq!(code, LACKING, "{message}");
-    assert!(text.contains("6 machines: 3 with a result, 3 with an error") && text.contains(" 1 renderings"), "{text}");
+    assert!(text.contains("6 machines: 3 with a result, 3 with an error") && text.contains(" 1 rendering,"), "{text}");
     // The answer says so at once, and which value was never run.
     let answer = text.lines().find(|line| line.starts_with("Of 3 machines ")).expect("an answer");
     assert!(
