@@ -77,6 +77,9 @@ fn names_of_scenes_stand_for_traces() {
 fn a_folder_of_traces_and_a_scene_that_is_elsewhere_are_named() {
     let message = cli::refused(&["replay", "traces"]);
     assert!(message.contains("traces: is no trace, and holds traces: traces/corridor, traces/cube, "), "{message}");
+    // A configuration is none.
+    let message = cli::refused(&["replay", "configs"]);
+    assert!(message.contains("configs: is no trace: neither a native one"), "{message}");
     let home = tempfile::tempdir().expect("a folder");
     let (code, _, message) = run_in(home.path(), &["replay", "traces/torus-knot.zip"]);
     assert!(code == 2 && message.contains("; @torus-knot is built in"), "{message}");

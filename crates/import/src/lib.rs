@@ -113,6 +113,8 @@ fn traces_in(folder: &Path) -> Vec<String> {
     let Ok(entries) = std::fs::read_dir(folder) else { return Vec::new() };
     let mut paths: Vec<_> = entries.filter_map(|entry| Some(entry.ok()?.path())).collect();
     paths.sort();
+    // Files of RON are traces by their folder.
+    paths.retain(|path| path.extension().is_none_or(|ending| ending != "ron"));
     let found = paths.iter().filter(|path| detect::detect_with(path, Links::Refuse).is_ok_and(|found| found.is_some()));
     found.take(LISTED).map(|path| host::path_line(path)).collect()
 }
