@@ -25,7 +25,7 @@ fn the_program_replays_as_it_does_itself() {
     let this = cargo_bin!("fillrate").display().to_string();
     let (code, text) = compare(&this);
     assert_eq!(code, 0, "{text}");
-    assert!(text.contains("traces/triangle tiny cycle: 6 files are equal\n"), "{text}");
+    assert!(text.contains("traces/triangle tiny cycle: 7 files are equal\n"), "{text}");
     assert!(text.ends_with("4 of 4 replays are equal\n"), "{text}");
     // Both refuse an input alike.
     let (code, text, _) = run(&["accuracy", "builds", &this, "traces/nothing", "--config", "tiny", "--fidelity", "functional"]);
@@ -48,8 +48,8 @@ fn a_program_that_differs_is_told_apart_by_the_first_differences() {
     let (code, text) = compare(&other.display().to_string());
     assert_eq!(code, 1, "{text}");
     // The configuration is another everywhere, cycles are others where they are simulated, and no picture is.
-    assert!(text.contains("traces/triangle tiny functional: 2 differ\n"), "{text}");
-    for file in ["config.ron, line ", "stats.json, line ", "stats.csv, line ", "passes.csv, line "] {
+    assert!(text.contains("traces/triangle tiny functional: 3 differ\n"), "{text}");
+    for file in ["config.ron, line ", "stats.json, line ", "stats.csv, line ", "passes.csv, line ", "report.txt, line "] {
         assert!(text.contains(&format!("  {file}")), "{file}: {text}");
     }
     assert!(text.contains("port_latency") && !text.contains(".png"), "{text}");
