@@ -206,9 +206,9 @@ pub struct DepthStencil {
     /// Bits of the stencil value that are written.
     #[serde(default = "all_ones", skip_serializing_if = "is_all_ones")]
     pub stencil_write_mask: u32,
-    /// Constant depth bias in units of the smallest resolvable difference (Vulkan's `r`).
+    /// Constant depth bias in units of the smallest resolvable difference (Vulkan's `r`), with any fraction.
     #[serde(default, skip_serializing_if = "is_default")]
-    pub bias: i32,
+    pub bias: f32,
     /// Depth bias per unit of the maximum depth slope.
     #[serde(default, skip_serializing_if = "is_default")]
     pub bias_slope: f32,

@@ -104,7 +104,7 @@ pub fn record() -> Recorder {
     desc.targets = Vec::new();
     desc.buffers = vec![Mesh::layout()];
     desc.primitive.cull_mode = CullMode::Back;
-    desc.depth_stencil = Some(DepthStencil { bias: 2, bias_slope: 2.5, ..record::depth_less(Format::Depth32Float) });
+    desc.depth_stencil = Some(DepthStencil { bias: 2.0, bias_slope: 2.5, ..record::depth_less(Format::Depth32Float) });
     let cast = card.create_render_pipeline("cast", desc.clone());
     desc.layout = Some(full_layout);
     desc.vertex = record::stage_entry(shader, "place");

@@ -273,7 +273,7 @@ fn draw(scene: &Scene, number: u32, random: &mut Random, reference: &mut Referen
         stencil_back: face,
         stencil_read_mask: if stencil { 1 } else { !0 },
         stencil_write_mask: if stencil && number % 2 == 1 { 0 } else { !0 },
-        bias: 0,
+        bias: 0.0,
         bias_slope: 0.0,
         bias_clamp: 0.0,
     });

@@ -225,7 +225,7 @@ pub(super) mod tests {
                 stencil_back: StencilFace::default(),
                 stencil_read_mask: 0xff,
                 stencil_write_mask: 0xff,
-                bias: 0,
+                bias: 0.0,
                 bias_slope: 0.0,
                 bias_clamp: 0.0,
             };

@@ -438,7 +438,7 @@ mod tests {
                     stencil_back: faces,
                     stencil_read_mask: !0,
                     stencil_write_mask: !0,
-                    bias: 0,
+                    bias: 0.0,
                     bias_slope: 0.0,
                     bias_clamp: 0.0,
                 };

@@ -288,6 +288,7 @@ fn depth_bias_follows_the_formula() {
     assert_eq!(depth(DepthBias::NONE), plain);
     let unit = BiasUnit::Fixed(1.0 / 65536.0);
     assert_eq!(depth(DepthBias { constant: 4.0, slope: 0.0, clamp: 0.0, unit }), plain + 4.0 / 65536.0);
+    assert_eq!(depth(DepthBias { constant: 1.25, slope: 0.0, clamp: 0.0, unit }), plain + 1.25 / 65536.0);
     assert_eq!(depth(DepthBias { constant: 0.0, slope: 2.0, clamp: 0.0, unit }), plain + 2.0 / 128.0);
     assert_eq!(depth(DepthBias { constant: 0.0, slope: 2.0, clamp: 0.01, unit }), plain + 0.01);
     assert_eq!(depth(DepthBias { constant: -4096.0, slope: 0.0, clamp: -0.03125, unit }), plain - 0.03125);

@@ -263,11 +263,6 @@ impl Vulkan {
             return Err(refused.clone());
         }
         refuse_state(state, pass)?;
-        let constant = state.bias[0];
-        if state.depth_bias && constant != constant.round() {
-            let whole = constant.round();
-            self.log.note(format!("constants of the depth bias are whole numbers here: {constant} is taken as {whole}"));
-        }
         let find = |bit: u32| pipeline.stages.iter().find(|stage| stage.stage == bit);
         let Some(vertex_stage) = find(1) else { return unsupported("a pipeline without a vertex shader") };
         let viewport = state.viewports.first();
@@ -518,7 +513,7 @@ fn depth_stencil(state: &Fixed, format: Format) -> Outcome<DepthStencil> {
         stencil_back: faces[1],
         stencil_read_mask: masks[0],
         stencil_write_mask: masks[1],
-        bias: constant.round() as i32,
+        bias: constant,
         bias_slope: slope,
         bias_clamp: clamp,
     })

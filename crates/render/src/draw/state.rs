@@ -296,7 +296,7 @@ fn bias(state: &DepthStencil) -> DepthBias {
         Format::Depth24Plus | Format::Depth24PlusStencil8 => BiasUnit::Fixed(1.0 / 16_777_215.0),
         _ => BiasUnit::Float,
     };
-    DepthBias { constant: state.bias as f32, slope: state.bias_slope, clamp: state.bias_clamp, unit }
+    DepthBias { constant: state.bias, slope: state.bias_slope, clamp: state.bias_clamp, unit }
 }
 
 /// The colour targets that the draw writes, and the words of a payload in all.

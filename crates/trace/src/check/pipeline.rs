@@ -192,7 +192,8 @@ fn depth_stencil(state: &DepthStencil) -> Result<(), String> {
     ensure!(!depth_used || state.format.has_depth(), "a depth test with {name}");
     let stencil_used = [state.stencil_front, state.stencil_back].iter().any(|face| *face != StencilFace::default());
     ensure!(!stencil_used || state.format.has_stencil(), "a stencil test with {name}");
-    let finite = state.bias_slope.is_finite() && state.bias_clamp.is_finite();
-    ensure!(finite, "a depth bias of slope {} and clamp {}", state.bias_slope, state.bias_clamp);
+    let (constant, slope, clamp) = (state.bias, state.bias_slope, state.bias_clamp);
+    let finite = [constant, slope, clamp].iter().all(|value| value.is_finite());
+    ensure!(finite, "a depth bias of constant {constant}, slope {slope} and clamp {clamp}");
     Ok(())
 }

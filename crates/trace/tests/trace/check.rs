@@ -215,6 +215,11 @@ fn every_broken_rule_is_named_with_its_command() {
             0,
             "a depth test with stencil8",
         ),
+        (
+            "CreateRenderPipeline(id: 9, desc: (vertex: (shader: 0), depth_stencil: (format: Depth32Float, bias: -inf)))",
+            0,
+            "a depth bias of constant -inf, slope 0 and clamp 0",
+        ),
         ("GetBindGroupLayout(id: 9, pipeline: Render(0), group: 5)", 0, "the pipeline's layout has no group 5"),
         // Copies.
         ("CopyBufferToBuffer(from: 0, from_offset: 0, to: 0, to_offset: 8, size: 9)", 0, "source and destination overlap"),

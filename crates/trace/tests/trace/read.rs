@@ -39,6 +39,21 @@ fn error(trace: Result<Trace, TraceError>) -> String {
 }
 
 #[test]
+fn biases_are_whole_numbers_in_older_traces_and_any_numbers_now() {
+    let dir = tempfile::tempdir().unwrap();
+    let pipeline = |id: u32, bias: &str| {
+        let state = format!("(format: Depth32Float, bias: {bias})");
+        format!("CreateRenderPipeline(id: {id}, desc: (vertex: (shader: 0), depth_stencil: {state})),\n")
+    };
+    folder(dir.path(), &[], &[pipeline(0, "-2"), pipeline(1, "1.25")].concat());
+    let biases = commands(&Trace::open(dir.path()).unwrap()).unwrap().into_iter().filter_map(|command| match command {
+        Command::CreateRenderPipeline { desc, .. } => Some(desc.depth_stencil?.bias),
+        _ => None,
+    });
+    assert_eq!(biases.collect::<Vec<_>>(), [-2.0, 1.25]);
+}
+
+#[test]
 fn a_folder_gives_its_commands_and_blobs() {
     let dir = tempfile::tempdir().unwrap();
     folder(

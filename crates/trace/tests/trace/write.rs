@@ -27,6 +27,7 @@ fn sample() -> Trace {
     desc.buffers = vec![None, record::vertex_buffer(&[(0, VertexFormat::Unorm16x4), (1, VertexFormat::Snorm8x4)])];
     desc.targets.push(None);
     desc.depth_stencil = Some(DepthStencil {
+        bias: 1.25,
         bias_slope: f32::MIN_POSITIVE,
         stencil_back: StencilFace { fail_op: StencilOp::Invert, ..StencilFace::default() },
         ..record::depth_less(Format::Depth24PlusStencil8)

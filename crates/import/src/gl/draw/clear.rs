@@ -156,7 +156,7 @@ impl Gl {
                 stencil_back: if stencil_mask != 0 { face } else { StencilFace::default() },
                 stencil_read_mask: 0xff,
                 stencil_write_mask: stencil_mask,
-                bias: 0,
+                bias: 0.0,
                 bias_slope: 0.0,
                 bias_clamp: 0.0,
             }),

@@ -154,7 +154,6 @@ impl Gl {
         let [front, back] = [0, usize::from(two_side)].map(|k| state.stencil.sides[k]);
         // The offsets of polygons as lines and points are in their vertices.
         let [factor, units] = if triangles && state.is(e::POLYGON_OFFSET_FILL) { state.polygon.offset } else { [0.0; 2] };
-        let steps = units * OFFSET_STEPS;
         let [stencil_front, stencil_back] = if stencil { [front.face()?, back.face()?] } else { [StencilFace::default(); 2] };
         let depth = target.depth.map(|surface| DepthStencil {
             format: surface.format,
@@ -164,7 +163,7 @@ impl Gl {
             stencil_back,
             stencil_read_mask: if stencil { front.read & 0xff } else { 0xff },
             stencil_write_mask: if stencil { front.write & 0xff } else { 0xff },
-            bias: if steps >= 0.0 { (steps + 0.5) as i32 } else { (steps - 0.5) as i32 },
+            bias: units * OFFSET_STEPS,
             bias_slope: factor,
             bias_clamp: 0.0,
         });

@@ -102,7 +102,7 @@ fn depth_state(format: Format, compare: Compare, write: bool) -> DepthStencil {
         stencil_back: StencilFace::default(),
         stencil_read_mask: 0xff,
         stencil_write_mask: 0xff,
-        bias: 0,
+        bias: 0.0,
         bias_slope: 0.0,
         bias_clamp: 0.0,
     }
