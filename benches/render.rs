@@ -198,6 +198,7 @@ fn run(name: &str, workload: &Workload, frames: usize, skips: Skips, record: boo
         stencil_back: StencilFace::default(),
         stencil_read_mask: 0,
         stencil_write_mask: 0,
+        stencil_back_masks: None,
         bias: 0.0,
         bias_slope: 0.0,
         bias_clamp: 0.0,

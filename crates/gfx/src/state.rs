@@ -182,6 +182,18 @@ pub struct StencilFace {
     pub pass_op: StencilOp,
 }
 
+/// Masks of the stencil test of one face.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct StencilMasks {
+    /// Mask on both sides of the stencil comparison.
+    #[serde(default = "all_ones", skip_serializing_if = "is_all_ones")]
+    pub read: u32,
+    /// Bits of the stencil value that are written.
+    #[serde(default = "all_ones", skip_serializing_if = "is_all_ones")]
+    pub write: u32,
+}
+
 /// Depth and stencil state.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -206,6 +218,9 @@ pub struct DepthStencil {
     /// Bits of the stencil value that are written.
     #[serde(default = "all_ones", skip_serializing_if = "is_all_ones")]
     pub stencil_write_mask: u32,
+    /// Beyond WebGPU: the masks of back faces, where they differ from the two masks above.
+    #[serde(default, skip_serializing_if = "is_default")]
+    pub stencil_back_masks: Option<StencilMasks>,
     /// Constant depth bias in units of the smallest resolvable difference (Vulkan's `r`), with any fraction.
     #[serde(default, skip_serializing_if = "is_default")]
     pub bias: f32,
@@ -215,6 +230,23 @@ pub struct DepthStencil {
     /// Bound on the depth bias: positive an upper, negative a lower bound, 0 none.
     #[serde(default, skip_serializing_if = "is_default")]
     pub bias_clamp: f32,
+}
+
+impl DepthStencil {
+    /// The stencil masks of front and back faces.
+    pub fn stencil_masks(&self) -> [StencilMasks; 2] {
+        let front = StencilMasks { read: self.stencil_read_mask, write: self.stencil_write_mask };
+        [front, self.stencil_back_masks.unwrap_or(front)]
+    }
+
+    /// Whether a stencil test may change bits of stencil values.
+    pub fn writes_stencil(&self) -> bool {
+        let acts = |face: &StencilFace| {
+            [face.fail_op, face.depth_fail_op, face.pass_op].into_iter().any(|operation| operation != StencilOp::Keep)
+        };
+        let faces = [self.stencil_front, self.stencil_back];
+        faces.iter().zip(self.stencil_masks()).any(|(face, masks)| acts(face) && masks.write & 0xff != 0)
+    }
 }
 
 // A field that has its default value is left out of the text of a trace, which keeps it readable.

@@ -252,7 +252,8 @@ impl ActivePass {
                 state.dynamic.scissor = *rect;
             }
             Command::SetBlendConstant(color) => state.dynamic.blend_constant = color.map(|c| c as f32),
-            Command::SetStencilReference(reference) => state.dynamic.stencil_reference = *reference,
+            Command::SetStencilReference(reference) => state.dynamic.stencil_references = [*reference; 2],
+            &Command::SetStencilReferences { front, back } => state.dynamic.stencil_references = [front, back],
             &Command::BeginOcclusionQuery { index } => {
                 if self.occlusion.is_none() {
                     return Err(StateError::OcclusionWithoutSet.into());
@@ -558,7 +559,7 @@ fn signature(pipeline: &RenderPipeline, fragment: &ResolvedBindings, dynamic: &D
     }
     let mut signer = Signer::default();
     signer.value(&pipeline.number);
-    signer.value(&(dynamic.viewport, dynamic.scissor, dynamic.stencil_reference));
+    signer.value(&(dynamic.viewport, dynamic.scissor, dynamic.stencil_references));
     signer.words(&dynamic.blend_constant.map(f32::to_bits));
     if let Some(interface) = interface {
         fragment.sign(&mut signer, interface.immediate_bytes.div_ceil(4) as usize);

@@ -5,7 +5,7 @@ use std::sync::Arc;
 use gfx::format::{Format, TexelKind};
 use gfx::stage::{Stage, StageMap};
 use gfx::state::{
-    BlendFactor, ColorTarget, DepthStencil, Primitive, StencilFace, StencilOp, StepMode, VertexAttribute, VertexBufferLayout,
+    BlendFactor, ColorTarget, DepthStencil, Primitive, StepMode, VertexAttribute, VertexBufferLayout,
     VertexFormat,
 };
 use gfx::vertex::{ComponentKind, component_kind};
@@ -477,11 +477,6 @@ fn targets(desc: &RenderPipelineDesc, fragment: Option<&Interface>) -> Result<Ve
     Ok(out)
 }
 
-/// Whether a stencil face may change what is stored.
-fn writes(face: &StencilFace) -> bool {
-    [face.fail_op, face.depth_fail_op, face.pass_op].iter().any(|op| *op != StencilOp::Keep)
-}
-
 /// Whether testing and writing depth and stencil before shading gives what testing afterwards would.
 fn early(desc: &RenderPipelineDesc, fragment: Option<&Interface>) -> bool {
     let Some(fragment) = fragment else { return true };
@@ -489,9 +484,7 @@ fn early(desc: &RenderPipelineDesc, fragment: Option<&Interface>) -> bool {
         return true;
     }
     let Some(state) = &desc.depth_stencil else { return true };
-    let stencil_writes = state.format.has_stencil()
-        && state.stencil_write_mask & 0xff != 0
-        && (writes(&state.stencil_front) || writes(&state.stencil_back));
+    let stencil_writes = state.format.has_stencil() && state.writes_stencil();
     let updates = state.depth_write && state.format.has_depth() || stencil_writes;
     let shrinks =
         fragment.discards || fragment.writes_sample_mask || desc.multisample.alpha_to_coverage && desc.multisample.count > 1;

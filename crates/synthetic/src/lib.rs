@@ -273,6 +273,7 @@ fn draw(scene: &Scene, number: u32, random: &mut Random, reference: &mut Referen
         stencil_back: face,
         stencil_read_mask: if stencil { 1 } else { !0 },
         stencil_write_mask: if stencil && number % 2 == 1 { 0 } else { !0 },
+        stencil_back_masks: None,
         bias: 0.0,
         bias_slope: 0.0,
         bias_clamp: 0.0,
@@ -297,7 +298,7 @@ fn draw(scene: &Scene, number: u32, random: &mut Random, reference: &mut Referen
         label: String::new(),
         shapes,
         depth_stencil: state,
-        stencil_reference: 0,
+        stencil_references: [0; 2],
         targets: vec![Some(target)],
         blend_constant: [0.0; 4],
         depth_words: 0,
@@ -316,7 +317,7 @@ fn draw(scene: &Scene, number: u32, random: &mut Random, reference: &mut Referen
         reach: Default::default(),
     };
     out.push(Event::Draw(Arc::new(draw)));
-    let depth = state.map(|state| DepthStencilState::new(&state, 0, [0.0, 1.0]));
+    let depth = state.map(|state| DepthStencilState::new(&state, [0; 2], [0.0, 1.0]));
     let color = ColorState::new(
         &ColorTarget { format: Format::Rgba8Unorm, blend: target.blend, write_mask: target.write_mask },
         [0.0; 4],

@@ -580,7 +580,13 @@ pub enum Command {
     SetViewport(Viewport),
     SetScissor(Rect),
     SetBlendConstant([f64; 4]),
+    /// The stencil reference of front and back faces.
     SetStencilReference(u32),
+    /// Beyond WebGPU: a stencil reference for each face.
+    SetStencilReferences {
+        front: u32,
+        back: u32,
+    },
     Draw {
         vertices: u32,
         #[serde(default = "one", skip_serializing_if = "is_one")]
@@ -632,6 +638,13 @@ pub enum Command {
     PushDebugGroup(String),
     PopDebugGroup,
     InsertDebugMarker(String),
+}
+
+impl Command {
+    /// The command that sets the stencil references of front and back faces.
+    pub fn stencil_references([front, back]: [u32; 2]) -> Command {
+        if front == back { Command::SetStencilReference(front) } else { Command::SetStencilReferences { front, back } }
+    }
 }
 
 /// Any object that can be destroyed.

@@ -131,6 +131,7 @@ impl Command {
             Command::SetScissor(_) => ("SetScissor", None),
             Command::SetBlendConstant(_) => ("SetBlendConstant", None),
             Command::SetStencilReference(_) => ("SetStencilReference", None),
+            Command::SetStencilReferences { .. } => ("SetStencilReferences", None),
             Command::Draw { vertices, instances, first_vertex, first_instance } => {
                 let range = DrawRange { first: first_vertex, count: vertices, first_instance, instances, ..DrawRange::NONE };
                 ("Draw", Some(Draws::Direct { indexed: false, range }))

@@ -81,7 +81,7 @@ impl std::ops::Deref for Draw {
 #[derive(Clone, Debug)]
 pub struct RecordedState {
     /// Number of the state in its pass. Of two draws of a pass that follow each other, the second has the same number if no command between
-    /// them has changed the pipeline, the viewport, the scissor rectangle, the blend constant or the stencil reference.
+    /// them has changed the pipeline, the viewport, the scissor rectangle, the blend constant or a stencil reference.
     pub number: u32,
     /// Label of the pipeline, or empty.
     pub label: String,
@@ -89,8 +89,8 @@ pub struct RecordedState {
     pub shapes: StageMap<Option<ShaderShape>>,
     /// Depth and stencil state, if the pass has such an attachment and the draw uses it.
     pub depth_stencil: Option<DepthStencil>,
-    /// Stencil reference.
-    pub stencil_reference: u8,
+    /// Stencil references of front and back faces.
+    pub stencil_references: [u8; 2],
     /// Colour targets by location; none: nothing is written.
     pub targets: Vec<Option<Target>>,
     /// Blend constant.

@@ -225,12 +225,13 @@ pub(super) mod tests {
                 stencil_back: StencilFace::default(),
                 stencil_read_mask: 0xff,
                 stencil_write_mask: 0xff,
+                stencil_back_masks: None,
                 bias: 0.0,
                 bias_slope: 0.0,
                 bias_clamp: 0.0,
             };
             let range = [[0.0, 1.0], [0.25, 0.75]][self.next() as usize % 2];
-            let state = DepthStencilState::new(&state, 0, range);
+            let state = DepthStencilState::new(&state, [0; 2], range);
             assert!(state.tests_blocks());
             state
         }

@@ -3,7 +3,7 @@
 use super::{four, select_mask};
 use crate::format::Format;
 use crate::simd::wide;
-use crate::state::{Compare, DepthStencil, StencilFace, StencilOp};
+use crate::state::{Compare, DepthStencil, StencilFace, StencilMasks, StencilOp};
 use crate::texel::{unorm, unorm24};
 use num::{LANES, Lanes, QUADS};
 
@@ -68,15 +68,40 @@ pub struct DepthStencilState {
     /// Depths are clamped to the viewport's range before they are compared.
     pub(super) range: [f32; 2],
     /// Front and back, where the stencil test does anything.
-    stencil: Option<[StencilFace; 2]>,
+    stencil: Option<[FaceTest; 2]>,
+}
+
+/// The stencil test of one face.
+#[derive(Clone, Copy, Debug, PartialEq)]
+struct FaceTest {
+    face: StencilFace,
     reference: u8,
     read_mask: u8,
     write_mask: u8,
 }
 
+impl FaceTest {
+    fn new(face: StencilFace, masks: StencilMasks, reference: u32) -> FaceTest {
+        FaceTest { face, reference: reference as u8, read_mask: masks.read as u8, write_mask: masks.write as u8 }
+    }
+
+    /// Whether an operation may change stencil values.
+    fn writes(&self) -> bool {
+        let StencilFace { fail_op, depth_fail_op, pass_op, .. } = self.face;
+        self.write_mask != 0 && [fail_op, depth_fail_op, pass_op].iter().any(|op| *op != StencilOp::Keep)
+    }
+
+    /// Whether samples that fail a test, of stencil or depth, may change stencil values.
+    fn counts_failures(&self) -> bool {
+        let StencilFace { compare, fail_op, depth_fail_op, .. } = self.face;
+        let fails = depth_fail_op != StencilOp::Keep || compare != Compare::Always && fail_op != StencilOp::Keep;
+        self.write_mask != 0 && fails
+    }
+}
+
 impl DepthStencilState {
-    /// Prepares a state with a stencil reference and the viewport's `[min_depth, max_depth]`.
-    pub fn new(state: &DepthStencil, reference: u32, range: [f32; 2]) -> DepthStencilState {
+    /// Prepares a state with the stencil references of front and back faces and the viewport's `[min_depth, max_depth]`.
+    pub fn new(state: &DepthStencil, references: [u32; 2], range: [f32; 2]) -> DepthStencilState {
         let storage = match state.format {
             Format::Depth16Unorm => Storage::Unorm16,
             Format::Depth24Plus | Format::Depth24PlusStencil8 => Storage::Unorm24,
@@ -85,6 +110,8 @@ impl DepthStencilState {
         };
         let faces = [state.stencil_front, state.stencil_back];
         let idle = faces == [StencilFace::default(); 2];
+        let masks = state.stencil_masks();
+        let tests = [0, 1].map(|side| FaceTest::new(faces[side], masks[side], references[side]));
         // With a test that passes always and no write the stored depth does not matter; nor does it without storage.
         let always = storage == Storage::None;
         let compare = if always { Compare::Always } else { state.depth_compare };
@@ -100,17 +127,14 @@ impl DepthStencilState {
             compare,
             depth_write: state.depth_write && !always,
             range,
-            stencil: (state.format.has_stencil() && !idle).then_some(faces),
-            reference: reference as u8,
-            read_mask: state.stencil_read_mask as u8,
-            write_mask: state.stencil_write_mask as u8,
+            stencil: (state.format.has_stencil() && !idle).then_some(tests),
         }
     }
 
     /// The same tests without any update: what an early test may do when the fragment can still be discarded.
     pub fn read_only(mut self) -> DepthStencilState {
         self.depth_write = false;
-        self.write_mask = 0;
+        self.stencil.iter_mut().flatten().for_each(|test| test.write_mask = 0);
         self
     }
 
@@ -127,7 +151,7 @@ impl DepthStencilState {
             Compare::Equal if lower => Compare::GreaterEqual,
             _ => return None,
         };
-        Some(DepthStencilState { accept: Accept::new(compare), compare, stencil: None, write_mask: 0, ..*self })
+        Some(DepthStencilState { accept: Accept::new(compare), compare, stencil: None, ..*self })
     }
 
     /// Whether every fragment passes and nothing is written.
@@ -152,16 +176,12 @@ impl DepthStencilState {
 
     /// Whether stencil values may change.
     pub fn writes_stencil(&self) -> bool {
-        let acts = |f: &StencilFace| [f.fail_op, f.depth_fail_op, f.pass_op].iter().any(|op| *op != StencilOp::Keep);
-        self.write_mask != 0 && self.stencil.is_some_and(|faces| faces.iter().any(acts))
+        self.stencil.iter().flatten().any(FaceTest::writes)
     }
 
     /// Whether samples that fail a test, of stencil or depth, may change stencil values.
     pub fn counts_failures(&self) -> bool {
-        let acts = |f: &StencilFace| {
-            f.depth_fail_op != StencilOp::Keep || (f.compare != Compare::Always && f.fail_op != StencilOp::Keep)
-        };
-        self.write_mask != 0 && self.stencil.is_some_and(|faces| faces.iter().any(acts))
+        self.stencil.iter().flatten().any(FaceTest::counts_failures)
     }
 
     /// Whether blocks of one sample per pixel can be tested at once (`block`): depth alone, in codes of one word.
@@ -265,17 +285,17 @@ impl DepthStencilState {
     /// [`DepthStencilState::test_quad`] of one sample.
     #[inline(always)]
     fn test_sample(&self, back: bool, mask: u8, codes: [u32; 4], stored: &mut [u32]) -> u8 {
-        let Some(faces) = &self.stencil else {
+        let Some(tests) = &self.stencil else {
             return self.depth_sample(mask, codes, stored);
         };
-        let face = &faces[usize::from(back)];
+        let FaceTest { face, reference, read_mask, write_mask } = &tests[usize::from(back)];
         let (word, shift) = self.stencil_place;
         let values: [u8; 4] = four(stored, 4 * word).map(|code| (code >> shift) as u8);
-        let masked = self.reference & self.read_mask;
+        let masked = reference & read_mask;
         let test = Accept::new(face.compare);
         let mut alive = 0_u8;
         for p in 0..4 {
-            let value = values[p] & self.read_mask;
+            let value = values[p] & read_mask;
             alive |= (test.test(masked < value, masked == value, masked > value) as u8 & 1) << p;
         }
         alive &= mask;
@@ -289,8 +309,8 @@ impl DepthStencilState {
                 } else {
                     face.pass_op
                 };
-                let new = apply(op, values[p], self.reference);
-                let kept = values[p] & !self.write_mask | new & self.write_mask;
+                let new = apply(op, values[p], *reference);
+                let kept = values[p] & !write_mask | new & write_mask;
                 let code = &mut stored[4 * word + p];
                 *code = *code & !(0xff << shift) | u32::from(kept) << shift;
             }
@@ -438,11 +458,12 @@ mod tests {
                     stencil_back: faces,
                     stencil_read_mask: !0,
                     stencil_write_mask: !0,
+                    stencil_back_masks: None,
                     bias: 0.0,
                     bias_slope: 0.0,
                     bias_clamp: 0.0,
                 };
-                let state = DepthStencilState::new(&state, 0, [0.0, 1.0]);
+                let state = DepthStencilState::new(&state, [0; 2], [0.0, 1.0]);
                 let passes = |state: &DepthStencilState, new: f32, old: f32| {
                     let code = |depth| [[state.code(depth); 4]];
                     state.test_quad(1, false, 1, &code(new), &mut code(old)[0]) == 1

@@ -217,6 +217,7 @@ fn depth_state(format: Format, compare: Compare, write: bool) -> DepthStencil {
         stencil_back: StencilFace::default(),
         stencil_read_mask: 0xff,
         stencil_write_mask: 0xff,
+        stencil_back_masks: None,
         bias: 0.0,
         bias_slope: 0.0,
         bias_clamp: 0.0,
@@ -228,7 +229,7 @@ fn depth_comparisons_are_on_stored_codes() {
     for format in [Format::Depth16Unorm, Format::Depth24Plus, Format::Depth24PlusStencil8, Format::Depth32Float] {
         for &compare in Compare::ALL {
             for write in [false, true] {
-                let state = DepthStencilState::new(&depth_state(format, compare, write), 0, [0.0, 1.0]);
+                let state = DepthStencilState::new(&depth_state(format, compare, write), [0; 2], [0.0, 1.0]);
                 let depths = [0.25_f32, 0.5, 0.75, 2.0];
                 let stored = depth_code(format, 0.5);
                 let beside = if format == Format::Depth24PlusStencil8 { 0xab00_0000 } else { 0 };
@@ -248,7 +249,7 @@ fn depth_comparisons_are_on_stored_codes() {
         }
     }
     // NaN passes what is not an ordering.
-    let state = |compare| DepthStencilState::new(&depth_state(Format::Depth32Float, compare, false), 0, [0.0, 1.0]);
+    let state = |compare| DepthStencilState::new(&depth_state(Format::Depth32Float, compare, false), [0; 2], [0.0, 1.0]);
     for (compare, pass) in [(Compare::Less, 0), (Compare::GreaterEqual, 0), (Compare::NotEqual, 15), (Compare::Always, 15)] {
         let nan = state(compare).code(f32::NAN);
         assert_eq!(state(compare).test_quad(1, false, 15, &[[nan; 4]], &mut [0; 4]), pass, "{compare:?}");
@@ -317,7 +318,7 @@ fn stencil_operations_follow_the_three_outcomes() {
                             stencil_write_mask: write_mask,
                             ..depth_state(format, compare, false)
                         };
-                        let state = DepthStencilState::new(&desc, 0x1c3, [0.0, 1.0]);
+                        let state = DepthStencilState::new(&desc, [0x1c3; 2], [0.0, 1.0]);
                         let mut run = vec![0_u32; 4 * code_words(format)];
                         run[4 * word + 1] = u32::from(value) << shift;
                         let passed = state.test_quad(1, true, 0b0010, &[[0; 4]], &mut run);
@@ -342,11 +343,49 @@ fn stencil_comparison_masks_both_sides() {
             stencil_read_mask: 0x0f,
             ..depth_state(Format::Depth24PlusStencil8, Compare::Always, false)
         };
-        let state = DepthStencilState::new(&desc, 0xf5, [0.0, 1.0]);
+        let state = DepthStencilState::new(&desc, [0xf5; 2], [0.0, 1.0]);
         let mut run = [0x0400_0000, 0x3500_0000, 0x0600_0000, 0xff00_0000];
         let passed = state.test_quad(1, false, 15, &[[0; 4]], &mut run);
         for (p, stored) in [4.0, 5.0, 6.0, 15.0].into_iter().enumerate() {
             assert_eq!(passed >> p & 1 != 0, compare.test(5.0, stored), "{compare:?}");
+        }
+    }
+}
+
+#[test]
+fn faces_have_stencil_masks_and_references_of_their_own() {
+    let face = StencilFace { compare: Compare::Equal, pass_op: StencilOp::Replace, fail_op: StencilOp::Invert, ..Default::default() };
+    for (masks, back) in [(None, [0x0f, 0xf0]), (Some([0xf0, 0x3c]), [0xf0, 0x3c])] {
+        let desc = DepthStencil {
+            stencil_front: face,
+            stencil_back: face,
+            stencil_read_mask: 0x0f,
+            stencil_write_mask: 0xf0,
+            stencil_back_masks: masks.map(|[read, write]| StencilMasks { read, write }),
+            ..depth_state(Format::Stencil8, Compare::Always, false)
+        };
+        let references = [0x15_u32, 0x5a];
+        let state = DepthStencilState::new(&desc, references, [0.0, 1.0]);
+        let values = [0x15_u32, 0x5a, 0x5f, 0xe5];
+        for (side, [read, write]) in [[0x0f, 0xf0], back].into_iter().enumerate() {
+            let mut run = values;
+            let passed = state.test_quad(1, side == 1, 15, &[[0; 4]], &mut run);
+            for p in 0..4 {
+                let equal = references[side] & read == values[p] & read;
+                let new = if equal { references[side] } else { !values[p] };
+                assert_eq!(run[p], (values[p] & !write | new & write) & 0xff, "{masks:?} {side} {p}");
+                assert_eq!(passed >> p & 1 == 1, equal);
+            }
+        }
+        // One face alone may write.
+        let only = |write: u32| DepthStencil {
+            stencil_write_mask: 0,
+            stencil_back_masks: Some(StencilMasks { read: 0xff, write }),
+            ..desc
+        };
+        for (write, writes) in [(0, false), (1, true), (0x100, false)] {
+            assert_eq!(DepthStencilState::new(&only(write), references, [0.0, 1.0]).writes_stencil(), writes);
+            assert_eq!(only(write).writes_stencil(), writes);
         }
     }
 }
@@ -511,7 +550,7 @@ proptest! {
         pick in 0_usize..6,
         compare in proptest::sample::select(Compare::ALL.to_vec()),
         ops in proptest::collection::vec(proptest::sample::select(StencilOp::ALL.to_vec()), 6),
-        masks in any::<[u8; 3]>(),
+        masks in any::<[u8; 6]>(),
         write in any::<bool>(),
         four in any::<bool>(),
         seed in any::<u32>(),
@@ -526,9 +565,10 @@ proptest! {
             stencil_back: face(3),
             stencil_read_mask: u32::from(masks[0]),
             stencil_write_mask: u32::from(masks[1]),
+            stencil_back_masks: Some(StencilMasks { read: masks[3].into(), write: masks[4].into() }),
             ..depth_state(format, compare, write)
         };
-        let state = DepthStencilState::new(&desc, u32::from(masks[2]), [0.0, 1.0]);
+        let state = DepthStencilState::new(&desc, [masks[2], masks[5]].map(u32::from), [0.0, 1.0]);
         let samples = if four { 4 } else { 1 };
         let mut random = Random::new(seed.into());
         let depth: Vec<Lanes> =

@@ -335,10 +335,10 @@ impl Vulkan {
             out.push(Command::SetBlendConstant(blend));
             emitted.blend = Some(blend);
         }
-        let reference = if state.stencil_test { state.stencil_values()?.reference & 255 } else { 0 };
-        if emitted.stencil.unwrap_or_default() != reference {
-            out.push(Command::SetStencilReference(reference));
-            emitted.stencil = Some(reference);
+        let references = if state.stencil_test { state.stencil_sides().map(|face| face.reference & 255) } else { [0; 2] };
+        if emitted.stencil.unwrap_or_default() != references {
+            out.push(Command::stencil_references(references));
+            emitted.stencil = Some(references);
         }
         set_groups(&groups, &mut emitted.groups, out);
         set_immediates(&encoder.constants, ready.immediates, &mut emitted.immediates, out);

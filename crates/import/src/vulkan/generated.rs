@@ -198,7 +198,7 @@ impl OpenPass {
         ]);
         if let Some(reference) = reference {
             self.commands.push(Command::SetStencilReference(reference));
-            self.emitted.stencil = Some(reference);
+            self.emitted.stencil = Some([reference; 2]);
         }
         self.commands.push(Command::Draw { vertices: 3, instances: 1, first_vertex: 0, first_instance: 0 });
         self.emitted.pipeline = Some(pipeline);

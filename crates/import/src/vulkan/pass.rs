@@ -52,7 +52,7 @@ pub struct Emitted {
     pub viewport: Option<Viewport>,
     pub scissor: Option<Rect>,
     pub blend: Option<[f64; 4]>,
-    pub stencil: Option<u32>,
+    pub stencil: Option<[u32; 2]>,
     pub immediates: Vec<u32>,
 }
 

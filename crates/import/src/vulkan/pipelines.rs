@@ -18,7 +18,7 @@ use super::machine::Vulkan;
 use super::objects::{DescriptorKind, Pipeline, SetLayout};
 use super::points;
 use super::shaders::{Bound as Reads, Form, Shader};
-use super::state::Fixed;
+use super::state::{Fixed, Stencil};
 
 /// What a pass draws to.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -488,8 +488,7 @@ fn targets(state: &Fixed, pass: &PassFormats, fragment: Option<&Interface>) -> O
 fn depth_stencil(state: &Fixed, format: Format) -> Outcome<DepthStencil> {
     let tested = state.depth_test && format.has_depth();
     let stencilled = state.stencil_test && format.has_stencil();
-    let face = |at: usize| -> Outcome<StencilFace> {
-        let own = state.stencil[at];
+    let face = |own: Stencil| -> Outcome<StencilFace> {
         Ok(StencilFace {
             compare: formats::compare(own.compare)?,
             fail_op: formats::stencil_op(own.fail)?,
@@ -498,12 +497,13 @@ fn depth_stencil(state: &Fixed, format: Format) -> Outcome<DepthStencil> {
         })
     };
     let mut faces = [StencilFace::default(); 2];
-    let mut masks = [!0; 2];
+    let mut masks = [StencilMasks { read: !0, write: !0 }; 2];
     if stencilled {
-        faces = [face(0)?, face(1)?];
-        let own = state.stencil_values()?;
-        masks = [own.compare_mask, own.write_mask];
+        let sides = state.stencil_sides();
+        faces = [face(sides[0])?, face(sides[1])?];
+        masks = sides.map(|own| StencilMasks { read: own.compare_mask, write: own.write_mask });
     }
+    let [front, back] = masks;
     let [constant, clamp, slope] = if state.depth_bias { state.bias } else { [0.0; 3] };
     Ok(DepthStencil {
         format,
@@ -511,10 +511,32 @@ fn depth_stencil(state: &Fixed, format: Format) -> Outcome<DepthStencil> {
         depth_compare: if tested { formats::compare(state.depth_compare)? } else { Compare::Always },
         stencil_front: faces[0],
         stencil_back: faces[1],
-        stencil_read_mask: masks[0],
-        stencil_write_mask: masks[1],
+        stencil_read_mask: front.read,
+        stencil_write_mask: front.write,
+        stencil_back_masks: (back != front).then_some(back),
         bias: constant,
         bias_slope: slope,
         bias_clamp: clamp,
     })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn biases_and_stencil_masks_are_as_the_program_has_them() {
+        let front = Stencil { compare: 2, pass: 2, compare_mask: 15, write_mask: 3, ..Stencil::default() };
+        let back = Stencil { compare_mask: 240, ..front };
+        let mut state = Fixed { stencil_test: true, stencil: [front, back], depth_bias: true, ..Fixed::default() };
+        state.bias = [1.25, 0.5, 1.75];
+        let made = depth_stencil(&state, Format::Depth24PlusStencil8).expect("state");
+        assert_eq!([made.bias, made.bias_clamp, made.bias_slope], state.bias);
+        assert_eq!((made.stencil_read_mask, made.stencil_write_mask), (15, 3));
+        assert_eq!(made.stencil_back_masks, Some(StencilMasks { read: 240, write: 3 }));
+        // Lines are front faces.
+        (state.topology, state.depth_bias) = (1, false);
+        let made = depth_stencil(&state, Format::Depth24PlusStencil8).expect("state");
+        assert_eq!((made.bias, made.stencil_back_masks), (0.0, None));
+    }
 }

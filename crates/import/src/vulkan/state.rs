@@ -3,7 +3,7 @@
 use gfx::state::Viewport;
 
 use super::args::Args;
-use super::fault::{Outcome, unsupported};
+use super::fault::Outcome;
 
 /// The numbers of `VkDynamicState` that the translation knows.
 pub mod dynamic {
@@ -329,33 +329,10 @@ impl Fixed {
         }
     }
 
-    /// The masks and the reference of stencil, of which the card has one each.
-    pub fn stencil_values(&self) -> Outcome<Stencil> {
+    /// The stencil tests of front and back faces. Points and lines are front faces, also where points are drawn as squares.
+    pub fn stencil_sides(&self) -> [Stencil; 2] {
         let [front, back] = self.stencil;
-        // Lines and points are front faces.
-        let lines = self.topology < 3;
-        match self.cull_mode {
-            _ if lines => return Ok(front),
-            1 => return Ok(back),
-            2 => return Ok(front),
-            _ => {}
-        }
-        let mut all = front;
-        // What a face does not read may be anything.
-        let compares = |face: Stencil| !matches!(face.compare, 0 | 7);
-        let writes = |face: Stencil| [face.fail, face.pass, face.depth_fail].iter().any(|&operation| operation != 0);
-        let refers = |face: Stencil| compares(face) || [face.fail, face.pass, face.depth_fail].contains(&2);
-        let one = |front: (u32, bool), back: (u32, bool)| match (front, back) {
-            ((a, true), (b, true)) if a & 255 != b & 255 => {
-                unsupported("stencil masks or references that differ between faces")
-            }
-            ((a, _), (_, false)) | ((a, true), _) => Ok(a),
-            (_, (b, true)) => Ok(b),
-        };
-        all.compare_mask = one((front.compare_mask, compares(front)), (back.compare_mask, compares(back)))?;
-        all.write_mask = one((front.write_mask, writes(front)), (back.write_mask, writes(back)))?;
-        all.reference = one((front.reference, refers(front)), (back.reference, refers(back)))?;
-        Ok(all)
+        [front, if self.topology < 3 { front } else { back }]
     }
 
     /// The most instances that a draw can have without a change of attributes that change after several, if there are any.
@@ -522,22 +499,4 @@ pub fn vertex_binding(of: Args<'_>, divisor: Option<u32>) -> Outcome<VertexBindi
 pub fn vertex_attribute(of: Args<'_>) -> Outcome<VertexAttribute> {
     let (location, binding) = (of.u32("location")?, of.u32("binding")?);
     Ok(VertexAttribute { location, binding, format: of.u32("format")?, offset: of.u32("offset")? })
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn masks_of_a_face_that_is_not_tested_do_not_count() {
-        let front = Stencil { compare: 2, pass: 2, compare_mask: 15, write_mask: 15, reference: 3, ..Stencil::default() };
-        let mut state = Fixed { topology: 3, stencil: [front, Stencil::default()], ..Fixed::default() };
-        assert_eq!(state.stencil_values(), Ok(front));
-        state.stencil[1] = Stencil { reference: 4, ..front };
-        assert!(state.stencil_values().is_err());
-        state.cull_mode = 1;
-        assert_eq!(state.stencil_values(), Ok(state.stencil[1]));
-        (state.cull_mode, state.topology) = (0, 2);
-        assert_eq!(state.stencil_values(), Ok(front));
-    }
 }

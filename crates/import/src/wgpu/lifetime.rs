@@ -211,6 +211,7 @@ fn for_each_object(command: &Command, mut see: impl FnMut(Object)) {
         | Command::SetScissor(_)
         | Command::SetBlendConstant(_)
         | Command::SetStencilReference(_)
+        | Command::SetStencilReferences { .. }
         | Command::Draw { .. }
         | Command::DrawIndexed { .. }
         | Command::Dispatch { .. }

@@ -236,6 +236,7 @@ fn depth_stencil(state: schema::DepthStencilState) -> Result<DepthStencil, Reaso
         stencil_back: face(stencil.back),
         stencil_read_mask: stencil.read_mask,
         stencil_write_mask: stencil.write_mask,
+        stencil_back_masks: None,
         bias: state.bias.constant as f32,
         bias_slope: state.bias.slope_scale,
         bias_clamp: state.bias.clamp,

@@ -115,8 +115,8 @@ pub struct DynamicState {
     pub scissor: Rect,
     /// Blend constant.
     pub blend_constant: [f32; 4],
-    /// Stencil reference.
-    pub stencil_reference: u32,
+    /// Stencil references of front and back faces.
+    pub stencil_references: [u32; 2],
 }
 
 impl DynamicState {
@@ -126,7 +126,7 @@ impl DynamicState {
             viewport: Viewport { x: 0.0, y: 0.0, width: width as f32, height: height as f32, min_depth: 0.0, max_depth: 1.0 },
             scissor: Rect { x: 0, y: 0, width, height },
             blend_constant: [0.0; 4],
-            stencil_reference: 0,
+            stencil_references: [0; 2],
         }
     }
 }
@@ -137,11 +137,11 @@ impl PartialEq for DynamicState {
         let viewport = |Viewport { x, y, width, height, min_depth, max_depth }: Viewport| {
             [x, y, width, height, min_depth, max_depth].map(f32::to_bits)
         };
-        let DynamicState { viewport: own, scissor, blend_constant, stencil_reference } = *self;
+        let DynamicState { viewport: own, scissor, blend_constant, stencil_references } = *self;
         viewport(own) == viewport(other.viewport)
             && scissor == other.scissor
             && blend_constant.map(f32::to_bits) == other.blend_constant.map(f32::to_bits)
-            && stencil_reference == other.stencil_reference
+            && stencil_references == other.stencil_references
     }
 }
 

@@ -197,7 +197,7 @@ pub fn state(state: &DrawState, has_depth: bool) -> RecordedState {
         label: pipeline.label.clone(),
         shapes: StageMap::from_fn(shape),
         depth_stencil: pipeline.depth_stencil.filter(|_| has_depth),
-        stencil_reference: state.dynamic.stencil_reference as u8,
+        stencil_references: state.dynamic.stencil_references.map(|reference| reference as u8),
         targets,
         blend_constant: state.dynamic.blend_constant,
         depth_words: 4 * state.depth_payload as u8,

@@ -197,7 +197,7 @@ impl DrawState {
         };
         let depth_range = [viewport.min_depth.min(viewport.max_depth), viewport.min_depth.max(viewport.max_depth)];
         let depth_state = state
-            .map(|state| DepthStencilState::new(state, dynamic.stencil_reference, depth_range))
+            .map(|state| DepthStencilState::new(state, dynamic.stencil_references, depth_range))
             .filter(|state| !state.is_idle());
         let fragment = pipeline.fragment();
         let interface = fragment.map(PipelineStage::interface);

@@ -51,7 +51,7 @@ impl Checker<'_> {
                 ensure!(color.iter().all(|value| value.is_finite()), "the blend constant is {color:?}");
                 return Ok(());
             }
-            Command::SetStencilReference(_) => return Ok(()),
+            Command::SetStencilReference(_) | Command::SetStencilReferences { .. } => return Ok(()),
             Command::BeginOcclusionQuery { index } => {
                 let set = pass.occlusion.ok_or("the pass has no occlusion query set")?;
                 ensure!(!pass.occlusion_open, "an occlusion query is open already");

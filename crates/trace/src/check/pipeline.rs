@@ -88,9 +88,6 @@ impl Checker<'_> {
         while let Some(None) = targets.last() {
             targets.pop();
         }
-        let face_writes = |face: &StencilFace| {
-            [face.fail_op, face.depth_fail_op, face.pass_op].into_iter().any(|operation| operation != StencilOp::Keep)
-        };
         let state = desc.depth_stencil.as_ref();
         let pipeline = Render {
             layout,
@@ -98,9 +95,7 @@ impl Checker<'_> {
             targets,
             depth: state.map(|state| state.format),
             writes_depth: state.is_some_and(|state| state.depth_write),
-            writes_stencil: state.is_some_and(|state| {
-                state.stencil_write_mask & 255 != 0 && (face_writes(&state.stencil_front) || face_writes(&state.stencil_back))
-            }),
+            writes_stencil: state.is_some_and(DepthStencil::writes_stencil),
             samples,
         };
         Ok(self.render_pipelines.create(id.0, pipeline)?)

@@ -61,6 +61,7 @@ pub fn depth_less(format: Format) -> DepthStencil {
         stencil_back: StencilFace::default(),
         stencil_read_mask: !0,
         stencil_write_mask: !0,
+        stencil_back_masks: None,
         bias: 0.0,
         bias_slope: 0.0,
         bias_clamp: 0.0,

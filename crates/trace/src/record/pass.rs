@@ -124,7 +124,12 @@ impl<'a> RenderPass<'a> {
 
     /// Sets the stencil reference.
     pub fn set_stencil_reference(&mut self, reference: u32) {
-        self.push(Command::SetStencilReference(reference));
+        self.set_stencil_references([reference; 2]);
+    }
+
+    /// Sets the stencil references of front and back faces.
+    pub fn set_stencil_references(&mut self, references: [u32; 2]) {
+        self.push(Command::stencil_references(references));
     }
 
     /// Executes bundles.

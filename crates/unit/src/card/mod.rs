@@ -195,7 +195,7 @@ impl Card {
         let early = draw.early || !draw.shades();
         let (depth, depth_format) = match &draw.depth_stencil {
             Some(state) => {
-                (Some(DepthStencilState::new(state, u32::from(draw.stencil_reference), draw.depth_range)), state.format)
+                (Some(DepthStencilState::new(state, draw.stencil_references.map(u32::from), draw.depth_range)), state.format)
             }
             None => (None, Format::Stencil8),
         };

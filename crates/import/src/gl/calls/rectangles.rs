@@ -164,7 +164,7 @@ impl Gl {
             viewport,
             scissor,
             blend: [0.0; 4],
-            stencil: reference,
+            stencil: [reference; 2],
             writes: fixed.writes(),
             query: self.context.query,
         });

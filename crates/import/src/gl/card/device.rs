@@ -369,7 +369,7 @@ impl Card {
                         open.set_blend_constant(draw.blend.map(f64::from));
                     }
                     if new(&|d| d.stencil != draw.stencil) {
-                        open.push(Command::SetStencilReference(draw.stencil));
+                        open.set_stencil_references(draw.stencil);
                     }
                     open.set_bind_group_at(0, group, &[draw.uniforms]);
                     if let Some(textures) = draw.textures.filter(|&group| new(&|d| d.textures != Some(group))) {

@@ -36,8 +36,8 @@ pub struct Draw {
     pub scissor: Rect,
     /// Blend constant.
     pub blend: [f32; 4],
-    /// Stencil reference.
-    pub stencil: u32,
+    /// Stencil references of front and back faces.
+    pub stencil: [u32; 2],
     /// The buffers that it may write: a bit of [`writes`] each.
     pub writes: u8,
     /// The occlusion query that counts it, by its number in the recording.
@@ -259,7 +259,7 @@ impl PipelineState {
         if let Some(depth) = &self.depth {
             bits |= if depth.depth_write { writes::DEPTH } else { 0 };
             let kept = [depth.stencil_front, depth.stencil_back].iter().all(|face| *face == StencilFace::default());
-            bits |= if kept || depth.stencil_write_mask == 0 { 0 } else { writes::STENCIL };
+            bits |= if kept || depth.stencil_masks().iter().all(|masks| masks.write == 0) { 0 } else { writes::STENCIL };
         }
         bits
     }

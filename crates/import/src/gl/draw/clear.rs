@@ -156,6 +156,7 @@ impl Gl {
                 stencil_back: if stencil_mask != 0 { face } else { StencilFace::default() },
                 stencil_read_mask: 0xff,
                 stencil_write_mask: stencil_mask,
+                stencil_back_masks: None,
                 bias: 0.0,
                 bias_slope: 0.0,
                 bias_clamp: 0.0,
@@ -184,7 +185,7 @@ impl Gl {
             viewport,
             scissor,
             blend,
-            stencil,
+            stencil: [stencil; 2],
             writes: fixed.writes(),
             query: None,
         });

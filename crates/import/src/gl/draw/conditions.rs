@@ -3,9 +3,9 @@
 use gfx::state::Topology;
 use gl_shader::consts as e;
 
-use crate::gl::geometry::primitive::{Batch, Class};
+use crate::gl::geometry::primitive::Class;
 use crate::gl::machine::Gl;
-use crate::gl::state::fragments::Stencil;
+use crate::gl::state::fragments::{Stencil, StencilTest};
 
 impl Gl {
     /// Whether lines have a pattern with gaps.
@@ -52,18 +52,11 @@ impl Gl {
         self.state.is(switch) && self.state.is(e::DEPTH_TEST) && self.state.polygon.offset != [0.0; 2]
     }
 
-    /// Whether the stencil test has separate state for back-facing triangles.
-    pub fn stencil_sides(&self) -> bool {
-        let state = &self.state;
-        state.is(e::STENCIL_TEST_TWO_SIDE_EXT)
-            || state.stencil.active_face.is_none() && state.stencil.sides[0] != state.stencil.sides[1]
-    }
-
-    /// Whether the stencil test has other references or masks for back-facing triangles.
-    pub fn sides_differ(&self, batch: &Batch) -> bool {
-        let of = |side: &Stencil| (side.reference, side.read & 255, side.write & 255);
-        let [front, back] = &self.state.stencil.sides;
-        batch.class == Class::Triangles && self.state.is(e::STENCIL_TEST) && self.stencil_sides() && of(front) != of(back)
+    /// The stencil tests of front and back faces. Points and lines have no back face.
+    pub fn stencil_tests(&self, class: Class) -> [Stencil; 2] {
+        let StencilTest { sides, active_face, .. } = &self.state.stencil;
+        let two_side = class == Class::Triangles && (self.state.is(e::STENCIL_TEST_TWO_SIDE_EXT) || active_face.is_none());
+        [sides[0], sides[usize::from(two_side)]]
     }
 
     /// Whether diagonals begin at first vertices if all vertices are inside.

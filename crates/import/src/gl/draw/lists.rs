@@ -63,7 +63,7 @@ impl Gl {
             && match geometry.class() {
                 Class::Points => true,
                 Class::Lines => !self.widens_lines() && !self.line_stippled(),
-                Class::Triangles => self.fills() && !self.sides_differ(&Batch { class: Class::Triangles, ..Batch::default() }),
+                Class::Triangles => self.fills(),
             }
     }
 }

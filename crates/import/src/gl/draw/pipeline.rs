@@ -149,12 +149,11 @@ impl Gl {
         };
         let tested = state.is(e::DEPTH_TEST) && target.has_depth;
         let stencil = state.is(e::STENCIL_TEST) && target.has_stencil;
-        // Points and lines have no back face.
-        let two_side = triangles && self.stencil_sides();
-        let [front, back] = [0, usize::from(two_side)].map(|k| state.stencil.sides[k]);
+        let [front, back] = self.stencil_tests(class);
         // The offsets of polygons as lines and points are in their vertices.
         let [factor, units] = if triangles && state.is(e::POLYGON_OFFSET_FILL) { state.polygon.offset } else { [0.0; 2] };
         let [stencil_front, stencil_back] = if stencil { [front.face()?, back.face()?] } else { [StencilFace::default(); 2] };
+        let masks = |test: Stencil| StencilMasks { read: test.read & 0xff, write: test.write & 0xff };
         let depth = target.depth.map(|surface| DepthStencil {
             format: surface.format,
             depth_write: tested && state.depth.write,
@@ -163,6 +162,7 @@ impl Gl {
             stencil_back,
             stencil_read_mask: if stencil { front.read & 0xff } else { 0xff },
             stencil_write_mask: if stencil { front.write & 0xff } else { 0xff },
+            stencil_back_masks: (stencil && masks(back) != masks(front)).then(|| masks(back)),
             bias: units * OFFSET_STEPS,
             bias_slope: factor,
             bias_clamp: 0.0,

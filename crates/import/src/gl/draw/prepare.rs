@@ -29,8 +29,6 @@ use crate::gl::state::prepared::{Prepared, Sampling};
 pub enum Preparation {
     /// Nothing is drawn.
     Nothing,
-    /// Front and back faces are drawn one after the other: the card has one stencil reference and one mask for both.
-    BySides,
     /// A draw.
     Ready(Box<Prepared>),
 }
@@ -117,9 +115,6 @@ impl Gl {
             batch.class == Class::Triangles && self.state.is(e::CULL_FACE) && self.state.polygon.cull == e::FRONT_AND_BACK;
         if culled {
             return Ok(Preparation::Nothing);
-        }
-        if on_card.is_none() && self.sides_differ(batch) {
-            return Ok(Preparation::BySides);
         }
         let vertex = self.active_program(ProgramStage::Vertex)?;
         let fragment = self.active_program(ProgramStage::Fragment)?;

@@ -157,7 +157,7 @@ impl Gl {
                     && self.context.glsl_program == 0
             }
             Class::Lines => !self.widens_lines() && !self.line_stippled(),
-            Class::Triangles => n >= 3 && self.fills() && !self.sides_differ(&Batch::default()),
+            Class::Triangles => n >= 3 && self.fills(),
         };
         if !plain {
             return None;

@@ -1,7 +1,6 @@
 //! Converts the batch to a draw of the card: key, uniforms, vertices, pipeline.
 
 use gfx::state::IndexFormat;
-use gl_shader::consts as e;
 use glam::Mat4;
 
 use crate::gl::call::{Fault, GlResult};
@@ -16,7 +15,6 @@ use crate::gl::geometry::summary::Summary;
 use crate::gl::geometry::vertex::Vertex;
 use crate::gl::machine::Gl;
 use crate::gl::state::prepared::Prepared;
-use crate::gl::state::server::capability;
 
 impl Gl {
     /// Draws the batch.
@@ -64,7 +62,6 @@ impl Gl {
         };
         match self.prepare(batch, on_card, &mut constant, &mut summary)? {
             Preparation::Nothing => {}
-            Preparation::BySides => return self.draw_sides(batch),
             Preparation::Ready(prepared) => self.submit(&prepared, batch, on_card, &constant),
         }
         Ok(())
@@ -137,39 +134,9 @@ impl Gl {
             viewport: prepared.viewport,
             scissor: prepared.scissor,
             blend: prepared.blend,
-            stencil: self.state.stencil.sides[0].reference as u32,
+            stencil: self.stencil_tests(batch.class).map(|test| test.reference as u32),
             writes: prepared.writes,
             query: self.context.query,
         });
-    }
-
-    /// The card has one reference and one mask for both sides: each triangle is drawn twice, and one of the two is culled.
-    pub fn draw_sides(&mut self, batch: &Batch) -> GlResult {
-        if batch.topology.is_some() {
-            return Err(Fault::Unsupported(
-                "draws that are kept with stencil references or masks that differ between faces".into(),
-            ));
-        }
-        let (enabled, cull, stencil) = (self.state.enabled, self.state.polygon.cull, self.state.stencil.sides);
-        let culled = if self.state.is(e::CULL_FACE) { cull } else { e::NONE };
-        self.state.enabled |= capability(e::CULL_FACE).unwrap_or(0);
-        self.state.enabled &= !capability(e::STENCIL_TEST_TWO_SIDE_EXT).unwrap_or(0);
-        let mut outcome = Ok(());
-        'triangles: for triangle in batch.indices.chunks_exact(3) {
-            for (side, other) in [(e::FRONT, e::BACK), (e::BACK, e::FRONT)] {
-                if culled == side {
-                    continue;
-                }
-                (self.state.polygon.cull, self.state.stencil.sides) = (other, [stencil[usize::from(side == e::BACK)]; 2]);
-                let vertices = triangle.iter().map(|&index| batch.vertices[index as usize].clone()).collect();
-                let mut one = Batch { class: batch.class, vertices, indices: vec![0, 1, 2], ..Batch::default() };
-                outcome = self.draw(&mut one, None);
-                if outcome.is_err() {
-                    break 'triangles;
-                }
-            }
-        }
-        (self.state.enabled, self.state.polygon.cull, self.state.stencil.sides) = (enabled, cull, stencil);
-        outcome
     }
 }

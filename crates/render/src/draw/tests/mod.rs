@@ -102,6 +102,7 @@ fn depth_state(format: Format, compare: Compare, write: bool) -> DepthStencil {
         stencil_back: StencilFace::default(),
         stencil_read_mask: 0xff,
         stencil_write_mask: 0xff,
+        stencil_back_masks: None,
         bias: 0.0,
         bias_slope: 0.0,
         bias_clamp: 0.0,
@@ -214,7 +215,7 @@ impl Scene {
         let dynamic = DynamicState {
             viewport: self.viewport.unwrap_or(usual.viewport),
             scissor: self.scissor.unwrap_or(usual.scissor),
-            stencil_reference: self.reference,
+            stencil_references: [self.reference; 2],
             ..usual
         };
         let mut uniforms = StageMap::<Uniforms>::default();
