@@ -215,7 +215,7 @@ fn run(name: &str, workload: &Workload, frames: usize, skips: Skips, record: boo
         depth_stencil: Some(depth),
         multisample: Multisample::default(),
         fragment: Some(stage()),
-        targets: vec![Some(ColorTarget { format: Format::Rgba8Unorm, blend: None, write_mask: 15 })],
+        targets: vec![Some(ColorTarget { format: Format::Rgba8Unorm, blend: None, logic: None, write_mask: 15 })],
     };
     let module = Arc::new(module);
     let modules = StageMap::from_fn(|_| Some(module.clone()));

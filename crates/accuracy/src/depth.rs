@@ -283,6 +283,7 @@ fn over_a_block(random: &mut Random, samples: u32) -> Option<Triangle> {
         samples,
         lower_edges: false,
         unclipped_depth: false,
+        half_width: None,
     };
     let size = 16 << random.below(10);
     let v: [ScreenVertex; 3] = std::array::from_fn(|_| ScreenVertex {

@@ -3,7 +3,7 @@
 
 use serde::{Deserialize, Serialize};
 
-use super::format::Format;
+use super::format::{Format, TexelKind};
 
 macro_rules! state_enum {
     ($(#[$doc:meta])* $name:ident default $default:ident { $($(#[$vdoc:meta])* $variant:ident),* $(,)? }) => {
@@ -348,6 +348,81 @@ pub struct Blend {
     pub alpha: BlendComponent,
 }
 
+state_enum! {
+    /// Beyond WebGPU: a logic operation on the bits of new and stored colours, in the order of Vulkan and OpenGL.
+    LogicOp default Copy {
+        /// 0
+        Clear,
+        /// new and stored
+        And,
+        /// new and not stored
+        AndReverse,
+        /// new
+        Copy,
+        /// not new and stored
+        AndInverted,
+        /// stored
+        NoOp,
+        /// either new or stored
+        Xor,
+        /// new or stored
+        Or,
+        /// not (new or stored)
+        Nor,
+        /// not (either new or stored)
+        Equivalent,
+        /// not stored
+        Invert,
+        /// new or not stored
+        OrReverse,
+        /// not new
+        CopyInverted,
+        /// not new or stored
+        OrInverted,
+        /// not (new and stored)
+        Nand,
+        /// All ones.
+        Set,
+    }
+}
+
+impl LogicOp {
+    /// Applies the operation to each bit.
+    #[inline(always)]
+    pub const fn apply(self, new: u32, stored: u32) -> u32 {
+        match self {
+            LogicOp::Clear => 0,
+            LogicOp::And => new & stored,
+            LogicOp::AndReverse => new & !stored,
+            LogicOp::Copy => new,
+            LogicOp::AndInverted => !new & stored,
+            LogicOp::NoOp => stored,
+            LogicOp::Xor => new ^ stored,
+            LogicOp::Or => new | stored,
+            LogicOp::Nor => !(new | stored),
+            LogicOp::Equivalent => !(new ^ stored),
+            LogicOp::Invert => !stored,
+            LogicOp::OrReverse => new | !stored,
+            LogicOp::CopyInverted => !new,
+            LogicOp::OrInverted => !new | stored,
+            LogicOp::Nand => !(new & stored),
+            LogicOp::Set => !0,
+        }
+    }
+
+    /// Whether the result depends on what is stored.
+    pub const fn reads(self) -> bool {
+        !matches!(self, LogicOp::Clear | LogicOp::Copy | LogicOp::CopyInverted | LogicOp::Set)
+    }
+
+    /// Whether colours of a format take logic operations: integers and normalised numbers do, floating-point numbers and sRGB do not.
+    pub fn applies_to(format: Format) -> bool {
+        let normalised = format.name().contains("unorm") || format.name().contains("snorm");
+        let integer = matches!(format.kind(), TexelKind::Uint | TexelKind::Sint);
+        (normalised || integer) && !format.is_srgb() && !format.is_compressed() && !format.is_depth_stencil()
+    }
+}
+
 /// State of one colour target.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -357,6 +432,9 @@ pub struct ColorTarget {
     /// Blending; none replaces.
     #[serde(default, skip_serializing_if = "is_default")]
     pub blend: Option<Blend>,
+    /// Beyond WebGPU: a logic operation on stored bits, in place of blending; none replaces.
+    #[serde(default, skip_serializing_if = "is_default")]
+    pub logic: Option<LogicOp>,
     /// Channels written: bit 0 red, 1 green, 2 blue, 3 alpha.
     #[serde(default = "all_channels", skip_serializing_if = "is_all_channels")]
     pub write_mask: u8,
@@ -371,7 +449,7 @@ fn is_all_channels(value: &u8) -> bool {
 }
 
 /// Primitive state.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct Primitive {
     /// Topology.
@@ -399,6 +477,10 @@ pub struct Primitive {
     /// it counts from below.
     #[serde(skip_serializing_if = "is_default")]
     pub lower_edges: bool,
+    /// Beyond WebGPU: lines are rectangles of this width in pixels, as Vulkan's strict lines. Without it lines have a width of 1; with one
+    /// sample per pixel they draw the pixels whose diamonds they leave, with several samples they are rectangles.
+    #[serde(skip_serializing_if = "is_default")]
+    pub line_width: Option<f32>,
 }
 
 /// Multisample state.

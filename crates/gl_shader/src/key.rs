@@ -358,8 +358,6 @@ pub struct ShaderKey {
     pub attenuated_point: bool,
     /// Coordinates in eye space are read and have to be divided by their w.
     pub projective_eye: bool,
-    /// Logic operation.
-    pub logic: Option<u32>,
     /// Lines and points of polygons that are back faces.
     pub back: bool,
     /// The vertex program, which replaces transformation, lighting and texture coordinate generation.

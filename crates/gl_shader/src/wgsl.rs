@@ -76,14 +76,10 @@ pub fn module(key: &ShaderKey, source: &ModuleInputs) -> String {
         line!(out, "@group(1) @binding({}) var image{}: {kind};", 2 * slot, unit.unit);
         line!(out, "@group(1) @binding({}) var sampler{}: sampler{compared};", 2 * slot + 1, unit.unit);
     }
-    if key.logic.is_some() {
-        line!(out, "@group(1) @binding({}) var frame: texture_2d<f32>;", 2 * sampled(key));
-    }
     if key.pixels {
-        let slot = sampled(key) + usize::from(key.logic.is_some());
-        line!(out, "@group(1) @binding({}) var pixels: texture_2d<f32>;", 2 * slot);
+        line!(out, "@group(1) @binding({}) var pixels: texture_2d<f32>;", 2 * sampled(key));
     }
-    let first = sampled(key) + usize::from(key.logic.is_some()) + usize::from(key.pixels);
+    let first = sampled(key) + usize::from(key.pixels);
     for (slot, unit) in (first..).zip(key.units.iter().filter(|unit| unit.border)) {
         line!(out, "@group(1) @binding({}) var white{}: sampler;", 2 * slot + 1, unit.unit);
     }
@@ -393,11 +389,6 @@ fn fragment(key: &ShaderKey, source: &ModuleInputs, out: &mut String) {
         };
         line!(out, "    let a = u.alpha_reference.x;\n    if !({passes}) {{ discard; }}");
     }
-    if let Some(op) = key.logic {
-        line!(out, "    let s = vec4u(saturate(c) * 255.0 + 0.5);");
-        line!(out, "    let d = vec4u(textureLoad(frame, vec2i(v.position.xy), 0) * 255.0 + 0.5);");
-        line!(out, "    c = vec4f(({}) & vec4u(255)) / 255.0;", logic(op));
-    }
     if key.colors.scaled {
         let source = if key.colors.float { "c" } else { "saturate(c)" };
         line!(out, "    c = {source} * u.blend_scale;");
@@ -419,25 +410,4 @@ fn fragment(key: &ShaderKey, source: &ModuleInputs, out: &mut String) {
 /// The secondary colour of the visible side.
 pub(crate) fn secondary(key: &ShaderKey) -> &'static str {
     if key.two_side() { "select(v.back_secondary, v.secondary, front)" } else { "v.secondary" }
-}
-
-/// A logic operation of new and stored codes.
-fn logic(op: u32) -> &'static str {
-    match op {
-        e::CLEAR => "vec4u()",
-        e::AND => "s & d",
-        e::AND_REVERSE => "s & ~d",
-        e::AND_INVERTED => "~s & d",
-        e::XOR => "s ^ d",
-        e::OR => "s | d",
-        e::NOR => "~(s | d)",
-        e::EQUIV => "~(s ^ d)",
-        e::INVERT => "~d",
-        e::OR_REVERSE => "s | ~d",
-        e::COPY_INVERTED => "~s",
-        e::OR_INVERTED => "~s | d",
-        e::NAND => "~(s & d)",
-        e::SET => "vec4u(255)",
-        _ => "s",
-    }
 }

@@ -5,8 +5,7 @@ use std::sync::Arc;
 use gfx::format::{Format, TexelKind};
 use gfx::stage::{Stage, StageMap};
 use gfx::state::{
-    BlendFactor, ColorTarget, DepthStencil, Primitive, StepMode, VertexAttribute, VertexBufferLayout,
-    VertexFormat,
+    BlendFactor, ColorTarget, DepthStencil, Primitive, StepMode, VertexAttribute, VertexBufferLayout, VertexFormat,
 };
 use gfx::vertex::{ComponentKind, component_kind};
 use host::one_line;

@@ -282,6 +282,7 @@ fn draw(scene: &Scene, number: u32, random: &mut Random, reference: &mut Referen
     let early = scene.early || number % 2 == 1;
     let target = Target {
         blend,
+        logic: None,
         write_mask: if scene.blind && number.is_multiple_of(2) { 0 } else { 15 },
         payload: Some(0),
         words: if scene.blend { 4 } else { 1 },
@@ -319,7 +320,7 @@ fn draw(scene: &Scene, number: u32, random: &mut Random, reference: &mut Referen
     out.push(Event::Draw(Arc::new(draw)));
     let depth = state.map(|state| DepthStencilState::new(&state, [0; 2], [0.0, 1.0]));
     let color = ColorState::new(
-        &ColorTarget { format: Format::Rgba8Unorm, blend: target.blend, write_mask: target.write_mask },
+        &ColorTarget { format: Format::Rgba8Unorm, blend: target.blend, logic: None, write_mask: target.write_mask },
         [0.0; 4],
     );
     let view =

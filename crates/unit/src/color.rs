@@ -383,7 +383,7 @@ impl Color {
                     let Surface { format, samples, .. } = frame.stores[output.surface].surface;
                     entry.times = self.config.times(format.texel_class(), samples, output.reads) as u8;
                     entry.last = usize::from(self.output) == work.outputs.len();
-                    if output.blends {
+                    if output.combines {
                         self.blended.quads +=
                             group.live[..usize::from(group.count)].iter().filter(|live| **live != 0).count() as u64;
                     }
@@ -419,7 +419,7 @@ impl Color {
 #[inline(always)]
 pub(super) fn blend_group(work: &Work, group: &Group, output: &Output, frame: &mut FrameBuffers) {
     let &Output { surface, ref state, .. } = output;
-    if work.marks.over && output.blends {
+    if work.marks.over && output.combines {
         empty(frame, work, group, surface);
     }
     let store = &mut frame.stores[surface];
@@ -463,7 +463,7 @@ pub(super) fn blend_group(work: &Work, group: &Group, output: &Output, frame: &m
 
 /// The quads of its block that a group writes whole in a target, and those whose stored colours it keeps in part or reads.
 fn quads(frame: &FrameBuffers, work: &Work, group: &Group, output: &Output, masked: bool) -> Quads {
-    if masked && !output.blends {
+    if masked && !output.combines {
         // Pixels and channels that are not written are masked.
         let tile = &work.segment.tiles[group.tile as usize];
         let all = &tile.quads[group.first as usize..][..usize::from(group.count)];

@@ -122,14 +122,14 @@ pub struct PassOrder {
 impl PassOrder {
     /// A draw; gives what its quads leave, the number of the first primitive and "over" apart.
     pub fn note(&mut self, draw: &Draw, depth: Option<&DepthStencilState>, colors: &[Option<ColorState>]) -> Marks {
-        let mut channels = 0;
-        let mut blended = 0;
+        let (mut channels, mut blended, mut combined) = (0, 0, false);
         if draw.shades() {
             for (n, (target, state)) in draw.targets.iter().zip(colors).enumerate() {
                 let (Some(target), Some(state)) = (target, state) else { continue };
                 if target.payload.is_some() && !state.is_idle() {
                     channels |= u32::from(target.write_mask & 15) << (4 * (n & 7));
                     blended |= u8::from(state.blends()) << (n & 7);
+                    combined |= state.combines();
                 }
             }
         }
@@ -157,7 +157,7 @@ impl PassOrder {
         self.nearer = self.nearer.or(nearer);
         self.blended |= blended;
         let first = *self.channels.get_or_insert(channels);
-        self.matters |= stencil || blended != 0 || channels != first || self.kinds.count_ones() > 1;
+        self.matters |= stencil || combined || channels != first || self.kinds.count_ones() > 1;
         Marks { first: 0, writes, inclusive: matches!(compare, Compare::LessEqual | Compare::GreaterEqual), over: blended != 0 }
     }
 

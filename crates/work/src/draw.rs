@@ -4,13 +4,15 @@ use std::sync::Arc;
 
 use crate::{Reach, Signature};
 use gfx::stage::{Stage, StageMap};
-use gfx::state::{Blend, DepthStencil, StepMode};
+use gfx::state::{Blend, DepthStencil, LogicOp, StepMode};
 
 /// Shading of a colour target, as the ROPs need it.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Target {
     /// Blending; none replaces.
     pub blend: Option<Blend>,
+    /// Logic operation on stored texels, which the payload has.
+    pub logic: Option<LogicOp>,
     /// Channels written.
     pub write_mask: u8,
     /// First entry of this target's colours in a quad's payload (depths counted), or none where the fragment stage writes nothing to
@@ -22,6 +24,13 @@ pub struct Target {
     pub packed: bool,
     /// First entry of the second source colour in a quad's payload (dual-source blending; 4 words per fragment).
     pub second: Option<u8>,
+}
+
+impl Target {
+    /// Whether colours are combined with what is stored.
+    pub fn combines(&self) -> bool {
+        self.blend.is_some() || self.logic.is_some_and(LogicOp::reads)
+    }
 }
 
 /// Where an attribute comes from in memory.

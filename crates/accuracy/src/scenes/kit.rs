@@ -207,7 +207,7 @@ impl Kit {
                 desc.vertex = record::stage_entry(shader, draw.entries[0]);
                 desc.fragment = (!draw.depth_only).then(|| record::stage_entry(shader, draw.entries[1]));
                 let target = |target: &(Target, Option<[f64; 4]>)| {
-                    Some(ColorTarget { format: target.0.format, blend: draw.blend, write_mask: draw.mask })
+                    Some(ColorTarget { format: target.0.format, blend: draw.blend, logic: None, write_mask: draw.mask })
                 };
                 desc.targets = pass.color.iter().map(target).collect();
                 desc.primitive.topology = draw.topology;

@@ -9,7 +9,7 @@ use super::pairs::Pairs;
 use super::{ColorRefs, Colors, code_words, four, select_mask};
 use crate::format::{Format, TexelKind};
 use crate::simd::{dispatch, wide};
-use crate::state::{BlendComponent, BlendFactor, BlendOp, ColorTarget};
+use crate::state::{BlendComponent, BlendFactor, BlendOp, ColorTarget, LogicOp};
 use crate::texel::{Rgba8, decode_code, encode_code, f32_to_f16, unorm};
 use num::{LANES, Lanes, QUADS};
 
@@ -28,6 +28,8 @@ enum Path {
     BlendCodes,
     /// Any format, blended.
     Blend,
+    /// Any format, combined with what is stored bit by bit.
+    Logic(LogicOp),
 }
 
 /// State of one colour target made ready.
@@ -53,7 +55,7 @@ pub struct ColorState {
 }
 
 impl ColorState {
-    /// Prepares the state of a target with the blend constant. Integer targets ignore blending.
+    /// Prepares the state of a target with the blend constant. Integer targets ignore blending; so does a target with a logic operation.
     ///
     /// # Panics
     /// If the format is compressed or has depth or stencil: no pipeline check lets such a target through.
@@ -63,13 +65,17 @@ impl ColorState {
         let bits = write_bits(format, target.write_mask);
         let replaces = |c: BlendComponent| c.op == BlendOp::Add && c.src == BlendFactor::One && c.dst == BlendFactor::Zero;
         let blend = target.blend.filter(|b| format.kind() == TexelKind::Float && !(replaces(b.color) && replaces(b.alpha)));
-        let path = match (blend, Rgba8::of(format)) {
+        let logic = target.logic.filter(|&op| op != LogicOp::Copy);
+        let blend = blend.filter(|_| target.logic.is_none());
+        let path = match (logic, blend, Rgba8::of(format)) {
             _ if bits == [0; 4] => Path::Nothing,
-            (None, Some(layout)) => Path::Replace8(layout),
-            (Some(_), Some(layout)) => Path::Blend8(layout),
-            (None, None) => Path::Replace,
-            (Some(_), None) if blends_codes(format) => Path::BlendCodes,
-            (Some(_), None) => Path::Blend,
+            (Some(LogicOp::NoOp), ..) => Path::Nothing,
+            (Some(op), ..) => Path::Logic(op),
+            (None, None, Some(layout)) => Path::Replace8(layout),
+            (None, Some(_), Some(layout)) => Path::Blend8(layout),
+            (None, None, None) => Path::Replace,
+            (None, Some(_), None) if blends_codes(format) => Path::BlendCodes,
+            (None, Some(_), None) => Path::Blend,
         };
         let blend = blend.unwrap_or_default();
         let clamp = range(format);
@@ -113,9 +119,19 @@ impl ColorState {
         matches!(self.path, Path::Blend | Path::BlendCodes | Path::Blend8(_))
     }
 
-    /// Whether the stored colour is needed: blending, or a write mask that keeps some channels.
+    /// Whether the result depends on the stored colour: blending, or a logic operation that reads it.
+    pub fn combines(&self) -> bool {
+        self.blends() || matches!(self.path, Path::Logic(op) if op.reads())
+    }
+
+    /// Whether the stored colour is needed: it is combined with the source, or a write mask keeps some channels.
     pub fn reads(&self) -> bool {
-        !self.is_idle() && (!self.whole || self.blends())
+        !self.is_idle() && (!self.whole || self.combines())
+    }
+
+    /// Whether a batch is written from the codes of all its pixels.
+    fn puts_codes(&self) -> bool {
+        self.format == Format::Rgba16Float || matches!(self.path, Path::Logic(_))
     }
 
     /// Whether a batch is written two quads at a time, so that to have its codes already saves nothing.
@@ -145,7 +161,7 @@ impl ColorState {
                     let new = self.codes8::<4>(floats(src).each_ref(), floats(src1).each_ref(), &four(stored, 0));
                     self.put(mask, &new, stored);
                 }
-                Path::Replace | Path::BlendCodes | Path::Blend => {
+                Path::Replace | Path::BlendCodes | Path::Blend | Path::Logic(_) => {
                     for p in (0..4).filter(|p| mask >> p & 1 != 0) {
                         self.pixel(p, src.map(|c| c[p]), src1.map(|c| c[p]), stored);
                     }
@@ -208,7 +224,7 @@ impl ColorState {
     }
 
     /// Stores codes made by [`ColorState::pack_batch`] (words of four pixels, word after word) in a quad's covered samples, as
-    /// far as the write mask lets.
+    /// far as the write mask lets, or what a logic operation makes of them.
     ///
     /// # Panics
     /// If `run` or `packed` is too short.
@@ -221,7 +237,9 @@ impl ColorState {
                 continue;
             }
             let stored = &mut run[s * size..(s + 1) * size];
-            if self.words == 1 {
+            if let Path::Logic(op) = self.path {
+                self.put_logic(op, mask, packed, stored);
+            } else if self.words == 1 {
                 self.put_word(mask, &four(packed, 0), stored);
             } else {
                 self.put(mask, packed, stored);
@@ -289,17 +307,17 @@ impl ColorState {
                     first = end;
                 }
             }
-            // What accumulation and light are kept in: the codes of all pixels at once.
-            Path::Replace if self.format == Format::Rgba16Float => {
+            // Logic operations are on codes, and accumulation and light are kept in 16-bit numbers: the codes of all pixels at once.
+            Path::Logic(_) | Path::Replace if self.puts_codes() => {
                 let mut codes = [Lanes::ZERO; 4];
                 self.pack_batch_body(src, &mut codes);
                 for q in (0..quads).filter(|q| coverage[*q] != 0) {
-                    let packed = [four(&codes[0].0, 4 * q), four(&codes[1].0, 4 * q)];
+                    let packed = codes.each_ref().map(|codes| four(&codes.0, 4 * q));
                     let run = &mut tile[at[q] as usize * samples * size..][..samples * size];
                     self.put_quad(samples, coverage[q], packed.as_flattened(), run);
                 }
             }
-            Path::Replace | Path::BlendCodes | Path::Blend => {
+            Path::Replace | Path::BlendCodes | Path::Blend | Path::Logic(_) => {
                 for q in (0..quads).filter(|q| coverage[*q] != 0) {
                     let run = &mut tile[at[q] as usize * samples * size..][..samples * size];
                     for s in 0..samples {
@@ -356,6 +374,16 @@ impl ColorState {
                 *word = *word & !write | new[4 * w + p] & write;
             }
         }
+    }
+
+    /// [`ColorState::put`] of what a logic operation makes of new and stored codes.
+    fn put_logic(&self, op: LogicOp, mask: u8, new: &[u32], stored: &mut [u32]) {
+        let size = 4 * self.words;
+        let mut codes = [0; 16];
+        for ((code, new), old) in codes.iter_mut().zip(&new[..size]).zip(&*stored) {
+            *code = op.apply(*new, *old);
+        }
+        self.put(mask, &codes, stored);
     }
 
     /// [`ColorState::put`] for codes of one word, without a branch: masks of triangles' edges are not predictable.
@@ -448,7 +476,8 @@ impl ColorState {
         };
         for w in 0..self.words {
             let word = &mut stored[4 * w + p];
-            *word = *word & !self.bits[w] | new[w] & self.bits[w];
+            let new = if let Path::Logic(op) = self.path { op.apply(new[w], *word) } else { new[w] };
+            *word = *word & !self.bits[w] | new & self.bits[w];
         }
     }
 }

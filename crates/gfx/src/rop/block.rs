@@ -309,6 +309,7 @@ pub(super) mod tests {
             samples: 1,
             lower_edges: false,
             unclipped_depth: false,
+            half_width: None,
         };
         let mut random = Cases(Random::new(9));
         let (mut some, mut all) = (0, 0);

@@ -190,6 +190,7 @@ mod tests {
             samples: 1,
             lower_edges: false,
             unclipped_depth: false,
+            half_width: None,
         };
         let corners = [[0, 0], [9000, 0], [0, 9000]].map(|[x, y]| ScreenVertex { x, y, z: 0.0, inv_w: 1.0 });
         let whole = setup::triangle(&setup, &corners).expect("a triangle");

@@ -66,8 +66,12 @@ fn every_factor_and_operation_agrees_with_f64() {
             for &dst in BlendFactor::ALL {
                 for &op in BlendOp::ALL {
                     let component = BlendComponent { src, dst, op };
-                    let target =
-                        ColorTarget { format, blend: Some(Blend { color: component, alpha: component }), write_mask: 15 };
+                    let target = ColorTarget {
+                        format,
+                        blend: Some(Blend { color: component, alpha: component }),
+                        logic: None,
+                        write_mask: 15,
+                    };
                     let constant: [f32; 4] = std::array::from_fn(|_| colour(&mut random));
                     let state = ColorState::new(&target, constant);
                     let color: [[u32; 4]; 4] = std::array::from_fn(|_| std::array::from_fn(|_| colour(&mut random).to_bits()));
@@ -117,8 +121,12 @@ fn codes_blend_by_whole_numbers() {
             for &dst in BlendFactor::ALL {
                 for &op in BlendOp::ALL {
                     let component = BlendComponent { src, dst, op };
-                    let target =
-                        ColorTarget { format, blend: Some(Blend { color: component, alpha: component }), write_mask: 15 };
+                    let target = ColorTarget {
+                        format,
+                        blend: Some(Blend { color: component, alpha: component }),
+                        logic: None,
+                        write_mask: 15,
+                    };
                     let mut color = || -> [i32; 4] { std::array::from_fn(|_| (random.bits() & 255) as i32) };
                     let (s, s1, k, mut d) = (color(), color(), color(), color());
                     let floats = |t: [i32; 4]| t.map(|c| c as f32 / 255.0);
@@ -179,7 +187,7 @@ fn write_masks_keep_channels_of_every_format() {
             continue;
         }
         for mask in 0..16 {
-            let state = ColorState::new(&ColorTarget { format, blend: None, write_mask: mask }, [0.0; 4]);
+            let state = ColorState::new(&ColorTarget { format, blend: None, logic: None, write_mask: mask }, [0.0; 4]);
             let pick = |random: &mut Random| -> [u32; 4] {
                 std::array::from_fn(|_| match format.kind() {
                     TexelKind::Float => colour(random).abs().to_bits(),
@@ -353,8 +361,61 @@ fn stencil_comparison_masks_both_sides() {
 }
 
 #[test]
+fn logic_operations_follow_their_table() {
+    // Results for new and stored bits 00, 01, 10, 11, from the lowest bit on: the table of the Vulkan specification.
+    let tables = [
+        0b0000, 0b1000, 0b0100, 0b1100, 0b0010, 0b1010, 0b0110, 0b1110, 0b0001, 0b1001, 0b0101, 0b1101, 0b0011, 0b1011, 0b0111,
+        0b1111,
+    ];
+    let formats =
+        [Format::Rgba8Unorm, Format::Bgra8Unorm, Format::R8Uint, Format::Rgba8Snorm, Format::Rgb10a2Unorm, Format::Rgba32Sint];
+    let mut random = Random::new(5);
+    for (&op, table) in LogicOp::ALL.iter().zip(tables) {
+        for format in formats {
+            for write_mask in [15, 0b0110] {
+                let target = ColorTarget { format, blend: None, logic: Some(op), write_mask };
+                let (state, plain) = (ColorState::new(&target, [0.0; 4]), ColorTarget { logic: None, ..target });
+                let plain = ColorState::new(&plain, [0.0; 4]);
+                let float = format.kind() == TexelKind::Float;
+                let color: [[u32; 4]; 4] = std::array::from_fn(|_| {
+                    std::array::from_fn(|_| if float { colour(&mut random).to_bits() } else { random.bits() & 0x7f })
+                });
+                let words = code_words(format);
+                let before: Vec<u32> = (0..4 * words).map(|_| random.bits()).collect();
+                let (mut run, mut new, mut kept) = (before.clone(), before.clone(), vec![0; 4 * words]);
+                state.blend_quad(1, 0b1011, &color, &color, &mut run);
+                // All that a colour without an operation writes, and where it writes.
+                plain.blend_quad(1, 15, &color, &color, &mut new);
+                let ones = ColorState::new(&ColorTarget { logic: Some(LogicOp::Set), ..target }, [0.0; 4]);
+                ones.blend_quad(1, 0b1011, &color, &color, &mut kept);
+                for (at, &word) in run.iter().enumerate() {
+                    let bit = |of: u32, bit: u32| of >> bit & 1;
+                    for b in 0..32 {
+                        let index = bit(new[at], b) << 1 | bit(before[at], b);
+                        let want = if bit(kept[at], b) == 1 { table >> index & 1 } else { bit(before[at], b) };
+                        assert_eq!(bit(word, b), want, "{op:?} {format:?} {write_mask} {at} {b}");
+                    }
+                }
+                assert!(kept.iter().any(|&word| word != 0) || write_mask != 15);
+                assert_eq!(kept[2], 0, "the third pixel is not covered");
+                // A bit that differs between two stored ones makes the operation read.
+                assert_eq!(op.reads(), (table ^ table >> 1) & 0b0101 != 0);
+                assert_eq!(state.is_idle(), op == LogicOp::NoOp || format == Format::R8Uint && write_mask != 15);
+            }
+        }
+    }
+    for format in
+        [Format::Rgba8UnormSrgb, Format::Rgba16Float, Format::Rg11b10Ufloat, Format::Rgb9e5Ufloat, Format::Depth16Unorm]
+    {
+        assert!(!LogicOp::applies_to(format), "{format:?}");
+    }
+    assert!(formats.into_iter().all(LogicOp::applies_to));
+}
+
+#[test]
 fn faces_have_stencil_masks_and_references_of_their_own() {
-    let face = StencilFace { compare: Compare::Equal, pass_op: StencilOp::Replace, fail_op: StencilOp::Invert, ..Default::default() };
+    let face =
+        StencilFace { compare: Compare::Equal, pass_op: StencilOp::Replace, fail_op: StencilOp::Invert, ..Default::default() };
     for (masks, back) in [(None, [0x0f, 0xf0]), (Some([0xf0, 0x3c]), [0xf0, 0x3c])] {
         let desc = DepthStencil {
             stencil_front: face,
@@ -430,6 +491,7 @@ proptest! {
     #[test]
     fn batches_blend_as_single_quads(
         blend in any_blend(),
+        logic in proptest::option::of(proptest::sample::select(LogicOp::ALL.to_vec())),
         write_mask in 0_u8..16,
         pick in 0_usize..9,
         four in any::<bool>(),
@@ -440,9 +502,10 @@ proptest! {
             Format::Rgba8Unorm, Format::Bgra8UnormSrgb, Format::Rgba16Float, Format::Rgba32Float, Format::Rgb10a2Unorm,
             Format::Rg11b10Ufloat, Format::Rgba8Uint, Format::Rg16Sint, Format::Rg8Unorm,
         ][pick];
+        let logic = logic.filter(|_| LogicOp::applies_to(format));
         let samples = if four { 4 } else { 1 };
         let mut random = Random::new(seed.into());
-        let state = ColorState::new(&ColorTarget { format, blend, write_mask }, [0.1, 0.4, 2.0, -1.0]);
+        let state = ColorState::new(&ColorTarget { format, blend, logic, write_mask }, [0.1, 0.4, 2.0, -1.0]);
         let mut lanes = || -> [Lanes; 4] {
             std::array::from_fn(|_| Lanes(std::array::from_fn(|_| if wild { random.bits() } else { colour(&mut random).to_bits() })))
         };
@@ -487,7 +550,7 @@ proptest! {
         let mut random = Random::new(seed.into());
         let component = |at: usize, op| BlendComponent { src: factors[at], dst: factors[at + 1], op };
         let blend = op.map(|op| Blend { color: component(0, op), alpha: component(2, op) });
-        let state = ColorState::new(&ColorTarget { format, blend, write_mask }, [0.1, 0.4, 2.0, -1.0]);
+        let state = ColorState::new(&ColorTarget { format, blend, logic: None, write_mask }, [0.1, 0.4, 2.0, -1.0]);
         let mut lanes = || -> [Lanes; 4] {
             std::array::from_fn(|_| Lanes(std::array::from_fn(|_| if wild { random.bits() } else { colour(&mut random).to_bits() })))
         };
@@ -521,7 +584,7 @@ proptest! {
         let mut random = Random::new(seed.into());
         let component = |at: usize| BlendComponent { src: factors[at], dst: factors[at + 1], op };
         let blend = Some(Blend { color: component(0), alpha: component(2) });
-        let state = ColorState::new(&ColorTarget { format, blend, write_mask }, [0.1, 0.4, 2.0, -1.0]);
+        let state = ColorState::new(&ColorTarget { format, blend, logic: None, write_mask }, [0.1, 0.4, 2.0, -1.0]);
         let mut colors = || -> Colors<16> {
             std::array::from_fn(|_| std::array::from_fn(|_| if wild { f32::from_bits(random.bits()) } else { colour(&mut random) }))
         };

@@ -83,6 +83,8 @@ pub struct SetupState {
     pub lower_edges: bool,
     /// Whether vertices may lie outside of the depth range: near and far planes do not clip.
     pub unclipped_depth: bool,
+    /// Half the width of lines that are rectangles, in 1/256 pixel; none: lines are as [`Triangle::half_width`] says.
+    pub half_width: Option<u16>,
 }
 
 impl SetupState {
@@ -118,7 +120,18 @@ impl SetupState {
             samples,
             lower_edges: false,
             unclipped_depth: false,
+            half_width: None,
         }
+    }
+
+    /// The half width of lines ([`Triangle::half_width`]): 0 with one sample per pixel where nothing makes them rectangles.
+    fn half_width(&self) -> u16 {
+        self.half_width.unwrap_or(if self.samples == 1 { 0 } else { LINE_HALF })
+    }
+
+    /// What the box of a line has about its vertices: a pixel on every side beside the half width, enough for both rules and every tie.
+    fn line_margin(&self) -> Fx8 {
+        SUBPIXEL + Fx8::from(self.half_width().max(LINE_HALF))
     }
 
     /// Pixels of which some sample lies in a closed box of window coordinates, greatest edges excluded, or the least ones where these are
@@ -138,7 +151,7 @@ impl SetupState {
     pub fn unclipped(&self, shape: Shape, v: &[ScreenVertex; 3]) -> u64 {
         let margin = match shape {
             Shape::Triangle => 0,
-            Shape::Line => LINE_MARGIN,
+            Shape::Line => self.line_margin(),
             Shape::Point => SUBPIXEL / 2,
         };
         let [v0, v1, v2] = v;
@@ -217,7 +230,7 @@ impl SetupState {
 pub enum Shape {
     /// A triangle.
     Triangle,
-    /// A line of width 1.
+    /// A line.
     Line,
     /// A point of size 1.
     Point,
@@ -275,6 +288,8 @@ pub struct Triangle {
     pub start: [Fx8; 2],
     /// What it is.
     pub shape: Shape,
+    /// Half the width of a line that is a rectangle, in 1/256 pixel. 0 for a line that draws what leaves its diamond, and for other shapes.
+    pub half_width: u16,
     /// Whether it faces front; lines and points do.
     pub front: bool,
     /// Whether samples on horizontal edges belong to what is above them ([`SetupState::lower_edges`]).
@@ -381,15 +396,16 @@ pub fn within(state: &SetupState, v: &[ScreenVertex; 3], bounds: Bounds) -> Tria
         bounds,
         start: [v0.x, v0.y],
         shape: Shape::Triangle,
+        half_width: 0,
         front,
         lower_edges: state.lower_edges,
     }
 }
 
-/// What the box of a line has about its vertices: one pixel more on every side than the half width, enough for both rules and every tie.
-const LINE_MARGIN: Fx8 = SUBPIXEL + SUBPIXEL / 2;
+/// Half a pixel: half the width of lines that have no other.
+const LINE_HALF: u16 = SUBPIXEL as u16 / 2;
 
-/// Sets a line of width 1 up. `front` is what the fragment stage sees: true but for edges of a polygon that faces back.
+/// Sets a line up. `front` is what the fragment stage sees: true but for edges of a polygon that faces back.
 ///
 /// # Errors
 /// Why it is not drawn.
@@ -400,7 +416,7 @@ pub fn line(state: &SetupState, v: &[ScreenVertex; 2], front: bool) -> Result<Tr
     if length2 == 0 {
         return Err(Culled::Degenerate);
     }
-    let margin = LINE_MARGIN;
+    let margin = state.line_margin();
     let min = [v0.x.min(v1.x) - margin, v0.y.min(v1.y) - margin];
     let max = [v0.x.max(v1.x) + margin, v0.y.max(v1.y) + margin];
     let bounds = state.scissored(state.pixels(min, max))?;
@@ -419,6 +435,7 @@ pub fn line(state: &SetupState, v: &[ScreenVertex; 2], front: bool) -> Result<Tr
         bounds,
         start: [v0.x, v0.y],
         shape: Shape::Line,
+        half_width: state.half_width(),
         front,
         lower_edges: state.lower_edges,
     })
@@ -442,6 +459,7 @@ pub fn point(state: &SetupState, v: &ScreenVertex, front: bool) -> Result<Triang
         bounds,
         start: [v.x, v.y],
         shape: Shape::Point,
+        half_width: 0,
         front,
         lower_edges: state.lower_edges,
     })

@@ -80,25 +80,26 @@ fn before_exit(p: [i64; 2], pixel: [i64; 2], major: usize, forward: bool, lower:
     sum < HALF || (sum == HALF && tie)
 }
 
-/// The rectangle of width 1 about a line, for multisampling: its ends are square and at the vertices (Vulkan's rectangular
-/// lines). The start and the side to the left hand of the direction belong to it, the end and the other side do not.
+/// The rectangle about a line, for multisampling and for lines of any width: its ends are square and at the vertices (Vulkan's
+/// rectangular lines). The start and the side to the left hand of the direction belong to it, the end and the other side do not.
 #[inline]
 pub(super) fn rectangle(line: &Triangle) -> [Edge; 4] {
     let along = line.edges[1];
     let d = [along.a, along.b];
-    // The distance from the line times its length; at most half its length may it be. With the root rounded down the test
-    // is still exact, because the left side is a whole number.
+    // The distance from the line times its length: at most half the width times the length. With the root rounded down the test is still
+    // exact, because the left side is a whole number.
     let base = line.base().map(|v| v * SUBPIXEL + SUBPIXEL / 2);
     let (x, y) = (i64::from(base[0] - line.start[0]), i64::from(base[1] - line.start[1]));
     let across = i64::from(d[0]) * y - i64::from(d[1]) * x;
-    let length2 = line.area() as u64;
-    let root = (length2 * (HALF * HALF) as u64).isqrt() as i64;
+    let half = u128::from(line.half_width);
+    let square = line.area() as u128 * half * half;
+    let root = square.isqrt() as i64;
     // Where the root is whole the border itself may hold samples; one of the two borders is then inside.
     [
         along,
         Edge { a: -d[0], b: -d[1], c: line.area() - along.c - 1 },
         Edge { a: -d[1], b: d[0], c: across + root },
-        Edge { a: d[1], b: -d[0], c: root - across - i64::from(root as u64 * root as u64 == length2 * (HALF * HALF) as u64) },
+        Edge { a: d[1], b: -d[0], c: root - across - i64::from(root as u128 * root as u128 == square) },
     ]
 }
 

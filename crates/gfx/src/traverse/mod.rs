@@ -179,7 +179,7 @@ fn walk<V: Simd, const S: usize>(simd: V, primitive: &Triangle, area: Bounds, fo
             let ties = [tie(e0), tie(e1), tie(e2)];
             convex(simd, &primitive.edges, &ties, primitive.base(), bounds, found);
         }
-        Shape::Line if S == 1 => line::diamond_exit(primitive, bounds, found),
+        Shape::Line if primitive.half_width == 0 => line::diamond_exit(primitive, bounds, found),
         Shape::Line => convex(simd, &line::rectangle(primitive), &[0; 4], primitive.base(), bounds, found),
         Shape::Point if S == 1 => {
             // The bounds are the pixel.

@@ -15,6 +15,7 @@ pub fn state(samples: u32, [x0, y0, x1, y1]: [i32; 4]) -> SetupState {
         samples,
         lower_edges: false,
         unclipped_depth: false,
+        half_width: None,
     }
 }
 

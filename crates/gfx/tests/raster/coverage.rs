@@ -37,6 +37,49 @@ fn a_line_strip_draws_each_joint_once() {
 }
 
 #[test]
+fn wide_lines_are_rectangles_of_their_width() {
+    let window = [0, 0, 40, 40];
+    let mut random = Random::new(3);
+    let (mut covered, mut ties) = (0, 0);
+    for case in 0..600 {
+        // Whole pixels and right angles have ties at borders.
+        let step = if case % 3 == 0 { 128 } else { 1 };
+        let mut position = || [(); 2].map(|()| (random.below(40 * 256 / step) * step) as i32);
+        let (from, to) = (position(), position());
+        let half = if case % 3 == 0 { 64 * (1 + case as u16 % 9) } else { 1 + random.below(2000) as u16 };
+        for samples in [1, 4] {
+            let state = setup::SetupState { half_width: Some(half), ..state(samples, window) };
+            let vertex = |[x, y]: [i32; 2]| ScreenVertex { x, y, z: 0.5, inv_w: 1.0 };
+            let mut image = Image::new(window);
+            match setup::line(&state, &[vertex(from), vertex(to)], true) {
+                Ok(line) if samples == 1 => image.draw::<1>(&line),
+                Ok(line) => image.draw::<4>(&line),
+                Err(_) => {}
+            }
+            let offsets: &[[i32; 2]] = if samples == 1 { &SAMPLES_1 } else { &SAMPLES_4 };
+            let [dx, dy] = [0, 1].map(|k| i128::from(to[k] - from[k]));
+            let length = dx * dx + dy * dy;
+            for y in 0..40 {
+                for x in 0..40 {
+                    for (s, offset) in offsets.iter().enumerate() {
+                        let [px, py] = [0, 1].map(|k| i128::from([x, y][k] * 256 + 128 + offset[k] - from[k]));
+                        let (along, across) = (px * dx + py * dy, dx * py - dy * px);
+                        // The distance from the line in units of half the width, squared: across^2 / (half^2 length).
+                        let (square, limit) = (across * across, i128::from(half) * i128::from(half) * length);
+                        let beside = if across < 0 { square <= limit } else { square < limit };
+                        let inside = (0..length).contains(&along) && beside;
+                        ties += u32::from(square == limit && (0..length).contains(&along));
+                        covered += u32::from(inside);
+                        assert_eq!(image.hits(x, y, s), u32::from(inside), "{from:?} {to:?} {half} {samples}: {x} {y} {s}");
+                    }
+                }
+            }
+        }
+    }
+    assert!(covered > 100_000 && ties > 100, "{covered} {ties}");
+}
+
+#[test]
 fn a_point_is_one_pixel() {
     let window = [0, 0, 16, 16];
     for x in 0..16 * 256 {

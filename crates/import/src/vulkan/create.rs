@@ -588,6 +588,7 @@ fn fixed_state(info: Args<'_>, fixed: &mut Fixed) -> Outcome {
             fixed.provoking_last = of.u32("provokingVertexMode")? == 1;
         }
         if let Some(of) = of.chained("VkPipelineRasterizationLineStateCreateInfo") {
+            fixed.line_mode = of.u32("lineRasterizationMode")?;
             fixed.stippled = of.flag("stippledLineEnable")?;
         }
     }

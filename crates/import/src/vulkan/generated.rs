@@ -88,7 +88,12 @@ impl Generated {
             Task::Depth(..) => false,
         };
         let target = |(number, format): (usize, &Option<Format>)| {
-            format.map(|format| ColorTarget { format, blend: None, write_mask: if written(number) { 15 } else { 0 } })
+            format.map(|format| ColorTarget {
+                format,
+                blend: None,
+                logic: None,
+                write_mask: if written(number) { 15 } else { 0 },
+            })
         };
         let replace = StencilFace { pass_op: StencilOp::Replace, ..StencilFace::default() };
         let depth_stencil = pass.depth.map(|format| {

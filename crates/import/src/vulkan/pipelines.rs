@@ -318,6 +318,7 @@ impl Vulkan {
             unclipped_depth: unclipped,
             provoking_last: state.provoking_last,
             lower_edges: false,
+            line_width: draws_lines(state).then_some(state.line_width).filter(|_| state.line_mode != BRESENHAM),
         };
         let multisample = Multisample {
             count: pass.samples,
@@ -356,21 +357,28 @@ fn native_stage(shader: &Shader) -> StageDesc {
     StageDesc { shader: shader.id, entry: Some(shader.entry.clone()), constants: Vec::new(), zero_workgroup_memory: false }
 }
 
+/// The mode of lines that draw what leaves a pixel's diamond; lines of other modes are rectangles, as they are in lavapipe.
+const BRESENHAM: u32 = 2;
+
+/// Whether primitives are lines, or polygons that are drawn as lines.
+fn draws_lines(state: &Fixed) -> bool {
+    matches!(state.topology, 1 | 2) || state.topology > 2 && state.polygon_mode == 1
+}
+
 /// Refuses state that the card does not have.
 fn refuse_state(state: &Fixed, pass: &PassFormats) -> Outcome {
-    let lines = matches!(state.topology, 1 | 2) || state.polygon_mode == 1;
+    let lines = draws_lines(state);
     if state.depth_bounds {
         return unsupported("a test of depth bounds");
     }
-    if lines && state.line_width != 1.0 {
-        return unsupported("lines wider than a pixel");
+    if lines && state.line_mode == BRESENHAM && state.line_width != 1.0 {
+        return unsupported("Bresenham's lines of a width other than a pixel");
+    }
+    if lines && state.line_mode > BRESENHAM {
+        return unsupported("smooth lines");
     }
     if lines && state.stippled {
         return unsupported("stippled lines");
-    }
-    // 3 copies, which is what a blend without equation does.
-    if state.logic_op_enable && state.logic_op != Some(3) {
-        return unsupported("logic operations");
     }
     if state.alpha_to_one {
         return unsupported("alpha that is set to one");
@@ -467,7 +475,9 @@ fn targets(state: &Fixed, pass: &PassFormats, fragment: Option<&Interface>) -> O
                 Some(_) => {}
             }
         }
-        let blends = blend.enabled && format.kind() == TexelKind::Float;
+        // A logic operation ends blending everywhere, also where the format has none.
+        let logic = state.logic()?;
+        let blends = blend.enabled && format.kind() == TexelKind::Float && logic.is_none();
         let blend = if blends {
             let equation = &blend.equation;
             let factors = [equation[0], equation[1]];
@@ -477,7 +487,8 @@ fn targets(state: &Fixed, pass: &PassFormats, fragment: Option<&Interface>) -> O
         } else {
             None
         };
-        targets.push(Some(ColorTarget { format, blend, write_mask }));
+        let logic = logic.filter(|&operation| operation != LogicOp::Copy && LogicOp::applies_to(format));
+        targets.push(Some(ColorTarget { format, blend, logic, write_mask }));
     }
     if alpha && color {
         return unsupported("blending with the colour and with the alpha of the constant in one draw");
@@ -538,5 +549,26 @@ mod tests {
         (state.topology, state.depth_bias) = (1, false);
         let made = depth_stencil(&state, Format::Depth24PlusStencil8).expect("state");
         assert_eq!((made.bias, made.stencil_back_masks), (0.0, None));
+    }
+
+    #[test]
+    fn logic_operations_end_blending_and_leave_formats_without_them() {
+        let formats = [Format::Rgba8Unorm, Format::Rgba8UnormSrgb, Format::R32Uint, Format::Rgba16Float];
+        let pass = PassFormats { color: formats.map(Some).to_vec(), samples: 1, ..PassFormats::default() };
+        let blend = super::super::state::Blend { enabled: true, equation: [1, 1, 0, 1, 1, 0], write_mask: 15 };
+        let mut state = Fixed { blend: vec![blend; 4], logic_op_enable: true, ..Fixed::default() };
+        let made = |state: &Fixed| {
+            let (targets, _) = targets(state, &pass, None).expect("targets");
+            targets.into_iter().flatten().map(|target| (target.logic, target.blend.is_some())).collect::<Vec<_>>()
+        };
+        for number in 0..16 {
+            state.logic_op = Some(number);
+            let logic = Some(LogicOp::ALL[number as usize]).filter(|_| number != 3);
+            assert_eq!(made(&state), [(logic, false), (None, false), (logic, false), (None, false)]);
+        }
+        state.logic_op = Some(16);
+        assert!(targets(&state, &pass, None).is_err());
+        state.logic_op_enable = false;
+        assert_eq!(made(&state), [(None, true), (None, true), (None, false), (None, true)]);
     }
 }

@@ -1,9 +1,9 @@
 //! The fixed state of draws, in Vulkan's terms: what a pipeline brings and what commands set.
 
-use gfx::state::Viewport;
+use gfx::state::{LogicOp, Viewport};
 
 use super::args::Args;
-use super::fault::Outcome;
+use super::fault::{Outcome, unsupported};
 
 /// The numbers of `VkDynamicState` that the translation knows.
 pub mod dynamic {
@@ -45,6 +45,7 @@ pub mod dynamic {
     pub const COLOR_WRITE_MASK: u32 = 1_000_455_012;
     pub const DEPTH_CLIP: u32 = 1_000_455_016;
     pub const PROVOKING_VERTEX: u32 = 1_000_455_019;
+    pub const LINE_MODE: u32 = 1_000_455_020;
     pub const LINE_STIPPLE_ENABLE: u32 = 1_000_455_021;
     pub const NEGATIVE_ONE_TO_ONE: u32 = 1_000_455_022;
 }
@@ -142,6 +143,8 @@ pub struct Fixed {
     /// Constant, clamp, slope.
     pub bias: [f32; 3],
     pub line_width: f32,
+    /// `VkLineRasterizationModeEXT`.
+    pub line_mode: u32,
     pub stippled: bool,
     pub provoking_last: bool,
     pub negative_one_to_one: bool,
@@ -182,6 +185,7 @@ impl Default for Fixed {
             depth_bias: false,
             bias: [0.0; 3],
             line_width: 1.0,
+            line_mode: 0,
             stippled: false,
             provoking_last: false,
             negative_one_to_one: false,
@@ -261,6 +265,7 @@ impl Fixed {
             kept(DEPTH_BIAS_ENABLE) => depth_bias;
             kept(DEPTH_BIAS) => bias;
             kept(LINE_WIDTH) => line_width;
+            kept(LINE_MODE) => line_mode;
             kept(LINE_STIPPLE_ENABLE) => stippled;
             kept(PROVOKING_VERTEX) => provoking_last;
             kept(NEGATIVE_ONE_TO_ONE) => negative_one_to_one;
@@ -324,8 +329,17 @@ impl Fixed {
         }
         take! {
             bindings attributes topology restart viewports scissors depth_clamp depth_clip discard polygon_mode cull_mode front_face depth_bias bias
-            line_width stippled provoking_last negative_one_to_one samples sample_mask sample_shading alpha_to_coverage alpha_to_one depth_test
+            line_width line_mode stippled provoking_last negative_one_to_one samples sample_mask sample_shading alpha_to_coverage alpha_to_one depth_test
             depth_write depth_compare depth_bounds stencil_test stencil logic_op logic_op_enable blend color_write blend_constants
+        }
+    }
+
+    /// The logic operation, where draws have one.
+    pub fn logic(&self) -> Outcome<Option<LogicOp>> {
+        let Some(number) = self.logic_op.filter(|_| self.logic_op_enable) else { return Ok(None) };
+        match LogicOp::ALL.get(number as usize) {
+            Some(&operation) => Ok(Some(operation)),
+            None => unsupported(format!("the logic operation {number}")),
         }
     }
 
@@ -430,6 +444,7 @@ impl Fixed {
             "vkCmdSetLogicOp" => self.logic_op = Some(call.u32("logicOp")?),
             "vkCmdSetProvokingVertexMode" => self.provoking_last = call.u32("provokingVertexMode")? == 1,
             "vkCmdSetDepthClipNegativeOneToOne" => self.negative_one_to_one = call.flag("negativeOneToOne")?,
+            "vkCmdSetLineRasterizationMode" => self.line_mode = call.u32("lineRasterizationMode")?,
             "vkCmdSetLineStippleEnable" => self.stippled = call.flag("stippledLineEnable")?,
             "vkCmdSetColorWriteEnable" => {
                 self.color_write = call.numbers("pColorWriteEnables")?.into_iter().map(|on| on != 0).collect();
@@ -457,11 +472,10 @@ impl Fixed {
                 let attributes = call.list("pVertexAttributeDescriptions")?;
                 self.attributes = attributes.into_iter().map(vertex_attribute).collect::<Outcome<_>>()?;
             }
-            // The pattern counts only where stipple is on, patches only with tessellation, modes of lines only where they are wide.
+            // The pattern counts only where stipple is on, patches only with tessellation.
             "vkCmdSetLineStipple"
             | "vkCmdSetLineStippleKHR"
             | "vkCmdSetPatchControlPoints"
-            | "vkCmdSetLineRasterizationMode"
             | "vkCmdSetDepthBounds"
             | "vkCmdSetTessellationDomainOrigin"
             | "vkCmdSetFragmentShadingRateKHR" => {}

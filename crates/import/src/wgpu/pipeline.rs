@@ -211,6 +211,7 @@ fn primitive(state: schema::PrimitiveState) -> Primitive {
         unclipped_depth: state.unclipped_depth,
         provoking_last: false,
         lower_edges: false,
+        line_width: None,
     }
 }
 
@@ -252,6 +253,7 @@ fn color_target(state: schema::ColorTargetState) -> Result<ColorTarget, Reason> 
     Ok(ColorTarget {
         format: state.format.known()?,
         blend: state.blend.map(|blend| Blend { color: component(blend.color), alpha: component(blend.alpha) }),
+        logic: None,
         write_mask: (state.write_mask & 15) as u8,
     })
 }

@@ -515,6 +515,7 @@ mod tests {
             samples: 1,
             lower_edges: false,
             unclipped_depth: false,
+            half_width: None,
         };
         let (mut random, mut thin, mut boxes) = (Random::new(7), 0, 0);
         let mut checked = 0;

@@ -171,6 +171,7 @@ pub fn state(state: &DrawState, has_depth: bool) -> RecordedState {
         .map(|target| {
             let none = |t: &super::super::pipeline::TargetOutput| Target {
                 blend: None,
+                logic: None,
                 write_mask: t.state.write_mask,
                 payload: None,
                 words: 0,
@@ -184,6 +185,7 @@ pub fn state(state: &DrawState, has_depth: bool) -> RecordedState {
         let of = pipeline.targets[target.location].expect("a target of the pipeline").state;
         targets[target.location] = Some(Target {
             blend: of.blend.filter(|_| !target.packed),
+            logic: of.logic,
             write_mask: of.write_mask,
             payload: Some(4 * target.payload as u8),
             words: target.payload_words as u8,

@@ -229,6 +229,8 @@ impl DrawState {
         );
         setup.lower_edges = pipeline.primitive.lower_edges;
         setup.unclipped_depth = pipeline.primitive.unclipped_depth;
+        // Half of it in 1/256 pixel; the trace's checker knows no width above 255.
+        setup.half_width = pipeline.primitive.line_width.map(|width| (width * 128.0).round().clamp(1.0, 32640.0) as u16);
         let flat = pipeline.varyings.iter().all(|v| v.interpolation == Interpolation::Flat);
         let no_builtins = fragment.is_none_or(|stage| stage.builtins.is_empty());
         let of_triangle = |&(_, builtin): &(usize, BuiltIn)| matches!(builtin, BuiltIn::FrontFacing | BuiltIn::PrimitiveIndex);

@@ -413,7 +413,7 @@ fn the_fragment_stage_sees_depth_beyond_the_viewport() {
             desc.multisample.count = samples;
             desc.depth_stencil = Some(record::depth_less(Format::Depth32Float));
             let state = desc.depth_stencil.as_mut().unwrap();
-            (state.depth_compare, state.bias) = (Compare::Always, bias);
+            (state.depth_compare, state.bias) = (Compare::Always, bias as f32);
         });
         let made = |format| match samples {
             1 => record::texture_2d(16, 1, format),

@@ -257,3 +257,164 @@ fn depths_that_a_cache_has_kept_of_one_image_say_nothing_of_another() {
     stage.card.present(shown);
     stage.shows("another image", &[&|_| vec![128, 0, 0, 16]]);
 }
+
+#[test]
+fn logic_operations_combine_stored_bits() {
+    // Results for new and stored bits 00, 01, 10, 11, from the lowest bit on: the table of the Vulkan specification.
+    let tables = [0x0, 0x8, 0x4, 0xc, 0x2, 0xa, 0x6, 0xe, 0x1, 0x9, 0x5, 0xd, 0x3, 0xb, 0x7, 0xf];
+    let (new, stored): ([u8; 4], [u8; 4]) = ([159, 96, 191, 16], [51, 0, 255, 204]);
+    for samples in [1, 4] {
+        let mut stage = CaseRecorder::new(SMALL);
+        let [many, shown] = [samples, 1].map(|samples| stage.texture(Format::Rgba8Unorm, samples));
+        let [many_view, shown_view] = [many, shown].map(|texture| stage.view(texture, Format::Rgba8Unorm));
+        for (at, &op) in LogicOp::ALL.iter().enumerate() {
+            let desc = RenderPipelineDesc {
+                multisample: Multisample { count: samples, ..Multisample::default() },
+                targets: vec![Some(ColorTarget {
+                    logic: Some(op),
+                    write_mask: if at % 2 == 0 { 15 } else { 13 },
+                    ..record::target(Format::Rgba8Unorm)
+                })],
+                ..record::render_pipeline(stage.module, Format::Rgba8Unorm)
+            };
+            let pipeline = stage.card.create_render_pipeline("draw", desc);
+            let (view, resolve) = if samples > 1 { (many_view, Some(shown_view)) } else { (shown_view, None) };
+            let clear = stored.map(|code| f64::from(code) / 255.0);
+            // Columns 0 to 5; 10, 6 and 12 sixteenths.
+            let color = ColorAttachment { resolve, ..record::clear(view, clear) };
+            stage.draw(color, pipeline, [[0, 0], [4, 8]], 10 | 6 << 4 | 12 << 8);
+            stage.card.present(shown);
+        }
+        let drawn: Vec<Vec<u8>> = (0..16)
+            .map(|at| {
+                let channel = |c: usize| {
+                    let bit = |b: u32| tables[at] >> ((new[c] >> b & 1) << 1 | stored[c] >> b & 1) & 1;
+                    (0..8).fold(0, |all, b| all | (bit(b) as u8) << b)
+                };
+                (0..4).map(|c| if at % 2 == 1 && c == 1 { stored[c] } else { channel(c) }).collect()
+            })
+            .collect();
+        let texels: Vec<_> =
+            drawn.iter().map(|drawn| move |x: u32| if x < 6 { drawn.clone() } else { stored.to_vec() }).collect();
+        let frames: Vec<Texel<'_>> = texels.iter().map(|texel| texel as Texel<'_>).collect();
+        stage.shows(&format!("logic operations on {samples} samples"), &frames);
+    }
+}
+
+#[test]
+fn faces_have_stencil_masks_and_references_of_their_own() {
+    for format in [Format::Stencil8, Format::Depth24PlusStencil8, Format::Depth32FloatStencil8] {
+        let mut stage = CaseRecorder::new(SMALL);
+        let [color, depth] = [Format::Rgba8Unorm, format].map(|format| stage.texture(format, 1));
+        let [color_view, depth_view] = [color, depth].map(|texture| stage.card.create_view(texture));
+        let mut pipeline = |front_face, face, masks| {
+            let desc = RenderPipelineDesc {
+                primitive: Primitive { front_face, ..Primitive::default() },
+                depth_stencil: Some(DepthStencil {
+                    depth_write: false,
+                    depth_compare: Compare::Always,
+                    stencil_front: face,
+                    stencil_back: face,
+                    stencil_read_mask: 0x0f,
+                    stencil_write_mask: 0xf0,
+                    stencil_back_masks: masks,
+                    ..record::depth_less(format)
+                }),
+                ..record::render_pipeline(stage.module, Format::Rgba8Unorm)
+            };
+            stage.card.create_render_pipeline("draw", desc)
+        };
+        let replace = StencilFace { pass_op: StencilOp::Replace, ..StencilFace::default() };
+        let equal = StencilFace { compare: Compare::Equal, ..StencilFace::default() };
+        let masks = Some(StencilMasks { read: 0xf0, write: 0x3c });
+        // What is drawn goes clockwise.
+        let [front, back] = [FrontFace::Cw, FrontFace::Ccw].map(|face| pipeline(face, replace, masks));
+        let [front_test, back_test] = [FrontFace::Cw, FrontFace::Ccw].map(|face| pipeline(face, equal, masks));
+        let attachment = DepthAttachment {
+            depth_clear: format.has_depth().then_some(1.0),
+            stencil_clear: Some(0xff),
+            ..record::load_depth(depth_view)
+        };
+        let mut pass = stage.card.begin_render_pass([record::clear(color_view, BLACK)], Some(attachment));
+        let (left, right) = ([[0, 0], [4, 8]], [[4, 0], [8, 8]]);
+        pass.set_stencil_references([0x5a, 0xa5]);
+        // On the left 0x5a through 0xf0: 0x5f. On the right 0xa5 through 0x3c: 0xe7.
+        for (pipeline, [low, high]) in [(front, left), (back, right)] {
+            pass.set_pipeline(pipeline);
+            pass.draw_from(6, 1, 0, instance(low, high, 0, red(0)));
+        }
+        // Front faces compare the lower digits, back faces the upper ones.
+        let asks =
+            [(front_test, [0x0f, 0], left, 4), (front_test, [0x07, 0xf0], left, 1), (back_test, [0x07, 0xe0], right, 12)];
+        for (pipeline, references, [low, high], sixteenths) in asks {
+            pass.set_pipeline(pipeline);
+            pass.set_stencil_references(references);
+            pass.draw_from(6, 1, 0, instance(low, high, 0, red(sixteenths)));
+        }
+        drop(pass);
+        stage.card.present(color);
+        stage.shows(format.name(), &[&|x| vec![if x < 6 { 64 } else { 191 }, 0, 0, 16]]);
+    }
+}
+
+#[test]
+fn depths_are_offset_by_fractions_of_a_step() {
+    let format = Format::Depth16Unorm;
+    let mut stage = CaseRecorder::new(SMALL);
+    let [color, depth] = [Format::Rgba8Unorm, format].map(|format| stage.texture(format, 1));
+    let [color_view, depth_view] = [color, depth].map(|texture| stage.card.create_view(texture));
+    // A depth of a quarter is 16383.75 steps: 1.5 steps more are 16385.25, stored as 16385.
+    let mut pipeline = |bias, depth_compare| {
+        let state = DepthStencil { bias, depth_compare, ..record::depth_less(format) };
+        stage.pipeline(Format::Rgba8Unorm, 1, Some(state))
+    };
+    let draws = [
+        (pipeline(1.5, Compare::Always), [0, 8], 0),
+        (pipeline(1.25, Compare::Equal), [0, 4], 8),
+        (pipeline(2.0, Compare::Equal), [4, 8], 8),
+    ];
+    let attachment = record::clear_depth(depth_view, true);
+    let mut pass = stage.card.begin_render_pass([record::clear(color_view, BLACK)], attachment);
+    for (pipeline, [left, right], sixteenths) in draws {
+        pass.set_pipeline(pipeline);
+        pass.draw_from(6, 1, 0, instance([left, 0], [right, 8], 2, red(sixteenths)));
+    }
+    drop(pass);
+    stage.card.present(color);
+    // 16385.0 is the same step, and 16385.75 the next.
+    stage.shows("offset depths", &[&|x| vec![if x < 6 { 128 } else { 0 }, 0, 0, 16]]);
+}
+
+#[test]
+fn lines_are_as_wide_as_a_pipeline_says() {
+    for samples in [1, 4] {
+        for (width, columns) in [(2.0, 5..7), (0.25, 0..0), (6.5, 3..9)] {
+            let mut stage = CaseRecorder::new(SMALL);
+            let [many, shown] = [samples, 1].map(|samples| stage.texture(Format::Rgba8Unorm, samples));
+            let [many_view, shown_view] = [many, shown].map(|texture| stage.view(texture, Format::Rgba8Unorm));
+            let desc = RenderPipelineDesc {
+                primitive: Primitive { topology: Topology::LineList, line_width: Some(width), ..Primitive::default() },
+                multisample: Multisample { count: samples, ..Multisample::default() },
+                ..record::render_pipeline(stage.module, Format::Rgba8Unorm)
+            };
+            let pipeline = stage.card.create_render_pipeline("lines", desc);
+            let (view, resolve) = if samples > 1 { (many_view, Some(shown_view)) } else { (shown_view, None) };
+            let color = ColorAttachment { resolve, ..record::clear(view, BLACK) };
+            let mut pass = stage.card.begin_render_pass([color], None);
+            pass.set_pipeline(pipeline);
+            // The right edge of the left half, from above to below: between columns 5 and 6.
+            pass.draw_from(2, 1, 1, instance([0, 0], [4, 8], 0, red(8)));
+            drop(pass);
+            stage.card.present(shown);
+            let texel = |x| if columns.contains(&x) { vec![128, 0, 0, 16] } else { vec![0, 0, 0, 255] };
+            // A line of 6.5 pixels covers one sample of the columns beside it. One of a quarter has a sample on each border, of which the left
+            // hand's is inside.
+            let quarter = |x| match x {
+                2 | 9 if samples == 4 && width == 6.5 => vec![32, 0, 0, 195],
+                6 if samples == 4 && width == 0.25 => vec![32, 0, 0, 195],
+                _ => texel(x),
+            };
+            stage.shows(&format!("lines of {width} pixels, {samples} samples"), &[&quarter]);
+        }
+    }
+}

@@ -170,6 +170,8 @@ struct PipelineKey {
     depth_stencil: Option<DepthStencil>,
     samples: u32,
     discards: bool,
+    /// Whether what is drawn, clockwise, shows its front.
+    front: bool,
 }
 
 struct Generator<'c, 'b> {
@@ -366,9 +368,9 @@ impl Generator<'_, '_> {
         }
         let size = self.size(first);
         self.card.push(Command::BeginRenderPass { color, depth: attachment, occlusion: None, timestamps: None, label: None });
-        for (pipeline, reference, instance) in draws {
+        for (pipeline, references, instance) in draws {
             self.card.push(Command::SetRenderPipeline(pipeline));
-            self.card.push(Command::SetStencilReference(reference));
+            self.card.push(Command::stencil_references(references));
             if self.choose.chance(1, 4) {
                 let [x, y] = size.map(|side| self.choose.below(side));
                 let rect = Rect { x, y, width: size[0] - x, height: size[1] - y };
@@ -416,22 +418,24 @@ impl Generator<'_, '_> {
         }
     }
 
-    /// A draw of a pass: its pipeline, its stencil reference and its instance.
+    /// A draw of a pass: its pipeline, its stencil references and its instance.
     fn draw(
         &mut self,
         targets: &[Option<Target>],
         depth: Option<(Target, &DepthAttachment)>,
         samples: u32,
-    ) -> (RenderPipelineId, u32, u32) {
+    ) -> (RenderPipelineId, [u32; 2], u32) {
         let component = |src, dst, op| BlendComponent { src, dst, op };
         let over = component(BlendFactor::SrcAlpha, BlendFactor::OneMinusSrcAlpha, BlendOp::Add);
         let sum = component(BlendFactor::One, BlendFactor::One, BlendOp::Add);
         let blends = !self.unordered && self.choose.chance(1, 2);
+        let logic = (!self.unordered && !blends && self.choose.chance(1, 2)).then(|| self.choose.of(LogicOp::ALL));
         let blend = if self.choose.chance(1, 2) { over } else { sum };
         let write_mask = if self.choose.chance(1, 4) { self.choose.of(&[1, 6, 8, 0]) } else { 15 };
         let target = |target: &Target| {
             let blend = (blends && target.format.kind() == TexelKind::Float).then_some(Blend { color: blend, alpha: blend });
-            ColorTarget { format: target.format, blend, write_mask }
+            let logic = logic.filter(|_| LogicOp::applies_to(target.format));
+            ColorTarget { format: target.format, blend, logic, write_mask }
         };
         let targets: Vec<_> = targets.iter().map(|of| of.as_ref().map(target)).collect();
         let depth_stencil = depth.map(|(target, attachment)| {
@@ -443,21 +447,28 @@ impl Generator<'_, '_> {
             let (fail_op, depth_fail_op, pass_op) = (op(), op(), op());
             let compare = if stencil { self.choose.of(&COMPARES) } else { Compare::Always };
             let face = StencilFace { compare, fail_op, depth_fail_op, pass_op };
+            let masks = (stencil && self.choose.chance(1, 3)).then(|| {
+                let [read, write] = [(); 2].map(|()| self.choose.of(&[0xff, 0x0f, 0xf0, 0x7f]));
+                StencilMasks { read, write }
+            });
             DepthStencil {
                 depth_write: has_depth && !attachment.depth_read_only && self.choose.chance(2, 3),
                 depth_compare: if has_depth { self.choose.of(&COMPARES) } else { Compare::Always },
                 stencil_front: face,
                 stencil_back: face,
+                stencil_back_masks: masks,
                 ..record::depth_less(target.format)
             }
         });
         let discards = self.choose.chance(1, 5);
-        let pipeline = self.pipeline(PipelineKey { targets, depth_stencil, samples, discards });
+        let front = self.choose.chance(1, 2);
+        let pipeline = self.pipeline(PipelineKey { targets, depth_stencil, samples, discards, front });
         let low = [(); 2].map(|()| self.choose.below(5));
         let high = low.map(|low| low + 1 + self.choose.below(8 - low));
         let (low, high) = if self.choose.chance(1, 3) { EVERYWHERE } else { (low, high) };
         let color = self.choose.below(1 << 7) | self.choose.below(1 << 7) << 7;
-        (pipeline, self.choose.of(&STENCILS), instance(low, high, self.choose.below(8), color))
+        let references = [(); 2].map(|()| self.choose.of(&STENCILS));
+        (pipeline, references, instance(low, high, self.choose.below(8), color))
     }
 
     fn pipeline(&mut self, key: PipelineKey) -> RenderPipelineId {
@@ -472,7 +483,9 @@ impl Generator<'_, '_> {
             self.shaders.push((text, id));
             id
         });
+        let front_face = if key.front { FrontFace::Cw } else { FrontFace::Ccw };
         let desc = RenderPipelineDesc {
+            primitive: Primitive { front_face, ..Primitive::default() },
             depth_stencil: key.depth_stencil,
             multisample: Multisample { count: key.samples, ..Multisample::default() },
             targets: key.targets.clone(),
@@ -703,7 +716,7 @@ impl Generator<'_, '_> {
         let sum = BlendComponent { src: BlendFactor::One, dst: BlendFactor::One, op: BlendOp::Add };
         let blend = (!self.unordered).then_some(Blend { color: sum, alpha: sum });
         let state = record::depth_less(format);
-        let target = |write_mask| vec![Some(ColorTarget { format: Format::Rgba8Unorm, blend, write_mask })];
+        let target = |write_mask| vec![Some(ColorTarget { format: Format::Rgba8Unorm, blend, logic: None, write_mask })];
         // Without blending the pass has one draw.
         let only = self.choose.below(8);
         for at in 0..8 {
@@ -712,7 +725,8 @@ impl Generator<'_, '_> {
             }
             if format.has_depth() {
                 let state = DepthStencil { depth_write: false, depth_compare: Compare::LessEqual, ..state };
-                let key = PipelineKey { targets: target(1), depth_stencil: Some(state), samples, discards: false };
+                let key =
+                    PipelineKey { targets: target(1), depth_stencil: Some(state), samples, discards: false, front: false };
                 draws.push((self.pipeline(key), 0, instance(EVERYWHERE.0, EVERYWHERE.1, at, 1)));
             }
             if format.has_stencil() && !(self.unordered && format.has_depth()) {
@@ -724,7 +738,8 @@ impl Generator<'_, '_> {
                     stencil_back: face,
                     ..state
                 };
-                let key = PipelineKey { targets: target(2), depth_stencil: Some(state), samples, discards: false };
+                let key =
+                    PipelineKey { targets: target(2), depth_stencil: Some(state), samples, discards: false, front: false };
                 let instance = instance(EVERYWHERE.0, EVERYWHERE.1, 0, (at + 1) << 4);
                 draws.push((self.pipeline(key), STENCILS[at as usize], instance));
             }

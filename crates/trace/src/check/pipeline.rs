@@ -12,6 +12,9 @@ use super::*;
 /// Bytes from one vertex to the next, at most.
 pub const VERTEX_STRIDE_MAX: u64 = 65_536;
 
+/// Width of lines in pixels, at most.
+pub const LINE_WIDTH_MAX: f32 = 255.0;
+
 /// What draws need to know of a render pipeline.
 #[derive(Clone)]
 pub struct Render {
@@ -127,6 +130,12 @@ pub fn render_pipeline(desc: &RenderPipelineDesc) -> Result<Vec<Option<Slot>>, S
     ensure!(!desc.multisample.alpha_to_coverage || samples == 4, "alpha to coverage without multisampling");
     let restart = desc.primitive.strip_index_format.is_none() || desc.primitive.topology.is_strip();
     ensure!(restart, "a strip index format for {:?}", desc.primitive.topology);
+    if let Some(width) = desc.primitive.line_width {
+        ensure!(
+            width > 0.0 && width <= LINE_WIDTH_MAX,
+            "lines of a width of {width}, it must be above 0 and {LINE_WIDTH_MAX} at most"
+        );
+    }
     if let Some(state) = &desc.depth_stencil {
         depth_stencil(state)?;
     }
@@ -176,6 +185,11 @@ fn color_targets(desc: &RenderPipelineDesc) -> Result<(), String> {
         ensure!(target.write_mask < 16, "colour target {index}: write mask {} has more than four bits", target.write_mask);
         let blends = target.format.kind() == TexelKind::Float || target.blend.is_none();
         ensure!(blends, "colour target {index}: {name} cannot be blended");
+        if let Some(logic) = target.logic {
+            ensure!(LogicOp::applies_to(target.format), "colour target {index}: {name} has no logic operations");
+            let blended = desc.targets.iter().flatten().any(|target| target.blend.is_some());
+            ensure!(!blended, "colour target {index}: the logic operation {logic:?} in a pipeline that blends");
+        }
     }
     Ok(())
 }

@@ -48,7 +48,7 @@ pub fn render_pipeline(shader: ShaderId, format: Format) -> RenderPipelineDesc {
 
 /// A colour target that is replaced.
 pub fn target(format: Format) -> ColorTarget {
-    ColorTarget { format, blend: None, write_mask: 15 }
+    ColorTarget { format, blend: None, logic: None, write_mask: 15 }
 }
 
 /// A depth test that keeps the nearer fragment and writes it.

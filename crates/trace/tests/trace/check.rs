@@ -201,6 +201,26 @@ fn every_broken_rule_is_named_with_its_command() {
             "r8uint cannot be blended",
         ),
         (
+            "CreateRenderPipeline(id: 9, desc: (vertex: (shader: 0), targets: [(format: R8Unorm)], primitive: (line_width: 0)))",
+            0,
+            "lines of a width of 0, it must be above 0 and 255 at most",
+        ),
+        (
+            "CreateRenderPipeline(id: 9, desc: (vertex: (shader: 0), targets: [(format: R8Unorm)], primitive: (line_width: NaN)))",
+            0,
+            "lines of a width of NaN",
+        ),
+        (
+            "CreateRenderPipeline(id: 9, desc: (vertex: (shader: 0), targets: [(format: R8Unorm, logic: Xor), (format: Rgba8UnormSrgb, logic: Xor)]))",
+            0,
+            "colour target 1: rgba8unorm-srgb has no logic operations",
+        ),
+        (
+            "CreateRenderPipeline(id: 9, desc: (vertex: (shader: 0), targets: [(format: R8Unorm, logic: Nand), (format: R8Unorm, blend: (color: (src: One, dst: One, op: Add), alpha: (src: One, dst: One, op: Add)))]))",
+            0,
+            "colour target 0: the logic operation Nand in a pipeline that blends",
+        ),
+        (
             "CreateRenderPipeline(id: 9, desc: (vertex: (shader: 0), targets: [(format: R8Unorm)], multisample: (alpha_to_coverage: true)))",
             0,
             "alpha to coverage without",

@@ -74,8 +74,8 @@ pub struct Output {
     pub state: ColorState,
     /// Whether the stored colours are needed ([`ColorState::reads`]).
     pub reads: bool,
-    /// Whether the stored colours are blended with ([`ColorState::blends`]).
-    pub blends: bool,
+    /// Whether the stored colours are combined with new ones ([`ColorState::combines`]).
+    pub combines: bool,
     /// Where its colours are in a quad's payload.
     pub payload: u8,
     /// The words of a fragment, as [`Target::words`].
@@ -91,7 +91,7 @@ impl Output {
     pub(super) fn new(state: Option<&ColorState>, target: Option<&Target>, surface: Option<usize>) -> Option<Output> {
         let (&state, &Target { payload, words, packed, second, .. }, surface) = (state?, target?, surface?);
         let payload = payload.filter(|_| !state.is_idle())?;
-        Some(Output { surface, state, reads: state.reads(), blends: state.blends(), payload, words, packed, second })
+        Some(Output { surface, state, reads: state.reads(), combines: state.combines(), payload, words, packed, second })
     }
 }
 

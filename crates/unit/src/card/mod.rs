@@ -206,7 +206,8 @@ impl Card {
         let attachments = self.passes.current().map_or(&[][..], |pass| &pass.pass.color);
         let color = |(target, attachment): (&Option<Target>, &Option<Attachment>)| {
             let (target, attachment) = (target.as_ref()?, attachment.as_ref()?);
-            let state = ColorTarget { format: attachment.surface.format, blend: target.blend, write_mask: target.write_mask };
+            let &Target { blend, logic, write_mask, .. } = target;
+            let state = ColorTarget { format: attachment.surface.format, blend, logic, write_mask };
             Some(ColorState::new(&state, draw.blend_constant))
         };
         let colors: Vec<_> = draw.targets.iter().zip(attachments).map(color).collect();

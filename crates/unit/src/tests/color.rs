@@ -122,7 +122,7 @@ fn target(blend: bool, packed: bool) -> Target {
     let add = BlendComponent { src: BlendFactor::One, dst: BlendFactor::One, op: BlendOp::Add };
     let blend = blend.then_some(Blend { color: add, alpha: add });
     let words = if packed { 1 } else { 4 };
-    Target { blend, write_mask: 15, payload: Some(0), words, packed, second: None }
+    Target { blend, logic: None, write_mask: 15, payload: Some(0), words, packed, second: None }
 }
 
 fn written(scene: &Scene) -> Written {

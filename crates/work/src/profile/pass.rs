@@ -143,7 +143,7 @@ impl OpenPass {
             |&(_, stride, _): &(u64, u64, bool)| LINE + if LINE.is_multiple_of(stride) { 0 } else { stride.min(LINE) - 1 };
         let targets = (0..).zip(&draw.targets).filter(|(_, target)| target.as_ref().is_some_and(|t| t.write_mask != 0));
         self.memory.written = targets.map(|(at, _)| at).collect();
-        let replaces = |target: &Target| target.blend.is_none() && target.write_mask & 15 == 15;
+        let replaces = |target: &Target| !target.combines() && target.write_mask & 15 == 15;
         let replacing = (0..8).zip(&draw.targets).filter(|(_, target)| target.as_ref().is_some_and(replaces));
         self.memory.replaces = replacing.fold(0, |mask, (at, _)| mask | 1 << at);
         self.memory.writes_depth = draw.depth_stencil.is_some_and(|state| {
@@ -168,7 +168,7 @@ impl OpenPass {
             writes_depth: self.memory.writes_depth,
             early: draw.early,
             targets: written().count() as u64,
-            blended: written().filter(|target| target.blend.is_some()).count() as u64,
+            blended: written().filter(|target| target.combines()).count() as u64,
             ..DrawProfile::default()
         });
     }

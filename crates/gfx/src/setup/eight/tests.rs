@@ -19,6 +19,7 @@ fn eight_at_once_are_eight_one_by_one() {
             samples: 1,
             lower_edges: case / 8 % 2 == 1,
             unclipped_depth: false,
+            half_width: None,
         };
         let area = [Bounds { x0: 0, y0: 0, x1: 64, y1: 64 }, Bounds { x0: 192, y0: 128, x1: 250, y1: 192 }][case % 2];
         let mut triangles = [[ScreenVertex::default(); 3]; 8];
@@ -94,6 +95,7 @@ fn bounds_of_eight_are_those_of_each() {
             samples: [1, 4][case / 8 % 2],
             lower_edges: case / 16 % 2 == 1,
             unclipped_depth: false,
+            half_width: None,
         };
         let triangles: [[ScreenVertex; 3]; 8] = std::array::from_fn(|_| {
             let grid = [1, 64, 128][random(3) as usize];

@@ -267,6 +267,7 @@ impl Gl {
                 ..record::depth_less(surface.format)
             }),
             blend: None,
+            logic: None,
             mask: 0,
             textures: 1,
         })

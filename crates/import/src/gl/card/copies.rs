@@ -54,7 +54,7 @@ impl Card {
             Combine::Scale => Some(part(BlendFactor::Zero, BlendFactor::Constant)),
         };
         let blend = blend.map(|part| Blend { color: part, alpha: part });
-        let target = ColorTarget { format, blend, write_mask: key.mask };
+        let target = ColorTarget { format, blend, logic: None, write_mask: key.mask };
         let always = DepthStencil { depth_compare: Compare::Always, ..record::depth_less(DEPTH) };
         let desc = RenderPipelineDesc {
             layout: Some(pipeline_layout),

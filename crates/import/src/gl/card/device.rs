@@ -451,7 +451,7 @@ impl Card {
             primitive: fixed.primitive,
             depth_stencil: fixed.depth,
             targets: {
-                let first = |format| ColorTarget { format, blend: fixed.blend, write_mask: fixed.mask };
+                let first = |format| ColorTarget { format, blend: fixed.blend, logic: fixed.logic, write_mask: fixed.mask };
                 fixed.color.map(first).into_iter().chain(fixed.more.iter().cloned()).map(Some).collect()
             },
             ..record::render_pipeline(fixed.shader, COLOR)

@@ -245,6 +245,8 @@ pub struct PipelineState {
     pub depth: Option<DepthStencil>,
     /// Blending of the first colour buffer.
     pub blend: Option<Blend>,
+    /// Logic operation on the first colour buffer.
+    pub logic: Option<LogicOp>,
     /// Channels of the first colour buffer that are written.
     pub mask: u8,
     /// Number of textures.

@@ -1,7 +1,6 @@
 //! Appends primitives to the batch.
 
 use gfx::state::Topology;
-use gl_shader::consts as e;
 
 use crate::gl::call::GlResult;
 use crate::gl::geometry::primitive::{Batch, Class, SentAttributes};
@@ -19,21 +18,7 @@ impl Gl {
         }
         let batch = &self.drawing.batch;
         let other = batch.class != class || batch.polygon != polygon;
-        // A logic operation reads the result of the previous primitive.
-        let alone = self.state.is(e::COLOR_LOGIC_OP) && !matches!(self.state.color.logic, e::COPY | e::NOOP);
-        let each = match class {
-            Class::Points => 1,
-            Class::Lines => 2,
-            Class::Triangles => 3,
-        };
-        if alone && indices.len() > each {
-            return indices.chunks(each).try_for_each(|one| {
-                let used: Vec<Vertex> = one.iter().map(|&index| vertices[index as usize].clone()).collect();
-                self.append(class, polygon, &used, &[0, 1, 2][..one.len()])
-            });
-        }
-        let batch = &self.drawing.batch;
-        if !batch.indices.is_empty() && (other || alone || batch.vertices.len() + vertices.len() > BATCH_MAX) {
+        if !batch.indices.is_empty() && (other || batch.vertices.len() + vertices.len() > BATCH_MAX) {
             self.flush()?;
         }
         if self.options.keep_draws && class == Class::Triangles && polygon.is_none() {

@@ -129,6 +129,7 @@ impl Gl {
         let more = |&(k, color, alpha): &(usize, Surface, bool)| ColorTarget {
             format: color.format,
             blend: None,
+            logic: None,
             write_mask: written(k, alpha),
         };
         let some_colors = colors.iter().any(|&(k, _, alpha)| written(k, alpha) != 0);
@@ -162,6 +163,7 @@ impl Gl {
                 bias_clamp: 0.0,
             }),
             blend: None,
+            logic: None,
             mask: channels,
             textures: 0,
         };

@@ -27,7 +27,7 @@ impl Gl {
 
     /// How the card assembles the vertices of a draw that is not joined with others, and how many of them.
     pub fn assembled(&self, mode: u32, n: u32) -> Option<(Topology, u32)> {
-        if n < 3 || self.state.polygon.modes != [e::FILL; 2] || self.state.is(e::COLOR_LOGIC_OP) {
+        if n < 3 || self.state.polygon.modes != [e::FILL; 2] {
             return None;
         }
         match mode {

@@ -164,8 +164,6 @@ impl Gl {
             expand,
             attenuated_point,
             projective_eye: summary.position == 4 || self.context.matrices.modelview.top.row(3) != Vec4::W,
-            logic: (state.is(e::COLOR_LOGIC_OP) && !matches!(state.color.logic, e::COPY | e::NOOP))
-                .then_some(state.color.logic),
             back,
             vertex: None,
             fragment: None,

@@ -3,8 +3,6 @@
 
 use std::rc::Rc;
 
-use gl_shader::consts as e;
-
 use crate::gl::call::GlResult;
 use crate::gl::card::device::ON_CARD_MAX;
 use crate::gl::draw::streams::OnCard;
@@ -59,7 +57,6 @@ impl Gl {
         !self.options.survey
             && !self.options.keep_draws
             && self.card.on_card_bytes < ON_CARD_MAX
-            && !self.state.is(e::COLOR_LOGIC_OP)
             && match geometry.class() {
                 Class::Points => true,
                 Class::Lines => !self.widens_lines() && !self.line_stippled(),

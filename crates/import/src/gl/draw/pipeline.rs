@@ -1,5 +1,6 @@
 //! State that is fixed in a pipeline: culling, depth and stencil tests, blending.
 
+use gfx::format::Format;
 use gfx::state::*;
 use gl_shader::arb::program::Output;
 use gl_shader::consts as e;
@@ -90,6 +91,13 @@ impl Gl {
         Ok(Some(Blend { color, alpha: component(source_alpha, destination_alpha, writes.ops[1], true)? }))
     }
 
+    /// The logic operation on colours of a format; none where new colours replace what is stored.
+    pub fn logic(&self, format: Format) -> Option<LogicOp> {
+        let state = &self.state;
+        let known = LogicOp::ALL.get(state.color.logic.wrapping_sub(e::CLEAR) as usize).copied();
+        known.filter(|op| state.is(e::COLOR_LOGIC_OP) && *op != LogicOp::Copy && LogicOp::applies_to(format))
+    }
+
     /// Whether the first colour buffer is blended with the second source of the fragment program.
     pub fn blends_second(&self, target: &Target, fragment: Option<&ActiveProgram>) -> GlResult<bool> {
         let blends = |writes: &ColorWrites| {
@@ -169,14 +177,16 @@ impl Gl {
         });
         let color = target.color.map(|surface| surface.format);
         let blend = self.blending(&state.color.writes[0])?;
-        let noop = state.is(e::COLOR_LOGIC_OP) && state.color.logic == e::NOOP;
-        let mask = if noop { 0 } else { self.mask() };
+        let keeps = |format: Format| self.logic(format) == Some(LogicOp::NoOp);
+        let mask = if color.is_some_and(keeps) { 0 } else { self.mask() };
+        let logic = color.and_then(|format| self.logic(format));
         let mut more = Vec::new();
         for ((color, alpha), (k, writes)) in target.more.iter().flatten().zip(state.color.writes.iter().enumerate().skip(1)) {
-            let written = key.colors.written & 1 << k != 0 && !noop;
+            let format = color.format;
+            let written = key.colors.written & 1 << k != 0 && !keeps(format);
             let write_mask = if written { writes.mask & stored_channels(*alpha) } else { 0 };
-            more.push(ColorTarget { format: color.format, blend: self.blending(writes)?, write_mask });
+            more.push(ColorTarget { format, blend: self.blending(writes)?, logic: self.logic(format), write_mask });
         }
-        Ok(PipelineState { shader, buffers, primitive, color, more, depth, blend, mask, textures })
+        Ok(PipelineState { shader, buffers, primitive, color, more, depth, blend, logic, mask, textures })
     }
 }

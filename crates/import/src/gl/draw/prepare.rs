@@ -141,10 +141,17 @@ impl Gl {
         key.colors = colors_of(&target, fragment.as_ref());
         key.colors.scaled = self.scales_source(Some(target));
         key.colors.second = self.blends_second(&target, fragment.as_ref())?;
-        if key.colors.narrow.is_some() && self.mask() != 0 && self.blending(&self.state.color.writes[0])?.is_some() {
-            // Drawn, but what is blended keeps all eight bits.
-            self.log.refuse("blending into colours of fewer than eight bits a channel".into());
-            key.colors.narrow = None;
+        if key.colors.narrow.is_some() && self.mask() != 0 {
+            // Drawn, but what is combined with stored colours keeps all eight bits.
+            let combined = if self.blending(&self.state.color.writes[0])?.is_some() {
+                Some("blending into")
+            } else {
+                target.color.and_then(|color| self.logic(color.format)).map(|_| "logic operations on")
+            };
+            if let Some(combined) = combined {
+                self.log.refuse(format!("{combined} colours of fewer than eight bits a channel"));
+                key.colors.narrow = None;
+            }
         }
         let other = key.fog_distance != FogDistance::Absolute && key.fog.is_some() && !key.fog_coordinate && vertex.is_none();
         if other && batch.class == Class::Lines && (self.line_stippled() || self.cuts_fog(&key, batch)) {
@@ -163,16 +170,6 @@ impl Gl {
             (*constant, *summary) = (batch.vertices[batch.indices[0] as usize].clone(), Summary::of(&batch.vertices));
         }
         key.projective_eye &= key.eye();
-        if key.logic.is_some() && (target.more[0].is_some() || target.color.is_some_and(|color| color.is_float())) {
-            return Err(Fault::Unsupported("logic operations on several colour buffers and on floating-point ones".into()));
-        }
-        if key.logic.is_some() {
-            // The stored colours before this primitive.
-            match target.color.filter(|surface| surface.level == 0 && surface.layer == 0) {
-                Some(surface) => bound.push(self.card.frame_copy(surface, target.size)),
-                None => return Err(Fault::Unsupported("logic operations on levels and layers of textures".into())),
-            }
-        }
         bound.extend(self.drawing.pixels.map(|pixels| pixels.bound));
         bound.extend(white);
         // Preparing the textures may have drawn to other targets.

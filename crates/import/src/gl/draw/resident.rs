@@ -54,10 +54,7 @@ impl Gl {
     fn resident(&mut self, mode: u32, ready: &[ArrayView], selection: &Selection) -> GlResult<Option<(Resident, Batch)>> {
         let Some((class, topology, count)) = self.native(mode, selection.numbers.len() as u32) else { return Ok(None) };
         let state = &self.state;
-        let other = self.options.survey
-            || self.context.compiling.is_some()
-            || !self.context.render_mode.draws()
-            || state.is(e::COLOR_LOGIC_OP);
+        let other = self.options.survey || self.context.compiling.is_some() || !self.context.render_mode.draws();
         if other || ready.iter().any(|array| array.buffer.is_none()) {
             return Ok(None);
         }

@@ -176,7 +176,7 @@ fn primitives_are_numbered_in_their_instance() {
         scene.instances = 2;
         scene.extent = (64, 16);
         scene.format = Format::R32Uint;
-        *scene.target() = ColorTarget { format: Format::R32Uint, blend: None, write_mask: 15 };
+        *scene.target() = ColorTarget { format: Format::R32Uint, blend: None, logic: None, write_mask: 15 };
         scene.source = "
             enable primitive_index;
             @vertex fn vs(@location(0) p: vec4<f32>, @builtin(instance_index) i: u32) -> @builtin(position) vec4<f32> {

@@ -42,7 +42,7 @@ fn blending_texels_of_other_than_four_bytes_takes_steps_of_its_own() {
     let drawn = |format, blend: Option<Blend>, samples| {
         let mut scene = busy().samples(samples);
         scene.format = format;
-        *scene.target() = ColorTarget { format, blend, write_mask: 15 };
+        *scene.target() = ColorTarget { format, blend, logic: None, write_mask: 15 };
         let image = scene.draw_as(How { skips: Skips::NONE, ..USUAL });
         (image.ledger.steps.spent(), image.drawn.funnel.quads_rasterized)
     };

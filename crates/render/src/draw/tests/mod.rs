@@ -134,7 +134,7 @@ impl Scene {
                 depth_stencil: None,
                 multisample: Multisample::default(),
                 fragment: Some(stage("fs")),
-                targets: vec![Some(ColorTarget { format: Format::Rgba8Unorm, blend: None, write_mask: 15 })],
+                targets: vec![Some(ColorTarget { format: Format::Rgba8Unorm, blend: None, logic: None, write_mask: 15 })],
             },
             scissor: None,
             viewport: None,

@@ -99,11 +99,11 @@ pub(super) fn variety() -> Vec<(&'static str, Scene)> {
     out.push(("stencil", stencil));
     let mut float = Scene::new(soup(300, 9, true));
     float.format = Format::Rgba16Float;
-    *float.target() = ColorTarget { format: Format::Rgba16Float, blend: None, write_mask: 0b0101 };
+    *float.target() = ColorTarget { format: Format::Rgba16Float, blend: None, logic: None, write_mask: 0b0101 };
     out.push(("half float, masked", float));
     let mut integer = Scene::new(soup(300, 10, true));
     integer.format = Format::Rg32Uint;
-    *integer.target() = ColorTarget { format: Format::Rg32Uint, blend: None, write_mask: 15 };
+    *integer.target() = ColorTarget { format: Format::Rg32Uint, blend: None, logic: None, write_mask: 15 };
     integer.source = PLAIN
         .replace("-> @location(0) vec4<f32>", "-> @location(0) vec2<u32>")
         .replace("return v.c;", "return vec2<u32>(bitcast<u32>(v.c.x), u32(v.p.x));");
