@@ -62,14 +62,14 @@ impl ColorState {
     pub fn new(target: &ColorTarget, constant: [f32; 4]) -> ColorState {
         let format = target.format;
         assert!(!format.is_compressed() && !format.is_depth_stencil(), "{} as a colour target", format.name());
-        let bits = write_bits(format, target.write_mask);
+        let keeps = target.logic == Some(LogicOp::NoOp);
+        let bits = if keeps { [0; 4] } else { write_bits(format, target.write_mask) };
         let replaces = |c: BlendComponent| c.op == BlendOp::Add && c.src == BlendFactor::One && c.dst == BlendFactor::Zero;
         let blend = target.blend.filter(|b| format.kind() == TexelKind::Float && !(replaces(b.color) && replaces(b.alpha)));
         let logic = target.logic.filter(|&op| op != LogicOp::Copy);
         let blend = blend.filter(|_| target.logic.is_none());
         let path = match (logic, blend, Rgba8::of(format)) {
             _ if bits == [0; 4] => Path::Nothing,
-            (Some(LogicOp::NoOp), ..) => Path::Nothing,
             (Some(op), ..) => Path::Logic(op),
             (None, None, Some(layout)) => Path::Replace8(layout),
             (None, Some(_), Some(layout)) => Path::Blend8(layout),
