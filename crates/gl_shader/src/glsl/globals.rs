@@ -157,7 +157,7 @@ impl Lowering {
             None => self.source.samplers.push(one),
             Some(count) => self.source.samplers.extend((0..count as u32).map(|k| Sampler {
                 name: format!("{}[{k}]", of.name),
-                location: location.map(|first| first + k),
+                location: location.and_then(|first| first.checked_add(k)),
                 ..one.clone()
             })),
         }

@@ -408,3 +408,12 @@ fn a_variable_of_two_objects_is_one() {
         refused(&[one, two], 3, "in different ways");
     }
 }
+
+#[test]
+fn elements_of_an_array_of_samplers_have_locations_in_order() {
+    for (first, wanted) in [(4, [Some(4), Some(5)]), (u32::MAX, [Some(u32::MAX), None])] {
+        let text = format!("#version 430\nlayout(location = {first}) uniform sampler2D t[2];");
+        let source = rewrite(ProgramStage::Fragment, vec![preprocess(&text).expect("tokens")]).expect("a text");
+        assert_eq!(source.samplers.iter().map(|sampler| sampler.location).collect::<Vec<_>>(), wanted);
+    }
+}
