@@ -1,15 +1,17 @@
 //! The answer of a sweep in sentences: which machine is fastest, what each axis does, and on what that depends.
 //!
-//! An axis is described by the geometric means of the cycles of its values. If its effect is larger, or different, on some traces, the answer
+//! An axis is described by the geometric means of the cycles of its values ([`outcome`](super::outcome) says which). If its effect is larger, or different, on some traces, the answer
 //! says so. The same holds for some values of another axis: of such axes, the answer names the one on which the effect depends most. Traces
 //! that are one scene in several variants are an axis themselves.
 
-use super::outcome::{Effect, Response, SweepResult, Within, plain, ratio};
+use super::outcome::{TOLERANCE, Effect, MachineResult, Response, SweepResult, Within, plain, ratio};
 use crate::knob::Setting;
 use crate::report::summary::grouped;
 
-/// Machines within this of the fastest are as good as it; of these the cheapest is named.
-const CLOSE: f64 = 1.01;
+/// The tolerance of the front in words.
+pub fn tolerance() -> String {
+    format!("{:.0} %", 100.0 * (TOLERANCE - 1.0))
+}
 
 /// Values within this of the best are as good as it.
 const ENOUGH: f64 = 1.05;
@@ -255,6 +257,10 @@ pub fn findings(sweep: &SweepResult<'_>) -> Vec<Finding> {
 
 /// The axis on whose values it depends most what an axis, or the traces, do; none where they do much the same everywhere.
 fn most_by_axis(sweep: &SweepResult<'_>, own: Option<usize>, responses: &dyn Fn(Within<'_>) -> Vec<Response>) -> Option<By> {
+    // Traces were run on the same machines. Values of an axis may have been run with other values of further axes.
+    if own.is_some() && sweep.is_fitted() {
+        return None;
+    }
     let mut best: Option<(f64, &str, Vec<AxisEffect>)> = None;
     for (at, axis) in sweep.axes.iter().enumerate().filter(|(at, _)| Some(*at) != own) {
         let parts = axis.values.iter().map(|value| (value.clone(), responses(Within::Axis(at, value))));
@@ -274,15 +280,20 @@ pub fn fastest(sweep: &SweepResult<'_>) -> String {
         return "No machine has a result.".into();
     };
     let settings = if best.settings.is_empty() { String::new() } else { format!(" (`{}`)", sweep.described(best)) };
+    let traces = match sweep.inputs.experiment.traces.len() {
+        1 => String::new(),
+        count => format!(", the geometric mean over {count} traces"),
+    };
     format!(
-        "Of {} machines number {}{settings} is the fastest, with {} cycles; {}.{}{}{}",
+        "Of {} machines number {}{settings} is the fastest, with {} cycles{traces}; {}.{}{}{}{}",
         sweep.timed().count(),
         best.number,
-        grouped(cycles),
-        match most as f64 / cycles.max(1) as f64 {
+        grouped(cycles.round() as u64),
+        match most / cycles.max(1.0) {
             ratio if ratio < NOTHING => "all others are within 0.5 % of it".into(),
             ratio => format!("the slowest takes {ratio:.2} times as many"),
         },
+        speed_up(sweep, best, cycles),
         cheapest(sweep),
         match sweep.excluded {
             0 => String::new(),
@@ -299,7 +310,7 @@ fn cheapest(sweep: &SweepResult<'_>) -> String {
         return String::new();
     }
     let (Some((best, least)), Some((name, costs))) = (sweep.timed().next(), sweep.costs()) else { return String::new() };
-    let close = sweep.timed().zip(&costs).take_while(|((_, cycles), _)| *cycles as f64 <= CLOSE * least as f64);
+    let close = sweep.timed().zip(&costs).take_while(|((_, cycles), _)| *cycles <= TOLERANCE * least);
     let Some(((machine, cycles), cost)) = close.min_by(|a, b| a.1.total_cmp(b.1)) else { return String::new() };
     if machine.number == best.number || *cost >= costs[0] {
         return format!(" It is also the cheapest one within 1 % of that: `{name}` is {}.", measured(costs[0]));
@@ -308,10 +319,18 @@ fn cheapest(sweep: &SweepResult<'_>) -> String {
         " The cheapest one within 1 % of it is number {} (`{}`), with {} cycles: `{name}` is {} instead of {}.",
         machine.number,
         sweep.described(machine),
-        grouped(cycles),
+        grouped(cycles.round() as u64),
         measured(*cost),
         measured(costs[0])
     )
+}
+
+/// The speed-up of the fastest machine over the base. Empty if the base has no result, or is the fastest machine.
+fn speed_up(sweep: &SweepResult<'_>, best: &MachineResult, cycles: f64) -> String {
+    let base = sweep.timed().find(|(machine, _)| sweep.is_base(machine)).filter(|(base, _)| base.number != best.number);
+    base.map_or(String::new(), |(base, own)| {
+        format!(" It is {:.2} times as fast as the base, machine {}.", own / cycles.max(1.0), base.number)
+    })
 }
 
 /// Which machines have no result, and which values of axes none has; empty if all have one.
@@ -324,7 +343,7 @@ fn missing(sweep: &SweepResult<'_>) -> String {
     );
     for (at, axis) in sweep.axes.iter().enumerate() {
         let lacks = |value: &&Setting| {
-            let has = |machine: &super::outcome::MachineResult| machine.settings[at] == **value;
+            let has = |machine: &MachineResult| machine.settings[at] == **value;
             sweep.failed().any(|(machine, _)| has(machine)) && !sweep.timed().any(|(machine, _)| has(machine))
         };
         let values: Vec<String> = axis.values.iter().filter(lacks).map(plain).collect();
@@ -344,12 +363,18 @@ pub fn scope(sweep: &SweepResult<'_>) -> String {
             sweep.planned
         );
     }
+    let fitted = if sweep.is_fitted() {
+        " Not all combinations of values were run: each axis is told by least-squares means, which part its effect from those of the others."
+    } else {
+        ""
+    };
     if !sweep.estimated.is_empty() {
-        return format!("By the estimates of {} machines, most of which were not simulated:", sweep.estimated.len());
+        let simulated = sweep.timed().count();
+        return format!("By the estimates of {} machines, of which {simulated} were simulated:{fitted}", sweep.estimated.len());
     }
     match sweep.inputs.experiment.screen {
-        Some(_) => format!("Among the {} machines that were simulated, the fastest by estimate:", sweep.timed().count()),
-        None => String::new(),
+        Some(_) => format!("Among the {} machines that were simulated, the fastest by estimate:{fitted}", sweep.timed().count()),
+        None => fitted.trim_start().to_owned(),
     }
 }
 

@@ -1,5 +1,11 @@
 //! What came of a sweep, read from its results: machines, what each axis does, by the values of another or by trace, and the Pareto front.
+//!
+//! Cycles have one kind of mean, the geometric one: over traces and over machines. The ratio of two such means is the geometric mean of
+//! speed-ups, whatever the base, so that no trace counts for more than another because it is longer (Fleming and Wallace 1986). If not all
+//! combinations of values were run, values of an axis were run with other values of the other axes. Then means are those of an additive model,
+//! fitted to the logarithms of cycles: least-squares means (Searle, Speed and Milliken 1980), which are the geometric means otherwise.
 
+use std::cell::OnceCell;
 use std::collections::BTreeMap;
 use std::path::Path;
 
@@ -25,8 +31,8 @@ pub struct MachineResult {
     pub number: u32,
     /// Values of the parameters.
     pub settings: Vec<Setting>,
-    /// Cycles of all traces and frames; none: it has no result.
-    pub cycles: Option<u64>,
+    /// The geometric mean over the traces of the cycles of all frames; of one trace its cycles. None: the machine has no result.
+    pub cycles: Option<f64>,
     /// Cycles of each trace, in the experiment's order; empty where it has no result.
     pub traces: Vec<u64>,
     /// The experiment's measures, in its order; none where a part of one was not counted on this machine, or is divided by nothing.
@@ -95,12 +101,33 @@ pub struct SweepResult<'s> {
     pub axes: Vec<Axis>,
     /// What the base configuration has at each axis.
     pub base: Vec<Setting>,
+    /// What the base configuration has at each knob that a link sets.
+    base_links: Vec<Setting>,
     /// Machines of the plan.
     pub planned: u32,
     /// Whether all machines that were to be run have been run.
     pub ended: bool,
     /// Combinations that are no machines, because they do not meet a condition.
     pub excluded: u64,
+    /// Least-squares means of the values of each axis, as logarithms: of all traces, then of each trace. Computed when they are first read.
+    fits: OnceCell<Vec<Vec<Vec<Option<f64>>>>>,
+}
+
+/// The machine that others are compared with.
+pub struct Reference {
+    /// Its number in the plan.
+    pub number: u32,
+    /// Whether it is the base configuration. If no machine is, it is the first machine with a result.
+    pub is_base: bool,
+    /// Its cycles.
+    pub cycles: f64,
+}
+
+impl Reference {
+    /// The machine in words.
+    pub fn name(&self) -> String {
+        if self.is_base { format!("the base, machine {}", self.number) } else { format!("machine {}", self.number) }
+    }
 }
 
 /// A setting without the quotes of names.
@@ -111,10 +138,68 @@ pub fn plain(setting: &Setting) -> String {
     }
 }
 
-/// Geometric mean; none of nothing.
-fn mean(values: impl Iterator<Item = u64>) -> Option<(f64, usize)> {
-    let logs: Vec<f64> = values.map(|cycles| libm::log((cycles as f64).max(1.0))).collect();
-    (!logs.is_empty()).then(|| (libm::exp(logs.iter().sum::<f64>() / logs.len() as f64), logs.len()))
+/// The geometric mean of some cycles, and how many they are; none of nothing. Of one number it is that number.
+pub fn mean(values: impl Iterator<Item = f64>) -> Option<(f64, usize)> {
+    let values: Vec<f64> = values.collect();
+    let mean = match &values[..] {
+        [] => return None,
+        [only] => *only,
+        all => libm::exp(all.iter().map(|cycles| log(*cycles)).sum::<f64>() / all.len() as f64),
+    };
+    Some((mean, values.len()))
+}
+
+/// The logarithm of cycles; of none, that of one cycle.
+fn log(cycles: f64) -> f64 {
+    libm::log(cycles.max(1.0))
+}
+
+/// The passes over the axes after which an additive model is taken as it is.
+const PASSES: usize = 1000;
+
+/// The change of an effect in one pass over the axes at which an additive model is fitted.
+const FITTED: f64 = 1e-9;
+
+/// Fits logarithms of cycles as a sum of an effect of each axis: for each value of each axis, the mean of the logarithms over all combinations of
+/// values, had they been run. None for a value that no machine has. `values` has how many values each axis has; a machine is the
+/// place of its value on each axis, and its logarithm.
+fn fitted(values: &[usize], machines: &[(Vec<usize>, f64)]) -> Vec<Vec<Option<f64>>> {
+    let whole = machines.iter().map(|machine| machine.1).sum::<f64>() / machines.len().max(1) as f64;
+    let mut effects: Vec<Vec<Option<f64>>> = values.iter().map(|&count| vec![None; count]).collect();
+    for (places, _) in machines {
+        places.iter().zip(&mut effects).for_each(|(&place, own)| own[place] = Some(0.0));
+    }
+    // Axis by axis, each value takes what the others leave: the Gauss-Seidel method for the normal equations.
+    let mut left: Vec<f64> = machines.iter().map(|machine| machine.1 - whole).collect();
+    for _ in 0..PASSES {
+        let mut moved = 0.0_f64;
+        for (axis, own) in effects.iter_mut().enumerate() {
+            let mut sums = vec![(0.0, 0_u32); own.len()];
+            for ((places, _), left) in machines.iter().zip(&left) {
+                let sum = &mut sums[places[axis]];
+                *sum = (sum.0 + left, sum.1 + 1);
+            }
+            let steps: Vec<f64> = sums.iter().map(|(sum, count)| sum / f64::from((*count).max(1))).collect();
+            for (effect, step) in own.iter_mut().zip(&steps) {
+                if let Some(effect) = effect {
+                    *effect += step;
+                    moved = moved.max(step.abs());
+                }
+            }
+            machines.iter().zip(&mut left).for_each(|((places, _), left)| *left -= steps[places[axis]]);
+        }
+        if moved < FITTED {
+            break;
+        }
+    }
+    let average = |own: &Vec<Option<f64>>| {
+        let known: Vec<f64> = own.iter().copied().flatten().collect();
+        known.iter().sum::<f64>() / known.len().max(1) as f64
+    };
+    let averages: Vec<f64> = effects.iter().map(average).collect();
+    let all: f64 = whole + averages.iter().sum::<f64>();
+    let level = |(own, average): (Vec<Option<f64>>, &f64)| own.into_iter().map(|e| e.map(|e| all - average + e)).collect();
+    effects.into_iter().zip(&averages).map(level).collect()
 }
 
 /// How many times the cycles of the best response the worst takes.
@@ -190,7 +275,7 @@ impl<'s> SweepResult<'s> {
             };
             if machine.error.is_none() && sum.traces.len() == traces {
                 machine.traces = sum.traces.values().map(|part| part.cycles).collect();
-                machine.cycles = Some(machine.traces.iter().sum());
+                machine.cycles = mean(machine.traces.iter().map(|&cycles| cycles as f64)).map(|mean| mean.0);
                 machine.dram = DRAM.iter().map(|path| place(path).and_then(|at| sum.whole(at))).sum();
                 let told = |read: &dyn Fn(usize) -> Option<f64>| -> Vec<Option<f64>> {
                     measures.iter().map(|formula| formula.real(&|path: &str| place(path).and_then(read))).collect()
@@ -203,11 +288,16 @@ impl<'s> SweepResult<'s> {
                 machines.push(machine);
             }
         }
-        machines.sort_by_key(|machine| (machine.cycles.is_none(), machine.cycles, machine.number));
+        machines.sort_by(|a, b| {
+            let cycles = |machine: &MachineResult| machine.cycles.unwrap_or(f64::INFINITY);
+            cycles(a).total_cmp(&cycles(b)).then(a.number.cmp(&b.number))
+        });
         let parameters = plan.parameters().iter().map(|path| (*path).to_owned()).collect();
         let measures = plan.measures().iter().map(|(text, _)| text.clone()).collect();
         let base = plan.axes().iter().map(|axis| plan.base_setting(axis)).collect::<Result<_>>()?;
         let axes = plan.axes().to_vec();
+        let linked = plan.parameters().into_iter().skip(axes.len());
+        let base_links = linked.map(|path| Ok(plan.base().knob("the base", path)?.1)).collect::<Result<_>>()?;
         Ok(SweepResult {
             inputs,
             machines,
@@ -216,9 +306,11 @@ impl<'s> SweepResult<'s> {
             measures,
             axes,
             base,
+            base_links,
             planned: plan.len(),
             ended: true,
             excluded: plan.excluded(),
+            fits: OnceCell::new(),
         })
     }
 
@@ -238,7 +330,7 @@ impl<'s> SweepResult<'s> {
             self.estimated.push(MachineResult {
                 number: *machine,
                 settings: plan.machine(*machine)?.settings,
-                cycles: Some(traces.iter().sum()),
+                cycles: mean(traces.iter().map(|&cycles| cycles as f64)).map(|mean| mean.0),
                 traces,
                 measures: vec![None; self.measures.len()],
                 trace_measures: Vec::new(),
@@ -252,15 +344,64 @@ impl<'s> SweepResult<'s> {
     }
 
     /// Machines with a result, those that take fewest cycles first.
-    pub fn timed(&self) -> impl Iterator<Item = (&MachineResult, u64)> {
+    pub fn timed(&self) -> impl Iterator<Item = (&MachineResult, f64)> {
         self.machines.iter().filter_map(|machine| Some((machine, machine.cycles?)))
     }
 
     /// The machines from which the effects of axes are derived, each with its cycles: after a screen the machines with an estimate, else those
     /// with a result.
-    pub fn telling(&self) -> impl Iterator<Item = (&MachineResult, u64)> {
+    pub fn telling(&self) -> impl Iterator<Item = (&MachineResult, f64)> {
         let of = if self.estimated.is_empty() { &self.machines } else { &self.estimated };
         of.iter().filter_map(|machine| Some((machine, machine.cycles?)))
+    }
+
+    /// Whether a machine has the base configuration's value at each knob that is varied or linked.
+    pub fn is_base(&self, machine: &MachineResult) -> bool {
+        // A variable changes machines through links alone.
+        let axes = (0..self.axes.len()).all(|at| self.axes[at].is_variable || machine.settings[at] == self.base[at]);
+        axes && machine.settings[self.axes.len()..] == self.base_links
+    }
+
+    /// The machine among those from which effects are derived that others are compared with: the base, or else the first one. None if there is no
+    /// result.
+    pub fn reference(&self) -> Option<Reference> {
+        let of = |is_base: bool| move |(machine, cycles): (&MachineResult, f64)| Reference { number: machine.number, is_base, cycles };
+        let first = || self.telling().min_by_key(|(machine, _)| machine.number).map(of(false));
+        self.telling().find(|(machine, _)| self.is_base(machine)).map(of(true)).or_else(first)
+    }
+
+    /// Whether the machines from which effects are derived are all combinations of the values that they have.
+    pub fn is_complete(&self) -> bool {
+        let has = |at: usize, value: &Setting| self.telling().any(|(machine, _)| machine.settings[at] == *value);
+        let values = |(at, axis): (usize, &Axis)| axis.values.iter().filter(|value| has(at, value)).count();
+        let all = self.axes.iter().enumerate().map(values).try_fold(1_usize, |all, count| all.checked_mul(count));
+        all == Some(self.telling().count())
+    }
+
+    /// Whether means are least-squares means: the design does not change one knob at a time, and not all combinations were run.
+    pub fn is_fitted(&self) -> bool {
+        self.inputs.experiment.design != Design::OneAtATime && !self.fits().is_empty()
+    }
+
+    /// The least-squares means; empty if all combinations were run.
+    fn fits(&self) -> &[Vec<Vec<Option<f64>>>] {
+        self.fits.get_or_init(|| {
+            if self.is_complete() || self.inputs.experiment.design == Design::OneAtATime {
+                return Vec::new();
+            }
+            let values: Vec<usize> = self.axes.iter().map(|axis| axis.values.len()).collect();
+            let places = |machine: &MachineResult| -> Vec<usize> {
+                let place = |(axis, own): (&Axis, &Setting)| axis.values.iter().position(|value| value == own).unwrap_or(0);
+                self.axes.iter().zip(&machine.settings).map(place).collect()
+            };
+            let whole = self.telling().map(|(machine, cycles)| (places(machine), log(cycles))).collect();
+            let trace = |at: usize| -> Vec<(Vec<usize>, f64)> {
+                let own = self.telling().filter_map(|(machine, _)| Some((machine, *machine.traces.get(at)?)));
+                own.map(|(machine, cycles)| (places(machine), log(cycles as f64))).collect()
+            };
+            let traces = (0..self.inputs.experiment.traces.len()).map(trace);
+            std::iter::once(whole).chain(traces).map(|machines| fitted(&values, &machines)).collect()
+        })
     }
 
     /// Machines that were to be run and have no result.
@@ -297,12 +438,22 @@ impl<'s> SweepResult<'s> {
             let cycles = own.filter_map(|(machine, cycles)| match within {
                 Within::All => Some(cycles),
                 Within::Axis(other, wanted) => (machine.settings[other] == *wanted).then_some(cycles),
-                Within::Trace(trace) => machine.traces.get(trace).copied(),
+                Within::Trace(trace) => machine.traces.get(trace).map(|&cycles| cycles as f64),
             });
             let (cycles, machines) = mean(cycles)?;
             Some(Response { value: value.clone(), cycles, machines })
         };
-        self.axes[axis].values.iter().filter_map(response).collect()
+        let fit = match within {
+            Within::All => self.fits().first(),
+            Within::Trace(trace) => self.fits().get(1 + trace),
+            Within::Axis(..) => None,
+        };
+        let fitted = |(at, value): (usize, &Setting)| {
+            let own = response(value)?;
+            let log = fit.and_then(|fit| fit[axis][at]);
+            Some(Response { cycles: log.map_or(own.cycles, libm::exp), ..own })
+        };
+        self.axes[axis].values.iter().enumerate().filter_map(fitted).collect()
     }
 
     /// The mean of a measure over the machines that an axis gives a value, on all traces together or on one; none where none of them has it.
@@ -318,7 +469,8 @@ impl<'s> SweepResult<'s> {
                 Within::Axis(axis, value) => machine.settings[axis] == *value && self.tells(axis, machine),
                 Within::Trace(only) => at == only,
             });
-            let (cycles, machines) = mean(own.filter_map(|(machine, _)| machine.traces.get(at).copied()))?;
+            let cycles = own.filter_map(|(machine, _)| machine.traces.get(at).map(|&cycles| cycles as f64));
+            let (cycles, machines) = mean(cycles)?;
             Some(Response { value: Setting::Name(name), cycles, machines })
         };
         self.trace_names().into_iter().enumerate().filter_map(response).collect()
@@ -365,6 +517,16 @@ impl<'s> SweepResult<'s> {
         costs.filter(|costs| !costs.is_empty()).map(|costs| (name, costs))
     }
 
+    /// The Pareto front of cycles and cost: what the cost is, and for each machine on the front its cycles, its cost, and how many other machines are
+    /// within the [tolerance](TOLERANCE) of both. None if there are fewer than two machines with a cost.
+    pub fn front(&self) -> Option<(String, Vec<(&MachineResult, f64, f64, usize)>)> {
+        let (name, costs) = self.costs()?;
+        let machines: Vec<(&MachineResult, f64)> = self.timed().collect();
+        let points: Vec<(f64, f64)> = machines.iter().map(|machine| machine.1).zip(costs).collect();
+        let of = |own: FrontPoint| (machines[own.at].0, points[own.at].0, points[own.at].1, own.alike);
+        (points.len() > 1).then(|| (name, front(&points).into_iter().map(of).collect()))
+    }
+
     /// As JSON.
     pub fn json(&self) -> Value {
         let machine = |machine: &MachineResult| {
@@ -407,37 +569,89 @@ impl<'s> SweepResult<'s> {
     }
 }
 
-/// Which of some points no other is better than: none has fewer cycles and costs no more, or costs less with no more cycles. Points are sorted by
-/// cycles.
-pub fn front(points: &[(u64, f64)]) -> Vec<bool> {
-    // Of those with fewer cycles, and of those with as many, the cheapest decide.
-    let (mut before, mut at) = (f64::INFINITY, 0);
-    let mut on = Vec::with_capacity(points.len());
-    while at < points.len() {
-        let same = points[at..].iter().take_while(|other| other.0 == points[at].0).count();
-        let least = points[at..at + same].iter().map(|point| point.1).fold(f64::INFINITY, f64::min);
-        on.extend(points[at..at + same].iter().map(|point| point.1 == least && least < before));
-        before = before.min(least);
-        at += same;
+/// Machines that differ by at most this factor, in cycles and in cost, count as equal on the front.
+pub const TOLERANCE: f64 = 1.01;
+
+/// A point of the front.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct FrontPoint {
+    /// Its place among the points.
+    pub at: usize,
+    /// How many other points differ from it by at most the tolerance in both.
+    pub alike: usize,
+}
+
+/// The Pareto front of points of cycles and cost, with a tolerance: for each point that is not on it, a point on it takes at most 1.01 times the
+/// cycles and costs at most 1.01 times as much. Of points on the front, each that costs more takes fewer cycles, by more than the tolerance. They
+/// stand in order of cost.
+pub fn front(points: &[(f64, f64)]) -> Vec<FrontPoint> {
+    let mut order: Vec<usize> = (0..points.len()).collect();
+    order.sort_by(|&a, &b| points[a].1.total_cmp(&points[b].1).then(points[a].0.total_cmp(&points[b].0)).then(a.cmp(&b)));
+    // The cost of the cheapest point that the last one stands for: a faster one that costs hardly more takes its place.
+    let (mut front, mut cheapest): (Vec<usize>, f64) = (Vec::new(), 0.0);
+    for at in order {
+        let (cycles, cost) = points[at];
+        match front.last_mut() {
+            Some(last) if cycles >= points[*last].0 => {}
+            Some(last) if cost <= TOLERANCE * cheapest => *last = at,
+            Some(last) if TOLERANCE * cycles >= points[*last].0 => {}
+            _ => {
+                front.push(at);
+                cheapest = cost;
+            }
+        }
     }
-    on
+    let close = |a: f64, b: f64| a <= TOLERANCE * b && b <= TOLERANCE * a;
+    let point = |at: usize| {
+        let (cycles, cost) = points[at];
+        let alike = points.iter().filter(|other| close(other.0, cycles) && close(other.1, cost)).count() - 1;
+        FrontPoint { at, alike }
+    };
+    front.into_iter().map(point).collect()
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::num::Random;
 
-    /// Whether no point is better than this one.
-    fn on_front(points: &[(u64, f64)], own: &(u64, f64)) -> bool {
-        !points.iter().any(|other| other.0 <= own.0 && other.1 <= own.1 && (other.0 < own.0 || other.1 < own.1))
+    #[test]
+    fn the_front_stands_for_all_points_within_its_tolerance() {
+        let points = [(1000.0, 100.0), (999.0, 400.0), (500.0, 100.5), (500.0, 101.0), (250.0, 300.0), (251.0, 299.0), (250.0, 9000.0)];
+        // The second is hardly faster than the first. The third is much faster and costs as much.
+        assert_eq!(front(&points), [FrontPoint { at: 2, alike: 1 }, FrontPoint { at: 4, alike: 1 }]);
+        assert!(front(&[]).is_empty());
+        assert_eq!(front(&[(5.0, 0.0), (5.0, 0.0)]), [FrontPoint { at: 0, alike: 1 }]);
+        let mut random = Random::new(7);
+        for _ in 0..200 {
+            let points: Vec<(f64, f64)> =
+                (0..40).map(|_| (f64::from(1000 + random.below(60)), f64::from(500 + random.below(40)))).collect();
+            let found = front(&points);
+            for (cycles, cost) in &points {
+                let stands = |own: &FrontPoint| points[own.at].0 <= TOLERANCE * cycles && points[own.at].1 <= TOLERANCE * cost;
+                assert!(found.iter().any(stands), "{cycles} {cost}: {found:?} of {points:?}");
+            }
+            for pair in found.windows(2) {
+                let [a, b] = [points[pair[0].at], points[pair[1].at]];
+                assert!(b.1 > a.1 && b.0 < a.0, "{a:?} {b:?}");
+            }
+        }
     }
 
     #[test]
-    fn the_front_has_what_nothing_is_better_than() {
-        let points = [(10, 9.0), (12, 9.0), (12, 7.0), (15, 8.0), (20, 3.0), (20, 3.0), (30, 3.0)];
-        assert_eq!(front(&points), [true, false, true, false, true, true, false]);
-        let all: Vec<bool> = points.iter().map(|point| on_front(&points, point)).collect();
-        assert_eq!(front(&points), all);
-        assert!(front(&[]).is_empty());
+    fn an_additive_model_parts_axes_that_were_run_together() {
+        // The first axis doubles, the second is 3 times: logarithms 1 and 2 of what was run.
+        let effect = |a: usize, b: usize| [0.0, 1.0][a] + [0.0, 2.0, 3.0][b];
+        let run = [(0, 0), (0, 1), (1, 1), (1, 2)];
+        let machines: Vec<(Vec<usize>, f64)> = run.map(|(a, b)| (vec![a, b], effect(a, b))).to_vec();
+        let found = fitted(&[2, 3], &machines);
+        let value = |axis: usize, at: usize| found[axis][at].expect("it was run");
+        assert!((value(0, 1) - value(0, 0) - 1.0).abs() < 1e-6, "{found:?}");
+        assert!((value(1, 1) - value(1, 0) - 2.0).abs() < 1e-6 && (value(1, 2) - value(1, 0) - 3.0).abs() < 1e-6, "{found:?}");
+        // Means of what was run would say 1.5 of the first axis. Of all combinations the model has the means.
+        let all: Vec<(Vec<usize>, f64)> = (0..6).map(|at| (vec![at / 3, at % 3], effect(at / 3, at % 3))).collect();
+        let found = fitted(&[2, 3], &all);
+        assert!((found[0][0].expect("a mean") - 5.0 / 3.0).abs() < 1e-9, "{found:?}");
+        assert_eq!(fitted(&[2], &[(vec![1], 4.0)]), [[None, Some(4.0)]]);
     }
 }

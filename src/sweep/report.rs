@@ -3,7 +3,7 @@
 use std::fmt::Write;
 
 use super::answer;
-use super::outcome::{SweepResult, Within, plain, ratio};
+use super::outcome::{SweepResult, Within, mean, plain, ratio};
 use super::plan::Plan;
 use super::timing::Screened;
 use crate::knob::Setting;
@@ -51,11 +51,12 @@ pub fn page(sweep: &SweepResult<'_>, plan: &Plan, screened: Option<&[Screened]>)
     for measure in &experiment.measures {
         let _ = writeln!(out, "* measure `{measure}`");
     }
-    if let Some((_, best)) = sweep.timed().next() {
+    if sweep.timed().next().is_some() {
         two(&mut out, sweep);
-        axes(&mut out, sweep, best as f64);
+        axes(&mut out, sweep);
         by_trace(&mut out, sweep);
-        listed(&mut out, sweep, best as f64);
+        costs(&mut out, sweep);
+        listed(&mut out, sweep);
     }
     if let Some(screened) = screened {
         screen(&mut out, sweep, plan, screened);
@@ -128,19 +129,21 @@ fn two(out: &mut String, sweep: &SweepResult<'_>) {
 }
 
 /// What each axis does, those that do most first.
-fn axes(out: &mut String, sweep: &SweepResult<'_>, best: f64) {
+fn axes(out: &mut String, sweep: &SweepResult<'_>) {
+    let Some(reference) = sweep.reference() else { return };
     for effect in sweep.effects() {
         let _ = writeln!(
             out,
             "\n## `{}`: {:.3} times as many cycles at its worst value as at its best\n",
             effect.path, effect.ratio
         );
-        let heads: String = sweep.measures.iter().map(|name| format!(" `{name}` |")).collect();
+        let heads: String = sweep.measures.iter().map(|name| format!(" `{name}` (arithmetic mean) |")).collect();
         let rule = "---|".repeat(sweep.measures.len());
         let _ = writeln!(
             out,
-            "| value | machines | {} (geometric mean) | by the fastest machine's |{heads}\n|---|---|---|---|{rule}",
-            cycles(sweep)
+            "| value | machines | {} (geometric mean) | speed-up over {} (geometric mean) |{heads}\n|---|---|---|---|{rule}",
+            cycles(sweep),
+            reference.name()
         );
         for own in &effect.responses {
             let measure = |at: usize| sweep.axis_measure(effect.axis, &own.value, at, None);
@@ -153,7 +156,7 @@ fn axes(out: &mut String, sweep: &SweepResult<'_>, best: f64) {
                 plain(&own.value),
                 own.machines,
                 grouped(own.cycles.round() as u64),
-                own.cycles / best
+                reference.cycles / own.cycles
             );
         }
     }
@@ -169,7 +172,7 @@ fn by_trace(out: &mut String, sweep: &SweepResult<'_>) {
     let heads = traces.join(" | ");
     let name = sweep.trace_axis();
     let what = cycles(sweep);
-    let _ = writeln!(out, "\n## By {name}: {what} at the worst value by those at the best\n\n| axis | {heads} |\n|---|{rule}");
+    let _ = writeln!(out, "\n## By {name}: {what} at the worst value divided by those at the best\n\n| axis | {heads} |\n|---|{rule}");
     let effects = sweep.effects();
     for effect in &effects {
         let cell = |trace: usize| format!("{:.3}", ratio(&sweep.responses(effect.axis, Within::Trace(trace))));
@@ -197,20 +200,50 @@ fn by_trace(out: &mut String, sweep: &SweepResult<'_>) {
     }
 }
 
-fn listed(out: &mut String, sweep: &SweepResult<'_>, best: f64) {
-    let heads: Vec<&str> = sweep.parameters.iter().chain(&sweep.measures).map(String::as_str).collect();
+/// The Pareto front of cycles and cost.
+fn costs(out: &mut String, sweep: &SweepResult<'_>) {
+    let Some((name, front)) = sweep.front() else { return };
+    let name = if sweep.inputs.experiment.cost.trim().is_empty() { name } else { format!("`{name}`") };
     let _ = writeln!(
         out,
-        "\n## The fastest machines\n\n| machine | {} | cycles | by the fastest's |\n|---|{}---|---|",
+        "\n## Cycles against cost: {}\n\nEach machine here takes fewer cycles than all that cost less. Machines within {} of each other in both count as one.\n\n\
+         | machine | {} | cycles | {name} | machines alike |\n|---|{}---|---|---|",
+        match front.len() {
+            1 => "1 machine is on the front".to_owned(),
+            count => format!("{count} machines are on the front"),
+        },
+        answer::tolerance(),
+        sweep.parameters.join(" | "),
+        "---|".repeat(sweep.parameters.len())
+    );
+    for (machine, cycles, cost, alike) in front.iter().take(LISTED) {
+        let cells: Vec<String> = machine.settings.iter().map(plain).collect();
+        let [cycles, cost] = [cycles, cost].map(|value| grouped(value.round() as u64));
+        let _ = writeln!(out, "| {} | {} | {cycles} | {cost} | {alike} |", machine.number, cells.join(" | "));
+    }
+    more(out, front.len());
+}
+
+fn listed(out: &mut String, sweep: &SweepResult<'_>) {
+    // Speed-ups here are of what was simulated.
+    let base = sweep.timed().find(|(machine, _)| sweep.is_base(machine));
+    let over = base.map_or(String::new(), |(base, _)| format!(" speed-up over the base, machine {} |", base.number));
+    let heads: Vec<&str> = sweep.parameters.iter().chain(&sweep.measures).map(String::as_str).collect();
+    let mean = if sweep.inputs.experiment.traces.len() > 1 { " (geometric mean over the traces)" } else { "" };
+    let _ = writeln!(
+        out,
+        "\n## The fastest machines\n\n| machine | {} | cycles{mean} |{over}\n|---|{}---|{}",
         heads.join(" | "),
-        "---|".repeat(heads.len())
+        "---|".repeat(heads.len()),
+        if base.is_some() { "---|" } else { "" }
     );
     for (machine, cycles) in sweep.timed().take(LISTED) {
         let cells = machine.settings.iter().map(plain);
         let measures = machine.measures.iter().map(|value| value.map_or("-".into(), answer::measured));
         let cells: Vec<String> = cells.chain(measures).collect();
-        let _ =
-            writeln!(out, "| {} | {} | {} | {:.3} |", machine.number, cells.join(" | "), grouped(cycles), cycles as f64 / best);
+        let speed_up = base.map_or(String::new(), |(_, base)| format!(" {:.3} |", base / cycles));
+        let shown = grouped(cycles.round() as u64);
+        let _ = writeln!(out, "| {} | {} | {shown} |{speed_up}", machine.number, cells.join(" | "));
     }
     more(out, sweep.timed().count());
     out.push_str(
@@ -225,9 +258,9 @@ fn screen(out: &mut String, sweep: &SweepResult<'_>, plan: &Plan, screened: &[Sc
     let mut classes: Vec<Vec<f64>> = vec![Vec::new(); SortClass::NAMES.len()];
     let mut pairs: Vec<(f64, f64)> = Vec::new();
     for (machine, cycles) in sweep.timed() {
-        let cycles = cycles as f64;
-        if let Ok(traces) = &screened[machine.number as usize].estimate {
-            let estimate: f64 = traces.iter().sum();
+        if let Ok(traces) = &screened[machine.number as usize].estimate
+            && let Some((estimate, _)) = mean(traces.iter().copied())
+        {
             let error = (estimate / cycles - 1.0).abs();
             errors.push(error);
             // A machine with a result is one that could be made.

@@ -10,6 +10,7 @@ use rayon::prelude::*;
 use super::entry::{Entry, Keep, Row};
 use super::folder::{Done, Journal, Shard};
 use super::inputs::hash;
+use super::outcome::mean;
 use super::plan::{Plan, Planned};
 use crate::machine::{Config, FrameReport};
 use crate::render::{self, FrameSet};
@@ -121,7 +122,7 @@ impl Sweep<'_> {
         let mut order: Vec<(f64, usize)> = Vec::new();
         for (machine, estimate) in found.iter().enumerate() {
             if let Ok(traces) = estimate {
-                order.push((traces.iter().sum(), machine));
+                order.push((mean(traces.iter().copied()).map_or(f64::INFINITY, |mean| mean.0), machine));
             }
         }
         order.sort_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));

@@ -2,7 +2,7 @@
 
 use crate::machine::{Config, Machine};
 use crate::report::diagram::Diagram;
-use crate::report::plots::{Scale, Series, Stack, alone, bars, chart, roofline};
+use crate::report::plots::{Marks, Scale, Series, Stack, alone, bars, chart, roofline};
 
 use super::data::{CYCLES, CountedSpan, Statistics};
 use super::machine::{STATES, banks, roofs};
@@ -42,7 +42,7 @@ pub fn replay(statistics: &Statistics, config: Option<&Config>) -> Vec<(String, 
     let points: Vec<(f64, f64)> = statistics.frames().iter().filter_map(point).collect();
     if points.len() > 1 {
         let series = [Series { name: "cycles", points, line: true }];
-        let svg = chart("frame", "cycles", Scale::Linear, Scale::FromZero, &series).into_string();
+        let svg = chart("frame", "cycles", Scale::Linear, Scale::FromZero, Marks::Round, &series).into_string();
         plots.push(("frames".to_owned(), alone(&svg)));
     }
     if let Some(config) = config {

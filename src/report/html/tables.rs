@@ -10,7 +10,7 @@ use super::{Column, bar, cell, cell_bytes, cell_of, cell_share, heads, key, perc
 use crate::mem::{CACHES, CLIENTS, CacheCounts, ClientCounts, DRAM, DramCounts};
 use crate::report::pages::Glossary;
 use crate::report::peak::{MemoryPeak, MemoryRate};
-use crate::report::plots::{Scale, Series, chart};
+use crate::report::plots::{Marks, Scale, Series, chart};
 use crate::report::summary::{bin_rows, sorting_rows};
 use crate::run::maps::MapKind;
 use crate::sim::{CHANNELS, UNITS, UnitCounts};
@@ -219,7 +219,7 @@ pub fn frames(input: &Input<'_>) -> Option<Markup> {
         div.two {
             @if !points.is_empty() {
                 figure {
-                    (chart("frame", "cycles", Scale::Linear, Scale::FromZero, &[Series { name: "cycles", points, line: true }]))
+                    (chart("frame", "cycles", Scale::Linear, Scale::FromZero, Marks::Round, &[Series { name: "cycles", points, line: true }]))
                     figcaption { "Cycles by frame. The page shows frame " (input.statistics.number()) "." }
                 }
             }

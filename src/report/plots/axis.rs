@@ -51,6 +51,11 @@ impl Axis {
         Axis { scale, low, high }
     }
 
+    /// An axis of names, which are numbered from 0.
+    pub fn of_names(count: usize) -> Axis {
+        Axis { scale: Scale::Linear, low: -0.5, high: count as f64 - 0.5 }
+    }
+
     /// The place of a value, from 0 to 1.
     pub fn place(&self, value: f64) -> f64 {
         let part = match self.scale {
@@ -86,19 +91,40 @@ impl Axis {
 
 /// A value as it stands beside an axis: three digits, with k, M or G.
 pub fn label(value: f64) -> String {
+    rounded(value, 3)
+}
+
+/// Digits of a label at most: values that differ by less are equal to a reader.
+const DIGITS: i32 = 6;
+
+/// Values as they stand beside an axis or in cells: three digits, or as many more, up to six, as make different values different texts.
+pub fn labels(values: &[f64]) -> Vec<String> {
+    let mut sorted = values.to_vec();
+    sorted.sort_by(f64::total_cmp);
+    sorted.dedup();
+    let differ = |digits: &i32| sorted.windows(2).all(|pair| rounded(pair[0], *digits) != rounded(pair[1], *digits));
+    let digits = (3..DIGITS).find(differ).unwrap_or(DIGITS);
+    values.iter().map(|&value| rounded(value, digits)).collect()
+}
+
+/// A value with a number of digits; a whole number below 10,000 is not rounded.
+fn rounded(value: f64, digits: i32) -> String {
     let (scaled, unit) = match value.abs() {
         size if size >= 0.99995e9 => (value / 1e9, "G"),
         size if size >= 0.99995e6 => (value / 1e6, "M"),
         size if size >= 1e4 => (value / 1e3, "k"),
         _ => (value, ""),
     };
-    let digits = match scaled.abs() {
-        size if size >= 100.0 || (scaled - scaled.round()).abs() < 1e-9 => 0,
-        size if size >= 10.0 => 1,
-        size if size >= 1.0 => 2,
-        _ => 3,
+    let before = match scaled.abs() {
+        size if size >= 1000.0 => 4,
+        size if size >= 100.0 => 3,
+        size if size >= 10.0 => 2,
+        size if size >= 1.0 => 1,
+        _ => 0,
     };
-    let text = format!("{scaled:.digits$}");
+    let whole = (scaled - scaled.round()).abs() < 1e-9;
+    let decimals = if whole { 0 } else { (digits - before).max(0) as usize };
+    let text = format!("{scaled:.decimals$}");
     let text = if text.contains('.') { text.trim_end_matches('0').trim_end_matches('.').to_owned() } else { text };
     format!("{text}{unit}")
 }
@@ -115,6 +141,21 @@ mod tests {
         assert_eq!(log.ticks(6).iter().map(|&value| label(value)).collect::<Vec<_>>(), ["1", "10", "100", "1000"]);
         assert!((log.place(31.622) - 0.5).abs() < 1e-3);
         assert_eq!([209_304.0, 12_500.0, 0.25, 1.5e6].map(label), ["209k", "12.5k", "0.25", "1.5M"]);
+    }
+
+    #[test]
+    fn different_values_have_different_texts() {
+        assert_eq!(labels(&[129_795.0, 129_952.0, 131_000.0]), ["129.8k", "129.95k", "131k"]);
+        assert_eq!(labels(&[129_795.0, 129_795.0, 300_000.0]), ["130k", "130k", "300k"]);
+        assert_eq!(labels(&[0.1234, 0.1235, 2.0]), ["0.1234", "0.1235", "2"]);
+        // What is equal in six digits is equal.
+        assert_eq!(labels(&[1.0, 1.000_000_01]), ["1", "1"]);
+    }
+
+    #[test]
+    fn an_axis_of_names_has_each_name_at_its_number() {
+        let axis = Axis::of_names(4);
+        assert_eq!([0.0, 3.0].map(|value| axis.place(value)), [0.125, 0.875]);
     }
 
     #[test]

@@ -4,8 +4,9 @@ use std::fmt::Write;
 
 use maud::{Markup, PreEscaped};
 
-use super::axis::{Axis, Scale, label};
+use super::axis::{Axis, Scale, label, labels};
 use super::{SERIES, escaped};
+use crate::report::summary::grouped;
 
 const WIDTH: f64 = 560.0;
 const HEIGHT: f64 = 330.0;
@@ -28,8 +29,58 @@ pub struct Series<'s> {
 fn open(width: f64, height: f64, name: &str) -> String {
     let name = escaped(name);
     format!(
-        "<svg xmlns=\"http://www.w3.org/2000/svg\" class=\"plot\" viewBox=\"0 0 {width:.0} {height:.0}\" role=\"img\" aria-label=\"{name}\">"
+        "<svg xmlns=\"http://www.w3.org/2000/svg\" class=\"plot\" viewBox=\"0 0 {width:.0} {height:.0}\" style=\"max-width:{width:.0}px\" role=\"img\" aria-label=\"{name}\">"
     )
+}
+
+/// What stands beside the horizontal axis.
+#[derive(Clone, Copy, Debug)]
+pub enum Marks<'m> {
+    /// Round numbers.
+    Round,
+    /// The values that were run, as many as there is room for.
+    Run(&'m [f64]),
+    /// Names; the points' values are their numbers, from 0.
+    Names(&'m [String]),
+}
+
+/// The width of a character, rather too large than too small.
+const CHARACTER: f64 = 7.2;
+
+/// The height of a line of text.
+const LINE: f64 = 17.0;
+
+/// Parts a text into lines of at most `most` characters, behind spaces and signs where it has these.
+fn wrapped(text: &str, most: usize) -> Vec<String> {
+    let (mut lines, mut line): (Vec<String>, Vec<char>) = (Vec::new(), Vec::new());
+    for c in text.chars() {
+        if line.len() == most {
+            let end = line.iter().rposition(|c| " +-*/,=([".contains(*c)).map_or(most, |at| at + 1);
+            let rest = line.split_off(end);
+            lines.push(line.iter().collect::<String>().trim_end().to_owned());
+            line = rest;
+        }
+        line.push(c);
+    }
+    lines.push(line.into_iter().collect());
+    lines
+}
+
+/// Which of some texts, each around a place, have room beside each other: the first and the last, and of the others those that touch none.
+fn with_room(marks: Vec<(f64, String)>) -> Vec<(f64, String)> {
+    let half = |text: &String| 0.5 * CHARACTER * text.chars().count() as f64 + 4.0;
+    let Some((last, last_text)) = marks.last().cloned() else { return marks };
+    let (mut end, begin) = (f64::NEG_INFINITY, last - half(&last_text));
+    let count = marks.len();
+    let keeps = |(at, (x, text)): (usize, (f64, String))| {
+        let own = half(&text);
+        let fits = at + 1 == count || x - own >= end && (x + own <= begin || at == 0);
+        if fits {
+            end = x + own;
+        }
+        fits.then_some((x, text))
+    };
+    marks.into_iter().enumerate().filter_map(keeps).collect()
 }
 
 /// A frame with two axes.
@@ -41,22 +92,43 @@ struct Field {
 }
 
 impl Field {
-    fn new(names: [&str; 2], x: Axis, y: Axis, top: f64) -> Field {
-        let mut field = Field { out: open(WIDTH, HEIGHT + top, &format!("{} by {}", names[1], names[0])), x, y, top };
+    /// A frame below `head` units of height, which hold the names of series. The name of the vertical axis stands there, too.
+    fn new(names: [&str; 2], x: Axis, y: Axis, marks: Marks<'_>, head: f64) -> Field {
+        let lines = |text: &str| wrapped(text, ((WIDTH - LEFT - RIGHT) / CHARACTER) as usize);
+        let (below, above) = (lines(names[0]), lines(names[1]));
+        let top = head + LINE * above.len() as f64;
+        let height = HEIGHT + top + LINE * (below.len() - 1) as f64;
+        let mut field = Field { out: open(WIDTH, height, &format!("{} by {}", names[1], names[0])), x, y, top };
         let (right, bottom) = (WIDTH - RIGHT, HEIGHT + top - BOTTOM);
-        for tick in field.x.ticks(7) {
-            let [x, _] = field.place(tick, 0.0);
-            let text = label(tick);
+        let ticks: Vec<(f64, String)> = match marks {
+            Marks::Round => {
+                let ticks = field.x.ticks(7);
+                let texts = labels(&ticks);
+                ticks.into_iter().zip(texts).collect()
+            }
+            Marks::Run(values) => values.iter().map(|&value| (value, exact(value))).collect(),
+            Marks::Names(names) => names.iter().enumerate().map(|(at, name)| (at as f64, name.clone())).collect(),
+        };
+        let place = |(value, text): (f64, String)| (field.place(value, 0.0)[0], text);
+        let mut ticks: Vec<(f64, String)> = ticks.into_iter().map(place).collect();
+        ticks.sort_by(|a, b| a.0.total_cmp(&b.0));
+        // Names all stand there, below each other where they would touch.
+        let (rows, ticks) = match marks {
+            Marks::Names(_) => (1 + usize::from(with_room(ticks.clone()).len() < ticks.len()), ticks),
+            _ => (1, with_room(ticks)),
+        };
+        for (at, (x, text)) in ticks.iter().enumerate() {
+            let text = escaped(text);
             let _ = write!(
                 field.out,
                 "<path class=\"grid\" d=\"M{x:.1} {:.1}V{bottom:.1}\"/><text x=\"{x:.1}\" y=\"{:.1}\" text-anchor=\"middle\">{text}</text>",
                 TOP + top,
-                bottom + 18.0
+                bottom + if rows == 1 { 18.0 } else { 14.0 + 13.0 * (at % 2) as f64 }
             );
         }
-        for tick in field.y.ticks(6) {
+        let ticks = field.y.ticks(6);
+        for (&tick, text) in ticks.iter().zip(labels(&ticks)) {
             let [_, y] = field.place(0.0, tick);
-            let text = label(tick);
             let _ = write!(
                 field.out,
                 "<path class=\"grid\" d=\"M{LEFT} {y:.1}H{right:.1}\"/><text x=\"{:.1}\" y=\"{:.1}\" text-anchor=\"end\">{text}</text>",
@@ -64,18 +136,20 @@ impl Field {
                 y + 4.5
             );
         }
-        let _ = write!(
-            field.out,
-            "<path class=\"axis\" fill=\"none\" d=\"M{LEFT} {:.1}V{bottom:.1}H{right:.1}\"/>\
-             <text class=\"t\" x=\"{:.1}\" y=\"{:.1}\" text-anchor=\"middle\">{}</text>\
-             <text class=\"t\" transform=\"translate(14 {:.1}) rotate(-90)\" text-anchor=\"middle\">{}</text>",
-            TOP + top,
-            (LEFT + right) / 2.0,
-            bottom + 40.0,
-            escaped(names[0]),
-            (TOP + top + bottom) / 2.0,
-            escaped(names[1])
-        );
+        let _ =
+            write!(field.out, "<path class=\"axis\" fill=\"none\" d=\"M{LEFT} {:.1}V{bottom:.1}H{right:.1}\"/>", TOP + top);
+        for (n, line) in above.iter().enumerate() {
+            let y = head + 12.0 + LINE * n as f64;
+            let _ = write!(field.out, "<text class=\"t\" x=\"6\" y=\"{y:.1}\">{}</text>", escaped(line));
+        }
+        for (n, line) in below.iter().enumerate() {
+            let (x, y) = ((LEFT + right) / 2.0, bottom + 42.0 + LINE * n as f64);
+            let _ = write!(
+                field.out,
+                "<text class=\"t\" x=\"{x:.1}\" y=\"{y:.1}\" text-anchor=\"middle\">{}</text>",
+                escaped(line)
+            );
+        }
         field
     }
 
@@ -109,36 +183,64 @@ impl Field {
     }
 }
 
+/// A value that was run, with all its digits: whole numbers in groups of three.
+fn exact(value: f64) -> String {
+    if value.fract() == 0.0 && (0.0..9e15).contains(&value) { grouped(value as u64) } else { format!("{value}") }
+}
+
+/// The names of series, each beside its dot: two in a row where all are short. Gives the height that they take.
+fn legend(series: &[Series<'_>]) -> (String, f64) {
+    let mut out = String::new();
+    if series.len() < 2 {
+        return (out, 0.0);
+    }
+    let longest = series.iter().map(|own| own.name.chars().count()).max().unwrap_or(0);
+    let columns = if CHARACTER * longest as f64 <= 225.0 { 2 } else { 1 };
+    let mut top = 12.0;
+    for (row, own) in series.chunks(columns).enumerate() {
+        let mut lines = 1;
+        for (column, series) in own.iter().enumerate() {
+            let left = LEFT + 250.0 * column as f64;
+            let color = (row * columns + column) % SERIES;
+            let _ = write!(out, "<circle cx=\"{left:.1}\" cy=\"{top:.1}\" r=\"5\" fill=\"var(--c{color})\"/>");
+            let name = wrapped(series.name, ((WIDTH - LEFT - RIGHT - 10.0) / CHARACTER) as usize);
+            lines = lines.max(name.len());
+            for (n, line) in name.iter().enumerate() {
+                let (x, y) = (left + 10.0, top + 4.5 + LINE * n as f64);
+                let _ = write!(out, "<text class=\"t\" x=\"{x:.1}\" y=\"{y:.1}\">{}</text>", escaped(line));
+            }
+        }
+        top += 18.0 + LINE * (lines - 1) as f64;
+    }
+    (out, top - 12.0 + 6.0)
+}
+
 /// Points beyond which a line is drawn without dots.
 const DOTS: usize = 60;
 
-/// Lines and points over two axes.
-pub fn chart(x: &str, y: &str, x_scale: Scale, y_scale: Scale, series: &[Series<'_>]) -> Markup {
+/// Lines and points over two axes. Of points at one place, that of the first series is seen.
+pub fn chart(x: &str, y: &str, x_scale: Scale, y_scale: Scale, marks: Marks<'_>, series: &[Series<'_>]) -> Markup {
     let all = || series.iter().flat_map(|series| series.points.iter().copied());
-    // Names stand above, in rows of two.
-    let rows = if series.len() > 1 { series.len().min(SERIES).div_ceil(2) } else { 0 };
-    let axes = [Axis::new(x_scale, all().map(|point| point.0)), Axis::new(y_scale, all().map(|point| point.1))];
-    let [x_axis, y_axis] = axes;
-    let mut field = Field::new([x, y], x_axis, y_axis, 18.0 * rows as f64);
-    for (n, series) in series.iter().enumerate() {
-        let color = n % SERIES;
-        if rows > 0 && n < SERIES {
-            let (left, top) = (LEFT + 250.0 * (n % 2) as f64, 12.0 + 18.0 * (n / 2) as f64);
-            let name: String = series.name.chars().take(32).collect();
-            let _ = write!(
-                field.out,
-                "<circle cx=\"{left:.1}\" cy=\"{top:.1}\" r=\"5\" fill=\"var(--c{color})\"/><text class=\"t\" x=\"{:.1}\" y=\"{:.1}\">{}</text>",
-                left + 10.0,
-                top + 4.5,
-                escaped(&name)
-            );
-        }
+    let x_axis = match marks {
+        Marks::Names(names) => Axis::of_names(names.len()),
+        _ => Axis::new(x_scale, all().map(|point| point.0)),
+    };
+    let y_axis = Axis::new(y_scale, all().map(|point| point.1));
+    let (names, head) = legend(series);
+    let mut field = Field::new([x, y], x_axis, y_axis, marks, head);
+    field.out.push_str(&names);
+    for (n, series) in series.iter().enumerate().rev() {
         if series.line {
-            field.path(&series.points, &format!("class=\"ln\" stroke=\"var(--c{color})\""));
+            field.path(&series.points, &format!("class=\"ln\" stroke=\"var(--c{})\"", n % SERIES));
         }
         if !series.line || series.points.len() <= DOTS {
-            for &(x, y) in &series.points {
-                field.dot((x, y), color, "", &format!("{}: {}, {}", series.name, label(x), label(y)));
+            let values: Vec<f64> = series.points.iter().map(|point| point.1).collect();
+            for (&(x, y), value) in series.points.iter().zip(labels(&values)) {
+                let own = match marks {
+                    Marks::Names(names) => names.get(x as usize).cloned().unwrap_or_default(),
+                    _ => exact(x),
+                };
+                field.dot((x, y), n, "", &format!("{}: {own}, {value}", series.name));
             }
         }
     }
@@ -165,7 +267,7 @@ pub fn roofline(roofs: &Roofline) -> String {
     let bottom = roofs.points.iter().map(|point| point.2).fold(low * roofs.bandwidth, f64::min).max(roofs.peak / 1e6);
     let x = Axis::new(Scale::Log, [low, high].into_iter());
     let y = Axis::new(Scale::Log, [bottom, roofs.peak * 1.5].into_iter());
-    let mut field = Field::new(["instructions per byte of DRAM traffic", "instructions per cycle"], x, y, 0.0);
+    let mut field = Field::new(["instructions per byte of DRAM traffic", "instructions per cycle"], x, y, Marks::Round, 0.0);
     field.path(&[(low, low * roofs.bandwidth), (knee, roofs.peak), (high, roofs.peak)], "class=\"roof\"");
     let [knee_x, knee_y] = field.place(knee, roofs.peak);
     let _ = write!(field.out, "<text x=\"{:.1}\" y=\"{:.1}\">knee {}</text>", knee_x + 6.0, knee_y + 20.0, label(knee));
@@ -198,9 +300,11 @@ pub struct Stack {
 /// Rows of shares.
 pub fn bars(title: &str, key: &[(&str, &str)], rows: &[Stack]) -> String {
     const ROW: f64 = 22.0;
-    const NAME: f64 = 170.0;
+    const BAR: f64 = 498.0;
     const NOTE: f64 = 92.0;
-    let width = 760.0;
+    let longest = rows.iter().map(|row| row.name.chars().count()).max().unwrap_or(0);
+    let names = (CHARACTER * longest as f64 + 14.0).max(170.0);
+    let width = names + BAR + NOTE;
     let height = 40.0 + ROW * rows.len() as f64 + 10.0;
     let mut out = open(width, height, title);
     let mut left = 10.0;
@@ -215,17 +319,16 @@ pub fn bars(title: &str, key: &[(&str, &str)], rows: &[Stack]) -> String {
     }
     for (n, row) in rows.iter().enumerate() {
         let y = 36.0 + ROW * n as f64;
-        let name: String = row.name.chars().take(24).collect();
         let _ = write!(
             out,
             "<text class=\"t\" x=\"{:.1}\" y=\"{:.1}\" text-anchor=\"end\">{}</text>",
-            NAME - 8.0,
+            names - 8.0,
             y + 12.0,
-            escaped(&name)
+            escaped(&row.name)
         );
-        let (mut x, all) = (NAME, width - NAME - NOTE);
+        let mut x = names;
         for (color, share, tip) in &row.shares {
-            let own = all * share.clamp(0.0, 1.0);
+            let own = BAR * share.clamp(0.0, 1.0);
             let _ = write!(
                 out,
                 "<rect x=\"{x:.1}\" y=\"{y:.1}\" width=\"{own:.1}\" height=\"15\" fill=\"var(--{color})\"><title>{}</title></rect>",
@@ -285,37 +388,43 @@ fn color(share: f64) -> [u8; 3] {
 pub fn heat(title: &str, heat: &Heat<'_>) -> String {
     const ROW: f64 = 30.0;
     let (rows, columns) = (&heat.rows, &heat.columns);
-    let longest = rows.1.iter().map(|name| name.chars().count()).max().unwrap_or(0).clamp(4, 22);
-    let left = 34.0 + 7.5 * longest as f64;
-    let wide = ((WIDTH - left - 10.0) / columns.1.len().max(1) as f64).clamp(40.0, 96.0);
-    let (width, height) = (left + wide * columns.1.len() as f64 + 10.0, 48.0 + ROW * rows.1.len() as f64 + 8.0);
+    let values: Vec<f64> = heat.values.iter().flatten().copied().flatten().collect();
+    let mut texts = labels(&values).into_iter();
+    let longest = |names: &[String]| names.iter().map(|name| name.chars().count()).max().unwrap_or(0) as f64;
+    let left = 34.0 + CHARACTER * longest(&rows.1).max(4.0);
+    // The widest text of a cell has the digits of all.
+    let cells = longest(&labels(&values)).max(longest(&columns.1));
+    let wide = CHARACTER * cells.max(5.0) + 12.0;
+    let table = wide * columns.1.len() as f64;
+    let width = (left + table + 10.0).max(34.0 + CHARACTER * columns.0.chars().count() as f64);
+    let side = CHARACTER * rows.0.chars().count() as f64;
+    let height = (56.0 + ROW * rows.1.len() as f64).max(side + 8.0);
     let mut out = open(width, height, title);
-    let all = || heat.values.iter().flatten().copied().flatten();
-    let axis = Axis::new(Scale::Log, all());
+    let axis = Axis::new(Scale::Log, values.iter().copied());
     let _ = write!(
         out,
         "<text class=\"t\" x=\"{:.1}\" y=\"16\" text-anchor=\"middle\">{}</text><text class=\"t\" transform=\"translate(14 {:.1}) rotate(-90)\" text-anchor=\"middle\">{}</text>",
-        left + wide * columns.1.len() as f64 / 2.0,
+        (left + table / 2.0).max(0.5 * CHARACTER * columns.0.chars().count() as f64 + 20.0),
         escaped(columns.0),
-        48.0 + ROW * rows.1.len() as f64 / 2.0,
+        (48.0 + ROW * rows.1.len() as f64 / 2.0).max(side / 2.0 + 4.0),
         escaped(rows.0)
     );
-    let short = |name: &String, most: usize| escaped(&name.chars().take(most).collect::<String>());
     for (n, name) in columns.1.iter().enumerate() {
         let x = left + wide * (n as f64 + 0.5);
-        let _ = write!(out, "<text x=\"{x:.1}\" y=\"38\" text-anchor=\"middle\">{}</text>", short(name, (wide / 7.0) as usize));
+        let _ = write!(out, "<text x=\"{x:.1}\" y=\"38\" text-anchor=\"middle\">{}</text>", escaped(name));
     }
     for (r, name) in rows.1.iter().enumerate() {
         let y = 44.0 + ROW * r as f64;
         let _ =
-            write!(out, "<text x=\"{:.1}\" y=\"{:.1}\" text-anchor=\"end\">{}</text>", left - 8.0, y + 19.0, short(name, 22));
+            write!(out, "<text x=\"{:.1}\" y=\"{:.1}\" text-anchor=\"end\">{}</text>", left - 8.0, y + 19.0, escaped(name));
         for (c, value) in heat.values[r].iter().enumerate() {
             let x = left + wide * c as f64;
             let (fill, ink, text) = match value {
                 Some(value) => {
                     let [red, green, blue] = color(1.0 - axis.place(*value));
                     let bright = 299 * u32::from(red) + 587 * u32::from(green) + 114 * u32::from(blue) > 130_000;
-                    (format!("#{red:02x}{green:02x}{blue:02x}"), if bright { "#000" } else { "#fff" }, label(*value))
+                    let ink = if bright { "#000" } else { "#fff" };
+                    (format!("#{red:02x}{green:02x}{blue:02x}"), ink, texts.next().unwrap_or_default())
                 }
                 None => ("none".into(), "currentColor", "\u{2013}".into()),
             };
@@ -342,10 +451,54 @@ mod tests {
             Series { name: "<a&\">", points: vec![(1.0, 2.0), (2.0, 3.0)], line: true },
             Series { name: "b", points: vec![(1.5, 1.0)], line: false },
         ];
-        let text = chart("x<", "y", Scale::Linear, Scale::FromZero, &series).into_string();
+        let text = chart("x<", "y", Scale::Linear, Scale::FromZero, Marks::Round, &series).into_string();
         assert!(text.contains("&lt;a&amp;&quot;&gt;") && !text.contains("<a&"), "{text}");
         assert_eq!(text.matches("class=\"dot\"").count(), 3);
         assert!(text.starts_with("<svg") && text.ends_with("</svg>"));
+    }
+
+    /// The texts of a plot, in their order.
+    fn texts(svg: &str) -> Vec<&str> {
+        svg.split("<text").skip(1).filter_map(|part| part.split('>').nth(1)?.split('<').next()).collect()
+    }
+
+    #[test]
+    fn ticks_are_the_values_that_were_run_and_names_are_whole() {
+        let run = [2.0, 4.0, 8.0];
+        let name = "caches.texture.misses/(caches.texture.accesses+caches.texture.hits+caches.texture.late_hits+caches.color.misses)";
+        let series = [Series { name, points: run.map(|x| (x, x)).to_vec(), line: true }];
+        let svg = chart("memory.dram.channels", name, Scale::Linear, Scale::FromZero, Marks::Run(&run), &series).into_string();
+        let found = texts(&svg);
+        assert_eq!(found[..3], ["2", "4", "8"]);
+        assert_eq!(found.iter().filter(|text| text.starts_with("2.5") || text.starts_with("3")).count(), 0, "{found:?}");
+        // The name of the axis stands in lines, all of it.
+        assert!(found.windows(2).any(|pair| format!("{}{}", pair[0], pair[1]) == name), "{found:?}");
+        // Values without room are left out, the first and the last are not.
+        let many: Vec<f64> = (1000..1100).map(f64::from).collect();
+        let points = many.iter().map(|&x| (x, x)).collect();
+        let series = [Series { name: "a", points, line: true }];
+        let svg = chart("x", "y", Scale::Linear, Scale::FromZero, Marks::Run(&many), &series).into_string();
+        let found = texts(&svg);
+        let own: Vec<&&str> = found.iter().take_while(|text| text.contains(',')).collect();
+        assert!(own.len() < 20 && *own[0] == "1,000" && *own[own.len() - 1] == "1,099", "{found:?}");
+        let names: Vec<String> = ["sort-middle-binned", "sort-last-fragment", "sort-last-image", "true", "false"].map(String::from).into();
+        let series = [Series { name: "mean", points: (0..5).map(|at| (f64::from(at), 1.0)).collect(), line: false }];
+        let svg = chart("sort", "cycles", Scale::Linear, Scale::FromZero, Marks::Names(&names), &series).into_string();
+        assert!(names.iter().all(|name| texts(&svg).contains(&name.as_str())), "{svg}");
+    }
+
+    #[test]
+    fn cells_have_digits_enough_to_differ_and_heads_are_whole() {
+        let table = Heat {
+            rows: ("sort", vec!["sort-middle-binned-and-more-than-22".into()]),
+            columns: ("sort", vec!["sort-last-fragment".into(), "sort-last-image".into()]),
+            values: vec![vec![Some(129_795.0), Some(129_952.0)]],
+        };
+        let svg = heat("t", &table);
+        let found = texts(&svg);
+        for text in ["sort-middle-binned-and-more-than-22", "sort-last-fragment", "sort-last-image", "129.8k", "129.95k"] {
+            assert!(found.contains(&text), "{text}: {found:?}");
+        }
     }
 
     #[test]

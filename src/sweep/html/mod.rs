@@ -3,10 +3,10 @@
 use maud::{Markup, PreEscaped, html};
 
 use super::answer;
-use super::outcome::{Effect, MachineResult, Response, SweepResult, Within, front, plain, ratio};
+use super::outcome::{Effect, MachineResult, Reference, Response, SweepResult, Within, plain, ratio};
 use crate::knob::Setting;
 use crate::report::html::{Column, PageSection, bar, heads, page as whole, part, readable, sentence, share};
-use crate::report::plots::{Heat, Scale, Series, alone, chart, heat};
+use crate::report::plots::{Heat, Marks, Scale, Series, alone, chart, heat};
 
 /// Machines that the table lists.
 const LISTED: usize = 2000;
@@ -36,6 +36,15 @@ enum Drawn {
 }
 
 impl Drawn {
+    /// What the axis of a plot is called.
+    fn name(self, sweep: &SweepResult<'_>) -> String {
+        match self {
+            Drawn::Cycles if sweep.estimated.is_empty() => "cycles (geometric mean)".into(),
+            Drawn::Cycles => "estimated cycles (geometric mean)".into(),
+            Drawn::Measure(at) => format!("{} (arithmetic mean)", sweep.measures[at]),
+        }
+    }
+
     fn mean(self, sweep: &SweepResult<'_>, of: impl Fn(&MachineResult) -> bool) -> Option<f64> {
         match self {
             Drawn::Cycles => sweep.mean(of).map(|mean| mean.0),
@@ -53,58 +62,83 @@ impl Drawn {
     }
 }
 
-/// Cycles or a measure by the values of an axis of numbers, with a curve for each value of the other axis that does most.
+/// Where the values of an axis stand along it: numbers at their own places, names and switches one behind another.
+struct Along {
+    places: Vec<f64>,
+    names: Option<Vec<String>>,
+}
+
+impl Along {
+    fn new(effect: &Effect) -> Along {
+        match effect.responses.iter().map(|own| place(&own.value)).collect() {
+            Some(places) => Along { places, names: None },
+            None => Along {
+                places: (0..effect.responses.len()).map(|at| at as f64).collect(),
+                names: Some(effect.responses.iter().map(|own| plain(&own.value)).collect()),
+            },
+        }
+    }
+
+    /// A plot over the axis.
+    fn chart(&self, x: &str, y: &str, mut series: Vec<(String, Vec<(f64, f64)>)>) -> Option<Markup> {
+        series.retain(|(_, points)| !points.is_empty());
+        series.iter_mut().for_each(|(_, points)| points.sort_by(|a, b| a.0.total_cmp(&b.0)));
+        let values: Vec<f64> = series.iter().flat_map(|(_, points)| points.iter().map(|point| point.1)).collect();
+        if values.is_empty() {
+            return None;
+        }
+        let own = |(name, points)| Series { name, points, line: self.names.is_none() };
+        let series: Vec<Series<'_>> = series.iter().map(|(name, points)| (name.as_str(), points.clone())).map(own).collect();
+        let marks = self.names.as_ref().map_or(Marks::Run(&self.places), |names| Marks::Names(names));
+        // If values differ by less than a power, an axis from 0 shows how little that is.
+        let y_scale = if scale(&values) == Scale::Log { Scale::Log } else { Scale::FromZero };
+        Some(chart(x, y, scale(&self.places), y_scale, marks, &series))
+    }
+}
+
+/// Cycles or a measure by the values of an axis, with a curve for each value of the other axis that does most.
 fn curve(sweep: &SweepResult<'_>, effects: &[Effect], effect: &Effect, drawn: Drawn) -> Option<Markup> {
-    let places: Option<Vec<f64>> = effect.responses.iter().map(|own| place(&own.value)).collect();
-    let places = places.filter(|places| places.len() > 1)?;
-    let few = |other: &&Effect| other.axis != effect.axis && (2..=CURVES).contains(&other.responses.len());
+    let along = (effect.responses.len() > 1).then(|| Along::new(effect))?;
+    // Where not all combinations were run, curves by another axis would be of different machines.
+    let few = |other: &&Effect| other.axis != effect.axis && (2..=CURVES).contains(&other.responses.len()) && !sweep.is_fitted();
     let spread = |other: &&Effect| drawn.spread(sweep, other);
     let other = effects.iter().filter(few).max_by(|a, b| spread(a).total_cmp(&spread(b))).filter(|other| spread(other) > 0.001);
     let points = |second: Option<(usize, &Setting)>| -> Vec<(f64, f64)> {
-        let point = |response: &Response| {
+        let point = |(response, &place): (&Response, &f64)| {
             let own = |machine: &MachineResult| {
                 machine.settings[effect.axis] == response.value
                     && sweep.tells(effect.axis, machine)
                     && second.is_none_or(|(axis, value)| machine.settings[axis] == *value)
             };
-            Some((place(&response.value)?, drawn.mean(sweep, own)?))
+            let value = match (drawn, second) {
+                (Drawn::Cycles, None) => response.cycles,
+                _ => drawn.mean(sweep, own)?,
+            };
+            Some((place, value))
         };
-        effect.responses.iter().filter_map(point).collect()
+        effect.responses.iter().zip(&along.places).filter_map(point).collect()
     };
-    let mut series: Vec<(String, Vec<(f64, f64)>)> = match other {
+    let series: Vec<(String, Vec<(f64, f64)>)> = match other {
         Some(other) => {
             let own = other.responses.iter();
             own.map(|own| (format!("{}={}", other.path, plain(&own.value)), points(Some((other.axis, &own.value))))).collect()
         }
         None => vec![("mean".into(), points(None))],
     };
-    series.retain(|(_, points)| !points.is_empty());
-    series.iter_mut().for_each(|(_, points)| points.sort_by(|a, b| a.0.total_cmp(&b.0)));
-    let series: Vec<Series<'_>> =
-        series.iter().map(|(name, points)| Series { name, points: points.clone(), line: true }).collect();
-    let values: Vec<f64> = series.iter().flat_map(|own| own.points.iter().map(|point| point.1)).collect();
-    if values.is_empty() {
-        return None;
-    }
-    let name = match drawn {
-        Drawn::Cycles => "cycles",
-        Drawn::Measure(at) => &sweep.measures[at],
-    };
-    // Where values differ by less than this, an axis from 0 shows how little that is.
-    let wide = scale(&values) == Scale::Log;
-    Some(chart(&effect.path, name, scale(&places), if wide { Scale::Log } else { Scale::FromZero }, &series))
+    along.chart(&effect.path, &drawn.name(sweep), series)
 }
 
 /// The table of an axis: every value.
-fn table(sweep: &SweepResult<'_>, effect: &Effect, best: f64) -> Markup {
+fn table(sweep: &SweepResult<'_>, effect: &Effect, reference: &Reference) -> Markup {
     let most = effect.responses.iter().map(|own| own.cycles).fold(0.0, f64::max);
+    let over = format!("Geometric mean of the speed-ups over {}.", reference.name());
     let mut columns = vec![
         Column("value", place(&effect.responses[0].value).is_some(), ""),
         Column("machines", true, ""),
-        Column("cycles", true, "Geometric mean."),
-        Column("by the fastest", true, "By the cycles of the fastest machine."),
+        Column(if sweep.estimated.is_empty() { "cycles" } else { "estimated cycles" }, true, "Geometric mean of the machines."),
+        Column("speed-up", true, &over),
     ];
-    columns.extend(sweep.measures.iter().map(|name| Column(name, true, "Mean of the machines.")));
+    columns.extend(sweep.measures.iter().map(|name| Column(name, true, "Arithmetic mean of the machines.")));
     let measure = |own: &Response, at: usize| sweep.axis_measure(effect.axis, &own.value, at, None);
     html! { div.scroll { table.sortable {
         (heads(&columns))
@@ -112,7 +146,7 @@ fn table(sweep: &SweepResult<'_>, effect: &Effect, best: f64) -> Markup {
             @match place(&own.value) { Some(number) => td.n data-value=(number) { (readable(number)) }, None => td.name { (plain(&own.value)) } }
             td.n data-value=(own.machines) { (own.machines) }
             td.n data-value=(own.cycles) { (readable(own.cycles.round())) }
-            td.n data-value=(own.cycles / best) { (format!("{:.3}", own.cycles / best)) }
+            td.n data-value=(reference.cycles / own.cycles) { (format!("{:.3}", reference.cycles / own.cycles)) }
             @for at in 0..sweep.measures.len() { (measured(measure(own, at))) }
             td.wide { (bar("bar", &[("b-read", own.cycles / most, String::new())])) }
         } } }
@@ -175,7 +209,7 @@ fn by_trace(sweep: &SweepResult<'_>, effects: &[Effect]) -> Option<Markup> {
     let traces = sweep.trace_names();
     (traces.len() > 1 && !effects.is_empty()).then(|| {
         let mut columns = vec![Column("axis", false, "")];
-        columns.extend(traces.iter().map(|name| Column(name, true, "Cycles at the worst value by those at the best.")));
+        columns.extend(traces.iter().map(|name| Column(name, true, "Cycles at the worst value divided by those at the best.")));
         html! {
             div.scroll { table.sortable {
                 (heads(&columns))
@@ -187,7 +221,7 @@ fn by_trace(sweep: &SweepResult<'_>, effects: &[Effect]) -> Option<Markup> {
                     }
                 } } }
             } }
-            p.note { "Cycles at an axis's worst value by those at its best, geometric means over the machines. Elsewhere on this page, except for the answer, cycles are sums over the traces." }
+            p.note { "Cycles at an axis's worst value divided by those at its best, geometric means over the machines. Elsewhere on this page cycles are geometric means over the traces, too." }
             @for effect in effects { @if effect.responses.len() > 1 {
                 h3 { code { (effect.path) } " by " (sweep.trace_axis()) }
                 div.two { @for (_, plot) in trace_plots(sweep, effect) { figure { (plot) } } }
@@ -201,7 +235,7 @@ fn by_trace(sweep: &SweepResult<'_>, effects: &[Effect]) -> Option<Markup> {
 fn measure_by_trace(sweep: &SweepResult<'_>, effect: &Effect, at: usize, traces: &[String]) -> Markup {
     let numbers = place(&effect.responses[0].value).is_some();
     let mut columns = vec![Column(&sweep.measures[at], numbers, "")];
-    columns.extend(traces.iter().map(|name| Column(name, true, "Mean of the machines.")));
+    columns.extend(traces.iter().map(|name| Column(name, true, "Arithmetic mean of the machines.")));
     html! { div.scroll { table.sortable {
         (heads(&columns))
         tbody { @for own in &effect.responses { tr {
@@ -217,8 +251,8 @@ fn trace_plots(sweep: &SweepResult<'_>, effect: &Effect) -> Vec<(String, Markup)
     let traces = sweep.trace_names();
     let cycles: Vec<Vec<Response>> =
         (0..traces.len()).map(|trace| sweep.responses(effect.axis, Within::Trace(trace))).collect();
-    let places: Option<Vec<f64>> = effect.responses.iter().map(|own| place(&own.value)).collect();
-    let Some(places) = places else {
+    let along = Along::new(effect);
+    if along.names.is_some() {
         let columns = effect.responses.iter().map(|own| plain(&own.value)).collect();
         let cell = |own: &Response, value: &Setting| (own.value == *value).then_some(own.cycles);
         let row = |own: &Vec<Response>| -> Vec<Option<f64>> {
@@ -231,33 +265,22 @@ fn trace_plots(sweep: &SweepResult<'_>, effect: &Effect) -> Vec<(String, Markup)
         };
         let svg = heat(&format!("Cycles by {} and {}", sweep.trace_axis(), effect.path), &table);
         return vec![(format!("trace-{}", effect.path), PreEscaped(svg))];
-    };
-    let drawn = |name: &str, curves: Vec<Vec<(f64, f64)>>| {
-        let series: Vec<Series<'_>> = traces
-            .iter()
-            .zip(curves)
-            .map(|(name, mut points)| {
-                points.sort_by(|a, b| a.0.total_cmp(&b.0));
-                Series { name, points, line: true }
-            })
-            .filter(|series| !series.points.is_empty())
-            .collect();
-        let values: Vec<f64> = series.iter().flat_map(|own| own.points.iter().map(|point| point.1)).collect();
-        let wide = scale(&values) == Scale::Log;
-        chart(&effect.path, name, scale(&places), if wide { Scale::Log } else { Scale::FromZero }, &series)
+    }
+    let mut plots = Vec::new();
+    let mut put = |file: String, drawn: Drawn, curves: Vec<Vec<(f64, f64)>>| {
+        let series = traces.iter().cloned().zip(curves).collect();
+        plots.extend(along.chart(&effect.path, &drawn.name(sweep), series).map(|plot| (file, plot)));
     };
     let points = |own: &Vec<Response>| own.iter().filter_map(|own| Some((place(&own.value)?, own.cycles))).collect();
-    let mut plots = vec![(format!("trace-{}", effect.path), drawn("cycles", cycles.iter().map(points).collect()))];
-    for (at, name) in sweep.measures.iter().enumerate() {
+    put(format!("trace-{}", effect.path), Drawn::Cycles, cycles.iter().map(points).collect());
+    for at in 0..sweep.measures.len() {
         let points = |trace: usize| -> Vec<(f64, f64)> {
             let point =
                 |own: &Response| Some((place(&own.value)?, sweep.axis_measure(effect.axis, &own.value, at, Some(trace))?));
             effect.responses.iter().filter_map(point).collect()
         };
-        let curves: Vec<Vec<(f64, f64)>> = (0..traces.len()).map(points).collect();
-        if curves.iter().any(|points| !points.is_empty()) {
-            plots.push((format!("trace-measure-{}-{}", at + 1, effect.path), drawn(name, curves)));
-        }
+        let curves = (0..traces.len()).map(points).collect();
+        put(format!("trace-measure-{}-{}", at + 1, effect.path), Drawn::Measure(at), curves);
     }
     plots
 }
@@ -265,7 +288,7 @@ fn trace_plots(sweep: &SweepResult<'_>, effect: &Effect) -> Vec<(String, Markup)
 /// What an axis does at least to fill its bar: an effect of a few thousandths looks small.
 const LITTLE: f64 = 0.05;
 
-fn sensitivities(effects: &[Effect]) -> Option<Markup> {
+fn sensitivities(sweep: &SweepResult<'_>, effects: &[Effect]) -> Option<Markup> {
     let most = effects.iter().map(|effect| effect.ratio - 1.0).fold(0.0, f64::max);
     let end = |effect: &Effect, worst: bool| {
         let order = |a: &&Response, b: &&Response| a.cycles.total_cmp(&b.cycles);
@@ -275,7 +298,7 @@ fn sensitivities(effects: &[Effect]) -> Option<Markup> {
     (!effects.is_empty()).then(|| {
         html! {
             div.scroll { table.sortable {
-                (heads(&[Column("axis", false, ""), Column("worst by best", true, "Geometric mean of the cycles at the worst value by that at the best."), Column("best value", false, ""), Column("worst value", false, "")]))
+                (heads(&[Column("axis", false, ""), Column("worst divided by best", true, "Geometric mean of the cycles at the worst value, divided by that at the best."), Column("best value", false, ""), Column("worst value", false, "")]))
                 tbody { @for effect in effects { tr {
                     td.name { code { (effect.path) } }
                     td.n data-value=(effect.ratio) { (format!("{:.3}", effect.ratio)) }
@@ -283,13 +306,16 @@ fn sensitivities(effects: &[Effect]) -> Option<Markup> {
                     td.wide { (bar("bar", &[("b-read", (effect.ratio - 1.0) / most.max(LITTLE), String::new())])) }
                 } } }
             } }
-            p.note { "Each value stands for the geometric mean of the cycles of all machines that have it." }
+            p.note {
+                "Each value stands for the geometric mean of the " (if sweep.estimated.is_empty() { "cycles" } else { "estimated cycles" }) " of all machines that have it"
+                @if sweep.is_fitted() { "; as not all combinations were run, for the least-squares mean" } "."
+            }
         }
     })
 }
 
 fn responses(sweep: &SweepResult<'_>, effects: &[Effect]) -> Option<Markup> {
-    let (_, best) = sweep.timed().next()?;
+    let reference = sweep.reference()?;
     Some(html! { @for effect in effects {
         h3 { code { (effect.path) } }
         div.two {
@@ -297,13 +323,16 @@ fn responses(sweep: &SweepResult<'_>, effects: &[Effect]) -> Option<Markup> {
             @for at in 0..sweep.measures.len() {
                 @if let Some(curve) = curve(sweep, effects, effect, Drawn::Measure(at)) { figure { (curve) } }
             }
-            div { (table(sweep, effect, best as f64)) }
+            div { (table(sweep, effect, &reference)) }
         }
     } })
 }
 
-/// The two axes that do most as a table of cycles in colours.
+/// The two axes that do most as a table of cycles in colours. None if cells would be of machines that differ in further axes.
 fn map(sweep: &SweepResult<'_>, effects: &[Effect]) -> Option<String> {
+    if sweep.is_fitted() && sweep.axes.len() > 2 {
+        return None;
+    }
     let mut sides: Vec<&Effect> =
         effects.iter().filter(|effect| (2..=SIDE).contains(&effect.responses.len())).take(2).collect();
     sides.sort_by_key(|effect| effect.axis);
@@ -320,50 +349,48 @@ fn map(sweep: &SweepResult<'_>, effects: &[Effect]) -> Option<String> {
     Some(heat(&format!("Cycles by {} and {}", rows.path, columns.path), &table))
 }
 
-/// Cycles against cost, with the machines that no other is better than.
+/// Cycles against cost, with the machines of the front.
 fn pareto(sweep: &SweepResult<'_>) -> Option<(Markup, Markup)> {
-    let (name, costs) = sweep.costs()?;
-    let points: Vec<(u64, f64)> = sweep.timed().map(|(_, cycles)| cycles).zip(costs).collect();
-    if points.len() < 2 {
-        return None;
-    }
-    let on = front(&points);
-    let side = |wanted: bool| {
-        let own = points.iter().zip(&on).filter(|(_, on)| **on == wanted);
-        own.map(|(&(cycles, cost), _)| (cost, cycles as f64)).collect::<Vec<_>>()
-    };
-    let mut best = side(true);
-    best.sort_by(|a, b| a.0.total_cmp(&b.0));
-    let costs: Vec<f64> = points.iter().map(|point| point.1).collect();
-    let cycles: Vec<f64> = points.iter().map(|point| point.0 as f64).collect();
-    let series = [
-        Series { name: "on the front", points: best, line: true },
-        Series { name: "others", points: side(false), line: false },
-    ];
-    let plot = chart(&name, "cycles", scale(&costs), scale(&cycles), &series);
+    let (name, front) = sweep.front()?;
+    let (_, costs) = sweep.costs()?;
+    let best: Vec<(f64, f64)> = front.iter().map(|(_, cycles, cost, _)| (*cost, *cycles)).collect();
+    let is_on = |machine: &MachineResult| front.iter().any(|own| own.0.number == machine.number);
+    let others = sweep.timed().zip(&costs).filter(|((machine, _), _)| !is_on(machine));
+    let others: Vec<(f64, f64)> = others.map(|((_, cycles), &cost)| (cost, cycles)).collect();
+    let cycles: Vec<f64> = sweep.timed().map(|machine| machine.1).collect();
+    let series =
+        [Series { name: "on the front", points: best, line: true }, Series { name: "others", points: others, line: false }];
+    let plot = chart(&name, "cycles", scale(&costs), scale(&cycles), Marks::Round, &series);
     let table = html! {
         div.scroll.tall { table.sortable id="front" {
-            (heads(&[Column("machine", true, ""), Column("settings", false, ""), Column("cycles", true, ""), Column(&name, true, "")]))
-            tbody { @for ((machine, cycles), ((_, cost), on)) in sweep.timed().zip(points.iter().zip(&on)) { @if *on { tr {
+            (heads(&[Column("machine", true, ""), Column("cycles", true, ""), Column(&name, true, ""), Column("machines alike", true, "Other machines with as many cycles and as much cost, within the tolerance."), Column("settings", false, "")]))
+            tbody { @for (machine, cycles, cost, alike) in &front { tr {
                 td.n data-value=(machine.number) { (machine.number) }
-                td.name { (sweep.described(machine)) }
-                td.n data-value=(cycles) { (readable(cycles as f64)) }
+                td.n data-value=(cycles) { (readable(cycles.round())) }
                 td.n data-value=(cost) { (readable(*cost)) }
-            } } } }
+                td.n data-value=(alike) { (alike) }
+                td.name { (sweep.described(machine)) }
+            } } }
         } }
     };
     Some((plot, table))
 }
 
 fn machines(sweep: &SweepResult<'_>) -> Option<Markup> {
-    let (_, best) = sweep.timed().next()?;
+    let over = sweep.timed().find(|(machine, _)| sweep.is_base(machine));
+    let title = over.map_or(String::new(), |(base, _)| format!("Speed-up over the base, machine {}.", base.number));
+    sweep.timed().next()?;
     let (dram, cost) = (sweep.machines.iter().any(|machine| machine.dram.is_some()), !sweep.inputs.experiment.cost.is_empty());
     let numeric: Vec<bool> = (0..sweep.parameters.len())
         .map(|at| sweep.machines.iter().all(|machine| place(&machine.settings[at]).is_some()))
         .collect();
     let mut columns = vec![Column("machine", true, "Its number in the plan.")];
     columns.extend(sweep.parameters.iter().zip(&numeric).map(|(path, numbers)| Column(path, *numbers, "")));
-    columns.extend([Column("cycles", true, "Of all traces and frames."), Column("by the fastest", true, "")]);
+    let mean = if sweep.inputs.experiment.traces.len() > 1 { "Of all frames, the geometric mean over the traces." } else { "Of all frames." };
+    columns.push(Column("cycles", true, mean));
+    if over.is_some() {
+        columns.push(Column("speed-up", true, &title));
+    }
     columns.extend(sweep.measures.iter().map(|name| Column(name, true, "")));
     if dram {
         columns.push(Column("DRAM bytes", true, ""));
@@ -392,9 +419,13 @@ fn machines(sweep: &SweepResult<'_>) -> Option<Markup> {
                     @match place(setting).filter(|_| *numbers) { Some(number) => td.n data-value=(number) { (shown(setting)) }, None => td { (shown(setting)) } }
                 }
                 @match machine.cycles {
-                    Some(cycles) => { td.n data-value=(cycles) { (readable(cycles as f64)) } td.n data-value=(cycles as f64 / best as f64) { (format!("{:.3}", cycles as f64 / best as f64)) } },
-                    None => { td.n data-value="" title=[machine.error.as_deref()] { "error" } td.n data-value="" { "\u{2013}" } },
+                    Some(cycles) => td.n data-value=(cycles.round()) { (readable(cycles.round())) },
+                    None => td.n data-value="" title=[machine.error.as_deref()] { "error" },
                 }
+                @if let Some((_, base)) = over { @match machine.cycles {
+                    Some(cycles) => td.n data-value=(base / cycles) { (format!("{:.3}", base / cycles)) },
+                    None => td.n data-value="" { "\u{2013}" },
+                } }
                 @for value in &machine.measures { (measured(*value)) }
                 @if dram { @match machine.dram { Some(bytes) => td.n data-value=(bytes) { (readable(bytes)) }, None => td.n data-value="" { "\u{2013}" } } }
                 @if cost { @match machine.cost { Some(cost) => td.n data-value=(cost) { (readable(cost as f64)) }, None => td.n data-value="" { "\u{2013}" } } }
@@ -428,7 +459,7 @@ pub fn page(sweep: &SweepResult<'_>) -> String {
     let map = map(sweep, &effects).map(|svg| html! { figure { (PreEscaped(svg)) figcaption { "Cycles, geometric means over the other axes. Lighter is faster; colours go by powers." } } });
     let pareto = match pareto(sweep) {
         Some((plot, table)) => {
-            html! { div.two { figure { (plot) figcaption { "No machine on the front is beaten in both." } } (table) } }
+            html! { div.two { figure { (plot) figcaption { "Each machine on the front takes fewer cycles than all that cost less. Machines within " (answer::tolerance()) " of each other in both count as one." } } (table) } }
         }
         None => {
             html! { p.note { "There is no cost that all machines have: the experiment names none, and does not keep memory.dram." } }
@@ -437,7 +468,7 @@ pub fn page(sweep: &SweepResult<'_>) -> String {
     let parts: Vec<PageSection> = [
         part("answer", "Answer", Some(answer(sweep))),
         part("run", "What was run", Some(run(sweep))),
-        part("sensitivities", "Sensitivities", sensitivities(&effects)),
+        part("sensitivities", "Sensitivities", sensitivities(sweep, &effects)),
         part("responses", "Response curves", responses(sweep, &effects)),
         part("traces", format!("By {}", sweep.trace_axis()), by_trace(sweep, &effects)),
         part("map", "Two axes", map),
