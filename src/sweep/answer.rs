@@ -309,14 +309,15 @@ fn cheapest(sweep: &SweepResult<'_>) -> String {
     if sweep.inputs.experiment.cost.trim().is_empty() {
         return String::new();
     }
-    let (Some((best, least)), Some((name, costs))) = (sweep.timed().next(), sweep.costs()) else { return String::new() };
+    let (Some((best, least)), Some((_, costs))) = (sweep.timed().next(), sweep.costs()) else { return String::new() };
+    let name = sweep.cost_name();
     let close = sweep.timed().zip(&costs).take_while(|((_, cycles), _)| *cycles <= TOLERANCE * least);
     let Some(((machine, cycles), cost)) = close.min_by(|a, b| a.1.total_cmp(b.1)) else { return String::new() };
     if machine.number == best.number || *cost >= costs[0] {
-        return format!(" It is also the cheapest one within 1 % of that: `{name}` is {}.", measured(costs[0]));
+        return format!(" It is also the cheapest one within 1 % of that: {name} is {}.", measured(costs[0]));
     }
     format!(
-        " The cheapest one within 1 % of it is number {} (`{}`), with {} cycles: `{name}` is {} instead of {}.",
+        " The cheapest one within 1 % of it is number {} (`{}`), with {} cycles: {name} is {} instead of {}.",
         machine.number,
         sweep.described(machine),
         grouped(cycles.round() as u64),

@@ -148,7 +148,8 @@ pub struct Experiment {
     /// or `NAME = FORMULA`.
     #[serde(default)]
     pub measures: Vec<String>,
-    /// What a machine costs, a formula over its knobs as links have: the page sets it against cycles. Empty: the bytes of DRAM traffic are.
+    /// What a machine costs, a formula over its knobs as links have, and over `area`, the bytes of SRAM of the [area model](super::area): the page sets
+    /// it against cycles. Empty: the bytes of DRAM traffic are.
     #[serde(default)]
     pub cost: String,
 }

@@ -6,6 +6,7 @@
 //! for any number of threads, shards and interruptions.
 
 pub mod answer;
+pub mod area;
 pub mod entry;
 pub mod experiment;
 pub mod folder;

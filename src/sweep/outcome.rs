@@ -513,8 +513,16 @@ impl<'s> SweepResult<'s> {
         let named = &self.inputs.experiment.cost;
         let cost = |machine: &MachineResult| if named.is_empty() { machine.dram } else { machine.cost.map(|cost| cost as f64) };
         let costs: Option<Vec<f64>> = self.timed().map(|(machine, _)| cost(machine)).collect();
-        let name = if named.is_empty() { "bytes of DRAM traffic".to_owned() } else { named.clone() };
-        costs.filter(|costs| !costs.is_empty()).map(|costs| (name, costs))
+        costs.filter(|costs| !costs.is_empty()).map(|costs| (self.cost_name().replace('`', ""), costs))
+    }
+
+    /// The cost in a sentence: a formula between backticks.
+    pub fn cost_name(&self) -> String {
+        match self.inputs.experiment.cost.trim() {
+            "" => "bytes of DRAM traffic".to_owned(),
+            "area" => "area in bytes of SRAM".to_owned(),
+            formula => format!("`{formula}`"),
+        }
     }
 
     /// The Pareto front of cycles and cost: what the cost is, and for each machine on the front its cycles, its cost, and how many other machines are

@@ -2,6 +2,7 @@
 
 use anyhow::{Result, anyhow, bail};
 
+use super::area::area;
 use super::entry::Keep;
 use super::experiment::{Design, Experiment};
 use super::link::{Condition, Formula, Link, Variable};
@@ -10,6 +11,9 @@ use crate::knob::Setting;
 use crate::machine::Config;
 use crate::num::Random;
 use crate::report::pages::Glossary;
+
+/// What a formula of the cost calls the bytes of the [area model](super::area).
+const AREA: &str = "area";
 
 /// Machines of a plan that is not asked to be larger.
 pub const MOST_MACHINES: u64 = 1_000_000;
@@ -137,7 +141,7 @@ impl Plan {
             text => {
                 // A link of which only the formula counts.
                 let link = Link::parse(&format!("cost={text}")).map_err(|reason| anyhow!("the cost `{text}` {reason}"))?;
-                for path in link.reads() {
+                for path in link.reads().into_iter().filter(|path| *path != AREA) {
                     base.knob("--cost", path)?;
                 }
                 Some(link)
@@ -147,7 +151,9 @@ impl Plan {
         plan.exclude()?;
         // A link that gives no number or one that its knob does not take is found before anything runs.
         for number in 0..plan.len() {
-            if let Some((config, _)) = plan.settings(number)? {
+            if let Some((config, _)) = plan.settings(number)?
+                && !plan.cost.as_ref().is_some_and(|cost| cost.reads().contains(&AREA))
+            {
                 plan.cost(&config)?;
             }
         }
@@ -187,12 +193,12 @@ impl Plan {
     /// What a machine costs; none where the experiment does not say.
     ///
     /// # Errors
-    /// If the formula gives no whole number.
+    /// If the formula gives no whole number, or reads the area of a machine that cannot be built.
     pub fn cost(&self, config: &Config) -> Result<Option<u64>> {
-        self.cost
-            .as_ref()
-            .map(|cost| cost.value(config, &[]).map_err(|reason| anyhow!(reason.replace("the link cost=", "the cost "))))
-            .transpose()
+        let Some(cost) = &self.cost else { return Ok(None) };
+        let area = cost.reads().contains(&AREA).then(|| area(config)).transpose()?;
+        let variables: Vec<Variable<'_>> = area.map(|area| (AREA, area)).into_iter().collect();
+        cost.value(config, &variables).map(Some).map_err(|reason| anyhow!(reason.replace("the link cost=", "the cost ")))
     }
 
     /// What is measured of machines beside cycles: the name of each, or its text where it has none, and the formula.
@@ -514,6 +520,7 @@ mod tests {
             (r#"vary: ["pipelines=1..4"], where: ["pipelines>4"]"#, "none of 4 combinations meets the conditions"),
             (r#"where: ["pipelnes>4"]"#, "pipelines is the nearest"),
             (r#"where: ["pipelines"]"#, "is no condition"),
+            (r#"cost: "aria""#, "there is no key aria"),
             (r#"measures: ["=cycles"]"#, "has no name"),
             (r#"measures: ["a=b=cycles"]"#, "the measure `a=b=cycles` has `=cycles`"),
         ] {

@@ -202,8 +202,8 @@ fn by_trace(out: &mut String, sweep: &SweepResult<'_>) {
 
 /// The Pareto front of cycles and cost.
 fn costs(out: &mut String, sweep: &SweepResult<'_>) {
-    let Some((name, front)) = sweep.front() else { return };
-    let name = if sweep.inputs.experiment.cost.trim().is_empty() { name } else { format!("`{name}`") };
+    let Some((_, front)) = sweep.front() else { return };
+    let name = sweep.cost_name();
     let _ = writeln!(
         out,
         "\n## Cycles against cost: {}\n\nEach machine here takes fewer cycles than all that cost less. Machines within {} of each other in both count as one.\n\n\

@@ -31,6 +31,11 @@ fn configuration_page_is_up_to_date() {
 }
 
 #[test]
+fn area_page_is_up_to_date() {
+    check("data/area.md", &fillrate::sweep::area::page().expect("the baseline is sound"));
+}
+
+#[test]
 fn limits_page_is_up_to_date() {
     check("data/limits.md", &limits::page());
 }

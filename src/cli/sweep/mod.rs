@@ -88,7 +88,8 @@ pub struct Arguments {
     /// Tell this of machines beside cycles: a formula over statistics, such as caches.texture.misses/caches.texture.accesses; may be repeated
     #[arg(help_heading = "Output", long, value_name = "[NAME=]FORMULA")]
     measure: Vec<String>,
-    /// What a machine costs, such as pipelines*core.per_pipeline: the page sets it against cycles [default: bytes of DRAM traffic]
+    /// What a machine costs, such as pipelines*core.per_pipeline, or area (bytes of SRAM by a model): the page sets it against cycles [default: bytes
+    /// of DRAM traffic]
     #[arg(help_heading = "Output", long, value_name = "FORMULA")]
     cost: Option<String>,
     /// Keep the statistics at this path and below; may be repeated [default: all]
