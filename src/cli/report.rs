@@ -32,6 +32,7 @@ use crate::sweep::html;
 use crate::sweep::inputs::begun;
 use crate::sweep::outcome::SweepResult;
 use crate::sweep::report::REPORT as SWEEP_REPORT;
+use crate::sweep::timing::Screening;
 use crate::trace::Trace;
 use crate::why::why;
 use crate::work::{FUNNEL, Funnel};
@@ -261,7 +262,14 @@ fn sweep(arguments: &Arguments, out: &Path) -> Result<Verdict> {
     let (inputs, plan) = begun(folder)?;
     let (mut results, ended) = Results::so_far(folder, inputs.shards)?;
     let sweep = SweepResult::read(&inputs, &plan, &mut results)?;
-    let sweep = if ended { sweep } else { sweep.unfinished() };
+    let mut sweep = if ended { sweep } else { sweep.unfinished() };
+    // Effects of axes come from all estimates, as on the page that the sweep leaves.
+    if let Some(screening) = Screening::read(folder)?.filter(|_| ended) {
+        if screening.machines.len() != plan.len() as usize {
+            bail!("{} has the estimates of other machines: run the sweep again", folder.display());
+        }
+        sweep = sweep.screened(&plan, &screening)?;
+    }
     host::write_file(out, html::page(&sweep).as_bytes()).with_context(|| format!("cannot write {}", out.display()))?;
     if arguments.plots {
         write_plots(folder, &html::plots(&sweep))?;

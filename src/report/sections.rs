@@ -3,15 +3,18 @@
 use super::terminal;
 
 /// Sections of the report of a sweep: the name of each, and the beginning of its heading.
-const OF_SWEEP: [(&str, &str); 9] = [
+const OF_SWEEP: [(&str, &str); 12] = [
     ("answer", "# "),
     ("run", "## What was run"),
     ("table", "## Cycles by"),
     ("table", "## Estimated cycles by"),
     ("axes", "## `"),
     ("traces", "## By "),
+    ("front", "## Cycles against cost"),
     ("machines", "## The fastest machines"),
+    ("search", "## The search"),
     ("screen", "## The screen"),
+    ("screen", "## Estimates"),
     ("errors", "## Machines with an error"),
 ];
 

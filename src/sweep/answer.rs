@@ -4,7 +4,7 @@
 //! says so. The same holds for some values of another axis: of such axes, the answer names the one on which the effect depends most. Traces
 //! that are one scene in several variants are an axis themselves.
 
-use super::outcome::{TOLERANCE, Effect, MachineResult, Response, SweepResult, Within, plain, ratio};
+use super::outcome::{Effect, MachineResult, Response, SweepResult, TOLERANCE, Within, plain, ratio};
 use crate::knob::Setting;
 use crate::report::summary::grouped;
 
@@ -32,14 +32,12 @@ pub struct Finding {
     pub path: String,
     /// What its values do, all machines together.
     pub text: String,
-    /// On what that depends, and what its values do there: numbers in their order, names where it does most first. Empty: it is much the same everywhere.
-    pub by: Vec<By>,
+    /// What its values do on each trace, and at each value of another axis, in sentences: numbers in their order, names where it does most first.
+    /// Empty: it is much the same everywhere.
+    pub by: Vec<String>,
     /// What its values do to each measure that depends on it.
     pub measures: Vec<String>,
 }
-
-/// The name of another axis or of what traces differ in, and a sentence for each of its values.
-pub type By = (String, Vec<(String, String)>);
 
 /// The smallest number from which on all numbers of an axis are as good as the best; none of names, or where it is the largest.
 fn enough(responses: &[Response]) -> Option<u64> {
@@ -63,14 +61,14 @@ fn most(responses: &[Response]) -> Option<&Response> {
     responses.iter().rev().max_by(|a, b| a.cycles.total_cmp(&b.cycles))
 }
 
-/// What an axis does, in short.
+/// What an axis does, as the end of a sentence.
 fn short(responses: &[Response]) -> Option<String> {
     let (best, worst, ratio) = (least(responses)?, most(responses)?, ratio(responses));
     if ratio < NOTHING {
-        return Some("no difference".into());
+        return Some("its values make no difference".into());
     }
     let from = enough(responses).map_or(String::new(), |value| format!(" (from {value} on within 5 % of the best)"));
-    Some(format!("{ratio:.2} times as fast at {} as at {}{from}", plain(&best.value), plain(&worst.value)))
+    Some(format!("{} is {ratio:.2} times as fast as {}{from}", plain(&best.value), plain(&worst.value)))
 }
 
 /// By which parts are ordered: how many times faster the largest number is than the smallest; of names, the best than the worst.
@@ -130,12 +128,21 @@ fn split(parts: impl Iterator<Item = (Setting, Vec<Response>)>) -> Option<(f64, 
     Some((high / low * if other { 1.1 } else { 1.0 }, own))
 }
 
-/// The sentences of the parts in which the axis does most.
-fn listed(name: &str, mut parts: Vec<AxisEffect>) -> By {
+/// The sentences of the parts in which the axis does most: values of another axis, or traces where there is no name.
+fn listed(name: Option<&str>, mut parts: Vec<AxisEffect>) -> String {
     parts.truncate(LISTED);
     // Numbers stand in their order; names stay where they are.
     parts.sort_by_key(|part| if let Setting::Number(number) = part.value { number } else { 0 });
-    (name.to_owned(), parts.into_iter().map(|part| (plain(&part.value), part.text)).collect())
+    let mut sentences = Vec::new();
+    for (at, AxisEffect { value, text, .. }) in parts.iter().enumerate() {
+        let value = plain(value);
+        sentences.push(match name {
+            None => format!("On {value}, {text}."),
+            Some(name) if at == 0 => format!("With `{name}` at {value}, {text}."),
+            Some(_) => format!("At {value}, {text}."),
+        });
+    }
+    sentences.join(" ")
 }
 
 /// A measure for readers: four digits behind the point, where it is neither a whole number nor a large one.
@@ -167,20 +174,23 @@ fn settled(values: &[AxisPoint]) -> String {
         let far = numbers.iter().rposition(|(_, own)| (own - last).abs() > (ENOUGH - 1.0) * last.abs())?;
         numbers.get(far + 1).filter(|_| far + 2 < numbers.len())
     });
-    from.map_or(String::new(), |(value, _)| format!(", from {value} on within 5 % of its last value"))
+    from.map_or(String::new(), |(value, _)| format!("from {value} on it is within 5 % of its last value"))
 }
 
 /// What the values of an axis do to a measure, in a sentence; none where that is nothing.
 fn moved(name: &str, values: &[AxisPoint]) -> Option<String> {
-    let [low, high] = ends(values)?.map(|(setting, value)| format!("{} at {}", measured(*value), plain(setting)));
-    let from = settled(values).replacen(',', ";", 1);
-    Some(format!("`{name}` is least, {low}, and most, {high}{from}."))
+    let [low, high] = ends(values)?.map(|(setting, value)| format!("at {} ({})", plain(setting), measured(*value)));
+    let from = match settled(values) {
+        none if none.is_empty() => none,
+        from => format!("; {from}"),
+    };
+    Some(format!("`{name}` is smallest {low} and largest {high}{from}."))
 }
 
-/// The same in short: from the smallest number to the largest, from off to on, of names from the most to the least.
+/// The same as the end of a sentence: from the smallest number to the largest, from off to on, of names from the most to the least.
 fn moved_short(values: &[AxisPoint]) -> String {
     let Some([low, high]) = ends(values) else {
-        return values.first().map_or(String::new(), |(_, value)| format!("{} at all values", measured(*value)));
+        return values.first().map_or(String::new(), |(_, value)| format!("it is {} at all values", measured(*value)));
     };
     let mut along: Vec<&AxisPoint> = values.iter().collect();
     along.sort_by_key(|(setting, _)| match setting {
@@ -197,7 +207,11 @@ fn moved_short(values: &[AxisPoint]) -> String {
         change => format!(" ({change:+.1} %)"),
     };
     let at = |(setting, value): &(Setting, f64)| format!("{} at {}", measured(*value), plain(setting));
-    format!("from {} to {}{change}{}", at(from), at(to), settled(values))
+    let settled = match settled(values) {
+        none if none.is_empty() => none,
+        from => format!("; {from}"),
+    };
+    format!("it goes from {} to {}{change}{settled}", at(from), at(to))
 }
 
 /// A measure at the values of an axis, on all traces together or on one.
@@ -220,10 +234,10 @@ fn measure(sweep: &SweepResult<'_>, effect: &Effect, at: usize) -> Option<String
         return whole;
     }
     let part =
-        |(trace, called): (usize, &String)| format!("{called}: {}", moved_short(&places(sweep, effect, at, Some(trace))));
+        |(trace, called): (usize, &String)| format!("On {called}, {}.", moved_short(&places(sweep, effect, at, Some(trace))));
     let parts: Vec<String> = traces.iter().take(LISTED).enumerate().map(part).collect();
-    let parts = format!("`{}`: {}.", sweep.trace_axis(), parts.join("; "));
-    Some(whole.map_or_else(|| format!("`{name}` by {parts}"), |whole| format!("{whole} By {parts}")))
+    let parts = parts.join(" ");
+    Some(whole.map_or_else(|| format!("`{name}` is the same on the whole. {parts}"), |whole| format!("{whole} {parts}")))
 }
 
 /// What each axis does, the one that does most first.
@@ -236,7 +250,7 @@ pub fn findings(sweep: &SweepResult<'_>) -> Vec<Finding> {
         let traces = sweep.trace_names().into_iter().map(Setting::Name).enumerate();
         if let Some((weight, own)) = split(traces.map(|(at, name)| (name, sweep.responses(effect.axis, Within::Trace(at))))) {
             if weight >= ALIKE {
-                by.push(listed(sweep.trace_axis(), own));
+                by.push(listed(None, own));
             } else if named {
                 text.push_str(&format!(" It hardly depends on the {}.", sweep.trace_axis()));
             }
@@ -256,7 +270,11 @@ pub fn findings(sweep: &SweepResult<'_>) -> Vec<Finding> {
 }
 
 /// The axis on whose values it depends most what an axis, or the traces, do; none where they do much the same everywhere.
-fn most_by_axis(sweep: &SweepResult<'_>, own: Option<usize>, responses: &dyn Fn(Within<'_>) -> Vec<Response>) -> Option<By> {
+fn most_by_axis(
+    sweep: &SweepResult<'_>,
+    own: Option<usize>,
+    responses: &dyn Fn(Within<'_>) -> Vec<Response>,
+) -> Option<String> {
     // Traces were run on the same machines. Values of an axis may have been run with other values of further axes.
     if own.is_some() && sweep.is_fitted() {
         return None;
@@ -271,7 +289,7 @@ fn most_by_axis(sweep: &SweepResult<'_>, own: Option<usize>, responses: &dyn Fn(
             best = Some((weight, &axis.path, parts));
         }
     }
-    best.map(|(_, name, parts)| listed(name, parts))
+    best.map(|(_, name, parts)| listed(Some(name), parts))
 }
 
 /// Which machine is fastest, in a sentence.
@@ -365,17 +383,19 @@ pub fn scope(sweep: &SweepResult<'_>) -> String {
         );
     }
     let fitted = if sweep.is_fitted() {
-        " Not all combinations of values were run: each axis is told by least-squares means, which part its effect from those of the others."
+        "Not all combinations of values were run. Effects are those of an additive model (least-squares means), which parts each axis from the others. "
     } else {
         ""
     };
     if !sweep.estimated.is_empty() {
         let simulated = sweep.timed().count();
-        return format!("By the estimates of {} machines, of which {simulated} were simulated:{fitted}", sweep.estimated.len());
+        return format!("{fitted}By the estimates of {} machines, of which {simulated} were simulated:", sweep.estimated.len());
     }
     match sweep.inputs.experiment.screen {
-        Some(_) => format!("Among the {} machines that were simulated, the fastest by estimate:{fitted}", sweep.timed().count()),
-        None => fitted.trim_start().to_owned(),
+        Some(_) => {
+            format!("{fitted}Among the {} machines that were simulated, the fastest by estimate:", sweep.timed().count())
+        }
+        None => fitted.trim_end().to_owned(),
     }
 }
 
@@ -395,7 +415,7 @@ mod tests {
             text,
             "`core.warps` is best at 8 and worst at 1, which takes 2.00 times as many cycles. From 4 on, all are within 5 % of the best."
         );
-        assert_eq!(short(&own).as_deref(), Some("2.00 times as fast at 8 as at 1 (from 4 on within 5 % of the best)"));
+        assert_eq!(short(&own).as_deref(), Some("8 is 2.00 times as fast as 1 (from 4 on within 5 % of the best)"));
         // The last value alone is enough: that it is the best says so.
         assert_eq!(enough(&responses(&[(1, 300.0), (2, 200.0), (4, 100.0)])), None);
         // A larger value may be worse again.
@@ -404,18 +424,18 @@ mod tests {
         let text = moved("misses/lookups", &rates).expect("a sentence");
         assert_eq!(
             text,
-            "`misses/lookups` is least, 0.2000 at 64, and most, 0.5000 at 16; from 32 on within 5 % of its last value."
+            "`misses/lookups` is smallest at 64 (0.2000) and largest at 16 (0.5000); from 32 on it is within 5 % of its last value."
         );
         assert_eq!(moved("x", &rates[2..]), None);
         assert_eq!(
             moved_short(&rates),
-            "from 0.5000 at 16 to 0.2000 at 128 (-60.0 %), from 32 on within 5 % of its last value"
+            "it goes from 0.5000 at 16 to 0.2000 at 128 (-60.0 %); from 32 on it is within 5 % of its last value"
         );
-        assert_eq!(moved_short(&rates[2..]), "0.2000 at all values");
+        assert_eq!(moved_short(&rates[2..]), "it is 0.2000 at all values");
         let switch = [true, false].map(|on| (Setting::Switch(on), f64::from(u8::from(on))));
-        assert_eq!(moved_short(&switch), "from 0 at false to 1 at true");
+        assert_eq!(moved_short(&switch), "it goes from 0 at false to 1 at true");
         let names = [("a", 1.0), ("b", 4.0), ("c", 2.0)].map(|(name, value)| (Setting::Name(name.into()), value));
-        assert_eq!(moved_short(&names), "from 4 at b to 1 at a (-75.0 %)");
+        assert_eq!(moved_short(&names), "it goes from 4 at b to 1 at a (-75.0 %)");
         let same = long("x", &responses(&[(1, 100.0), (2, 100.2)])).expect("a sentence");
         assert!(same.contains("makes no difference"), "{same}");
     }

@@ -102,6 +102,17 @@ pub struct Screen {
     pub keep: u32,
 }
 
+/// How machines are searched for the fastest, instead of simulating all or those that a screen chooses.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case", deny_unknown_fields)]
+pub enum Search {
+    /// Successive halving: all machines are estimated; the fastest are simulated on few frames, half of these on twice as many, and so on.
+    Halving {
+        /// Machines of the first rung.
+        machines: u32,
+    },
+}
+
 /// An experiment.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -141,6 +152,9 @@ pub struct Experiment {
     /// A screen before the simulation.
     #[serde(default)]
     pub screen: Option<Screen>,
+    /// A search instead of a screen.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub search: Option<Search>,
     /// Statistics that are kept: paths, each with all below it. Empty: all.
     #[serde(default)]
     pub keep: Vec<String>,

@@ -53,7 +53,7 @@ impl Shard {
 /// How the name of a file ends that grows.
 const PART: &str = "part";
 
-/// The results of a shard while it runs: `shard-I-of-N.jsonl.part`, a line per machine and trace, in the order in which they end.
+/// The results of a shard, or of a rung of a search, while it runs: `shard-I-of-N.jsonl.part`, a line per machine and trace, in the order in which they end.
 pub struct Journal {
     file: File,
     part: PathBuf,
@@ -69,16 +69,15 @@ impl Journal {
         place.with_extension(format!("jsonl.{PART}"))
     }
 
-    /// Opens the results of a shard, with what an earlier run of it has left. A line that was cut off goes. None: they are complete.
+    /// Opens a file of results, such as that of a shard, with what an earlier run has left. A line that was cut off goes. None: they are complete.
     ///
     /// # Errors
     /// If another process writes them, or they cannot be written.
-    pub fn open(folder: &Path, shard: Shard) -> Result<Option<(Journal, Done)>> {
-        let place = shard.file(folder);
+    pub fn open(place: &Path) -> Result<Option<(Journal, Done)>> {
         if place.exists() {
             return Ok(None);
         }
-        let part = Journal::part(&place);
+        let part = Journal::part(place);
         let name = part.display().to_string();
         let file = OpenOptions::new().read(true).write(true).create(true).truncate(false).open(&part);
         let mut file = file.with_context(|| format!("cannot write {name}"))?;
@@ -100,7 +99,7 @@ impl Journal {
             whole += length as u64;
         }
         file.set_len(whole).and_then(|()| file.seek(SeekFrom::Start(whole))).with_context(|| format!("cannot write {name}"))?;
-        Ok(Some((Journal { file, part, place }, done)))
+        Ok(Some((Journal { file, part, place: place.to_owned() }, done)))
     }
 
     /// Adds a result.
@@ -121,7 +120,8 @@ impl Journal {
     /// If it cannot be written.
     pub fn end(self) -> Result<()> {
         let Journal { file, part, place } = self;
-        let mut results = Results::read(file, &part)?;
+        let mut results = Results::default();
+        results.add(file, &part)?;
         host::replace(&place, |out| -> Result<()> { results.each_line(|line| Ok(out.write_all(line)?)) }).with_context(
             || format!("cannot write {}; results so far are kept, and the same command goes on from there", place.display()),
         )?;
@@ -160,8 +160,13 @@ struct Key {
 }
 
 impl Results {
-    fn read(file: File, path: &Path) -> Result<Results> {
+    /// The results of one file.
+    ///
+    /// # Errors
+    /// If it cannot be read.
+    pub fn read(path: &Path) -> Result<Results> {
         let mut results = Results::default();
+        let file = File::open(path).with_context(|| format!("cannot read {}", path.display()))?;
         results.add(file, path)?;
         Ok(results)
     }
@@ -297,19 +302,19 @@ mod tests {
     fn a_journal_goes_on_behind_the_last_whole_line_and_ends_sorted() {
         let home = tempfile::tempdir().expect("a folder");
         let shard = Shard::default();
-        let (mut journal, done) = Journal::open(home.path(), shard).expect("it opens").expect("nothing is there");
+        let (mut journal, done) = Journal::open(&shard.file(home.path())).expect("it opens").expect("nothing is there");
         assert!(done.is_empty());
         journal.add(&entry(2)).expect("written");
         // Nobody else writes it now.
-        let other = Journal::open(home.path(), shard).map(|_| ()).expect_err("locked").to_string();
+        let other = Journal::open(&shard.file(home.path())).map(|_| ()).expect_err("locked").to_string();
         assert!(other.contains("another process"), "{other}");
         journal.file.write_all(b"{\"trace\":0,\"mach").expect("written");
         drop(journal);
-        let (mut journal, done) = Journal::open(home.path(), shard).expect("it opens").expect("it has not ended");
+        let (mut journal, done) = Journal::open(&shard.file(home.path())).expect("it opens").expect("it has not ended");
         assert_eq!(done, Done::from([(0, 2)]));
         journal.add(&entry(0)).expect("written");
         journal.end().expect("it ends");
-        assert!(Journal::open(home.path(), shard).expect("it opens").is_none());
+        assert!(Journal::open(&shard.file(home.path())).expect("it opens").is_none());
         let mut machines = Vec::new();
         let mut results = Results::open(&[home.path().to_owned()], 1).expect("all shards");
         let each = |entry: Entry| {

@@ -95,6 +95,8 @@ pub fn differences(a: &Begun<'_>, b: &Begun<'_>, where_: [&str; 2]) -> Result<Ve
     put("design", &written(&one.design)?, &written(&two.design)?);
     let screen = |own: &Experiment| own.screen.as_ref().map_or(Ok(String::new()), written);
     put("screen", &screen(one)?, &screen(two)?);
+    let search = |own: &Experiment| own.search.as_ref().map_or(Ok(String::new()), written);
+    put("search", &search(one)?, &search(two)?);
     put("kept statistics", &one.keep.join(", "), &two.keep.join(", "));
     put("measures", &one.measures.join(", "), &two.measures.join(", "));
     put("question", &one.question, &two.question);

@@ -16,6 +16,7 @@ pub mod link;
 pub mod outcome;
 pub mod plan;
 pub mod report;
+pub mod search;
 pub mod table;
 pub mod tables;
 pub mod timing;

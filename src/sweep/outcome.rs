@@ -17,7 +17,7 @@ use super::folder::Results;
 use super::inputs::Inputs;
 use super::link::Formula;
 use super::plan::{Axis, Plan, described};
-use super::timing::Screened;
+use super::timing::{Screened, Screening};
 use crate::knob::Setting;
 use crate::report::order;
 
@@ -323,8 +323,8 @@ impl<'s> SweepResult<'s> {
     ///
     /// # Errors
     /// If a machine is not in the plan.
-    pub fn screened(mut self, plan: &Plan, screened: &[Screened]) -> Result<SweepResult<'s>> {
-        for Screened { machine, estimate, .. } in screened {
+    pub fn screened(mut self, plan: &Plan, screening: &Screening) -> Result<SweepResult<'s>> {
+        for Screened { machine, estimate, .. } in &screening.machines {
             let Ok(traces) = estimate else { continue };
             let traces: Vec<u64> = traces.iter().map(|cycles| cycles.round() as u64).collect();
             self.estimated.push(MachineResult {
@@ -365,7 +365,9 @@ impl<'s> SweepResult<'s> {
     /// The machine among those from which effects are derived that others are compared with: the base, or else the first one. None if there is no
     /// result.
     pub fn reference(&self) -> Option<Reference> {
-        let of = |is_base: bool| move |(machine, cycles): (&MachineResult, f64)| Reference { number: machine.number, is_base, cycles };
+        let of = |is_base: bool| {
+            move |(machine, cycles): (&MachineResult, f64)| Reference { number: machine.number, is_base, cycles }
+        };
         let first = || self.telling().min_by_key(|(machine, _)| machine.number).map(of(false));
         self.telling().find(|(machine, _)| self.is_base(machine)).map(of(true)).or_else(first)
     }
@@ -554,11 +556,16 @@ impl<'s> SweepResult<'s> {
             let named = |values: &[Option<f64>]| -> serde_json::Map<String, Value> {
                 self.measures.iter().zip(values).map(|(name, value)| (name.clone(), json!(value))).collect()
             };
+            // Of one trace cycles are whole.
+            let whole = |cycles: Option<f64>| match (cycles, &machine.traces[..]) {
+                (_, [only]) => json!(only),
+                (cycles, _) => json!(cycles),
+            };
             let by_trace: Vec<_> = machine.trace_measures.iter().map(|values| named(values)).collect();
             json!({
                 "machine": machine.number,
                 "settings": settings,
-                "cycles": machine.cycles,
+                "cycles": whole(machine.cycles),
                 "traces": machine.traces,
                 "measures": named(&machine.measures),
                 "trace_measures": by_trace,
@@ -625,7 +632,8 @@ mod tests {
 
     #[test]
     fn the_front_stands_for_all_points_within_its_tolerance() {
-        let points = [(1000.0, 100.0), (999.0, 400.0), (500.0, 100.5), (500.0, 101.0), (250.0, 300.0), (251.0, 299.0), (250.0, 9000.0)];
+        let points =
+            [(1000.0, 100.0), (999.0, 400.0), (500.0, 100.5), (500.0, 101.0), (250.0, 300.0), (251.0, 299.0), (250.0, 9000.0)];
         // The second is hardly faster than the first. The third is much faster and costs as much.
         assert_eq!(front(&points), [FrontPoint { at: 2, alike: 1 }, FrontPoint { at: 4, alike: 1 }]);
         assert!(front(&[]).is_empty());

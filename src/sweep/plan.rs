@@ -4,11 +4,11 @@ use anyhow::{Result, anyhow, bail};
 
 use super::area::area;
 use super::entry::Keep;
-use super::experiment::{Design, Experiment};
+use super::experiment::{Design, Experiment, Search};
 use super::link::{Condition, Formula, Link, Variable};
 use super::values::{numbers, values};
 use crate::knob::Setting;
-use crate::machine::Config;
+use crate::machine::{Config, ConfigError};
 use crate::num::Random;
 use crate::report::pages::Glossary;
 
@@ -50,6 +50,8 @@ pub struct Plan {
     conditions: [Vec<Condition>; 2],
     /// Combinations that do not meet a condition.
     excluded: u64,
+    /// How many machines break a rule between knobs, and which rule the first of them breaks.
+    broken: Option<(u32, String)>,
     /// What a machine costs; none: the experiment does not say.
     cost: Option<Link>,
     /// What is measured of machines beside cycles: the name, or the formula's text, and the formula.
@@ -135,6 +137,12 @@ impl Plan {
                 bail!("no link reads the variable {}: it changes no machine", axis.path);
             }
         }
+        if experiment.screen.is_some() && experiment.search.is_some() {
+            bail!("the experiment has a screen and a search, which both choose the machines that are simulated: leave one out");
+        }
+        if let Some(Search::Halving { machines: 0 }) = experiment.search {
+            bail!("the search asks for 0 machines");
+        }
         let chosen = choose(&base, &axes, &experiment.design, most)?;
         let cost = match experiment.cost.trim() {
             "" => None,
@@ -147,14 +155,17 @@ impl Plan {
                 Some(link)
             }
         };
-        let mut plan = Plan { base, axes, links, conditions, excluded: 0, cost, measures: measures(experiment)?, chosen };
+        let mut plan =
+            Plan { base, axes, links, conditions, excluded: 0, broken: None, cost, measures: measures(experiment)?, chosen };
         plan.exclude()?;
         // A link that gives no number or one that its knob does not take is found before anything runs.
         for number in 0..plan.len() {
-            if let Some((config, _)) = plan.settings(number)?
-                && !plan.cost.as_ref().is_some_and(|cost| cost.reads().contains(&AREA))
-            {
+            let Some((config, _)) = plan.settings(number)? else { continue };
+            if !plan.cost.as_ref().is_some_and(|cost| cost.reads().contains(&AREA)) {
                 plan.cost(&config)?;
+            }
+            if let Err(error) = config.check() {
+                plan.broken.get_or_insert_with(|| (0, rule(&config, &error))).0 += 1;
             }
         }
         Ok(plan)
@@ -178,6 +189,11 @@ impl Plan {
         }
         self.chosen = Chosen::Listed(kept);
         Ok(())
+    }
+
+    /// How many machines break a rule between knobs, so that they cannot be run, and the rule that the first of them breaks.
+    pub fn broken(&self) -> Option<(u32, &str)> {
+        self.broken.as_ref().map(|(count, rule)| (*count, rule.as_str()))
     }
 
     /// Combinations that are no machines, because they do not meet a condition.
@@ -301,8 +317,7 @@ impl Plan {
         config.name = format!("{} with {}", self.base.name, described(&self.parameters(), &settings));
         let config = match config.check() {
             Ok(()) => Ok(config),
-            // The rule alone: which machine it is stands beside it.
-            Err(error) => Err(error.to_string().trim_start_matches(&format!("{}: ", config.name)).to_owned()),
+            Err(error) => Err(rule(&config, &error)),
         };
         Ok(Planned { number, settings, config })
     }
@@ -331,6 +346,11 @@ fn measures(experiment: &Experiment) -> Result<Vec<(String, Formula)>> {
         Ok((name.trim().to_owned(), formula))
     };
     experiment.measures.iter().map(read).collect()
+}
+
+/// The rule that a configuration breaks, alone: which machine it is stands beside it.
+fn rule(config: &Config, error: &ConfigError) -> String {
+    error.to_string().trim_start_matches(&format!("{}: ", config.name)).to_owned()
 }
 
 /// Settings as the command line takes them.
@@ -491,6 +511,7 @@ mod tests {
         let plan = plan(r#"vary: ["memory.l2.slices=3,16"]"#).expect("a plan");
         let error = plan.machine(0).expect("a machine").config.expect_err("three slices for eight channels");
         assert!(error.contains("memory.l2.slices") && !error.contains(" with "), "{error}");
+        assert_eq!(plan.broken(), Some((1, error.as_str())));
         assert!(plan.machine(1).expect("a machine").config.is_ok());
     }
 
@@ -520,6 +541,8 @@ mod tests {
             (r#"vary: ["pipelines=1..4"], where: ["pipelines>4"]"#, "none of 4 combinations meets the conditions"),
             (r#"where: ["pipelnes>4"]"#, "pipelines is the nearest"),
             (r#"where: ["pipelines"]"#, "is no condition"),
+            (r#"screen: (keep: 1), search: halving(machines: 8)"#, "a screen and a search"),
+            (r#"search: halving(machines: 0)"#, "0 machines"),
             (r#"cost: "aria""#, "there is no key aria"),
             (r#"measures: ["=cycles"]"#, "has no name"),
             (r#"measures: ["a=b=cycles"]"#, "the measure `a=b=cycles` has `=cycles`"),

@@ -3,9 +3,10 @@
 use std::fmt::Write;
 
 use super::answer;
-use super::outcome::{SweepResult, Within, mean, plain, ratio};
+use super::outcome::{MachineResult, SweepResult, Within, mean, plain, ratio};
 use super::plan::Plan;
-use super::timing::Screened;
+use super::search::Rung;
+use super::timing::Screening;
 use crate::knob::Setting;
 use crate::machine::config::SortClass;
 use crate::report::summary::grouped;
@@ -20,7 +21,7 @@ const SIDE: usize = 16;
 pub const REPORT: &str = "report.md";
 
 /// The page, in Markdown.
-pub fn page(sweep: &SweepResult<'_>, plan: &Plan, screened: Option<&[Screened]>) -> String {
+pub fn page(sweep: &SweepResult<'_>, plan: &Plan, screening: Option<&Screening>) -> String {
     let experiment = &sweep.inputs.experiment;
     let mut out = format!("# {}\n\n", if experiment.question.is_empty() { "A sweep" } else { &experiment.question });
     answered(&mut out, sweep);
@@ -34,7 +35,7 @@ pub fn page(sweep: &SweepResult<'_>, plan: &Plan, screened: Option<&[Screened]>)
         if experiment.frames == ".." { "all frames".into() } else { format!("frames {}", experiment.frames) },
         sweep.planned,
         sweep.timed().count(),
-        if screened.is_some() { "; the others were estimated only" } else { "" },
+        if screening.is_some() { "; the others were estimated only" } else { "" },
     );
     for axis in &experiment.vary {
         let _ = writeln!(out, "* axis `{axis}`");
@@ -58,8 +59,9 @@ pub fn page(sweep: &SweepResult<'_>, plan: &Plan, screened: Option<&[Screened]>)
         costs(&mut out, sweep);
         listed(&mut out, sweep);
     }
-    if let Some(screened) = screened {
-        screen(&mut out, sweep, plan, screened);
+    if let Some(screening) = screening {
+        search(&mut out, sweep, screening);
+        screen(&mut out, sweep, plan, screening);
     }
     errors(&mut out, sweep);
     out
@@ -74,12 +76,8 @@ fn answered(out: &mut String, sweep: &SweepResult<'_>) {
     }
     for answer::Finding { text, by, measures, .. } in answer::findings(sweep) {
         let _ = writeln!(out, "* {text}");
-        for (name, parts) in by {
-            let parts: Vec<String> = parts.iter().map(|(value, text)| format!("{value}: {text}")).collect();
-            let _ = writeln!(out, "  By `{name}`: {}.", parts.join("; "));
-        }
-        for measure in measures {
-            let _ = writeln!(out, "  {measure}");
+        for text in by.iter().chain(&measures) {
+            let _ = writeln!(out, "  {text}");
         }
     }
 }
@@ -94,11 +92,20 @@ fn errors(out: &mut String, sweep: &SweepResult<'_>) {
     if failed.is_empty() {
         return;
     }
-    out.push_str("\n## Machines with an error\n\n| machine | settings | error |\n|---|---|---|\n");
-    for (machine, error) in failed.iter().take(LISTED) {
-        let _ = writeln!(out, "| {} | {} | {} |", machine.number, sweep.described(machine), error.replace('|', "\\|"));
+    // Each reason once, with the first machine that it stopped.
+    let mut reasons: Vec<(&str, &MachineResult, u32)> = Vec::new();
+    for &(machine, error) in &failed {
+        match reasons.iter_mut().find(|known| known.0 == error) {
+            Some(known) => known.2 += 1,
+            None => reasons.push((error, machine, 1)),
+        }
     }
-    more(out, failed.len());
+    out.push_str("\n## Machines with an error\n\n| machines | the first of them | settings | error |\n|---|---|---|---|\n");
+    for (error, machine, count) in reasons.iter().take(LISTED) {
+        let _ =
+            writeln!(out, "| {count} | {} | {} | {} |", machine.number, sweep.described(machine), error.replace('|', "\\|"));
+    }
+    more(out, reasons.len());
 }
 
 /// Says how many rows are left out.
@@ -172,7 +179,10 @@ fn by_trace(out: &mut String, sweep: &SweepResult<'_>) {
     let heads = traces.join(" | ");
     let name = sweep.trace_axis();
     let what = cycles(sweep);
-    let _ = writeln!(out, "\n## By {name}: {what} at the worst value divided by those at the best\n\n| axis | {heads} |\n|---|{rule}");
+    let _ = writeln!(
+        out,
+        "\n## By {name}: {what} at the worst value divided by those at the best\n\n| axis | {heads} |\n|---|{rule}"
+    );
     let effects = sweep.effects();
     for effect in &effects {
         let cell = |trace: usize| format!("{:.3}", ratio(&sweep.responses(effect.axis, Within::Trace(trace))));
@@ -251,8 +261,33 @@ fn listed(out: &mut String, sweep: &SweepResult<'_>) {
     );
 }
 
+/// The rungs of a search: machines, and the frames on which they were simulated.
+fn search(out: &mut String, sweep: &SweepResult<'_>, screening: &Screening) {
+    if sweep.inputs.experiment.search.is_none() {
+        return;
+    }
+    let whole = screening.machines.iter().filter(|machine| machine.kept).count();
+    let last = Rung { machines: whole as u32, frames: screening.frames };
+    out.push_str("\n## The search\n\n| rung | machines | frames of each | frames simulated |\n|---|--:|--:|--:|\n");
+    let all = u64::from(sweep.planned);
+    let _ = writeln!(out, "| estimated | {all} | {} | 0 |", screening.frames);
+    let mut simulated = 0;
+    for (number, rung) in (1..).zip(screening.rungs.iter().chain([&last])) {
+        let own = u64::from(rung.machines) * u64::from(rung.frames);
+        simulated += own;
+        let _ = writeln!(out, "| {number} | {} | {} | {} |", rung.machines, rung.frames, grouped(own));
+    }
+    let _ = writeln!(
+        out,
+        "\n{} frames were simulated; all machines would take {}. A machine that the search left early was estimated on the frames that it was not simulated on, and may be the fastest.",
+        grouped(simulated),
+        grouped(all * u64::from(screening.frames))
+    );
+}
+
 /// How far the estimates of the machines that were simulated are off.
-fn screen(out: &mut String, sweep: &SweepResult<'_>, plan: &Plan, screened: &[Screened]) {
+fn screen(out: &mut String, sweep: &SweepResult<'_>, plan: &Plan, screening: &Screening) {
+    let screened = &screening.machines;
     let mut errors: Vec<f64> = Vec::new();
     // By sort class, in the order of the list of these.
     let mut classes: Vec<Vec<f64>> = vec![Vec::new(); SortClass::NAMES.len()];
@@ -276,7 +311,8 @@ fn screen(out: &mut String, sweep: &SweepResult<'_>, plan: &Plan, screened: &[Sc
     let unknown = screened.iter().filter(|machine| machine.estimate.is_err()).count();
     let _ = writeln!(
         out,
-        "\n## The screen\n\n{} machines were estimated by `bound`, and {kept} simulated; {unknown} of these have no estimate.",
+        "\n## {}\n\n{} machines were estimated by `bound`, and {kept} simulated; {unknown} of these have no estimate.",
+        if screening.frames > 0 { "Estimates" } else { "The screen" },
         screened.len() - unknown
     );
     errors.sort_by(f64::total_cmp);

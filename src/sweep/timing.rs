@@ -4,16 +4,20 @@ use std::collections::HashMap;
 use std::path::Path;
 use std::sync::{Mutex, PoisonError};
 
-use anyhow::{Result, anyhow, bail};
+use anyhow::{Context, Result, anyhow, bail};
 use rayon::prelude::*;
+use serde::{Deserialize, Serialize};
 
 use super::entry::{Entry, Keep, Row};
 use super::folder::{Done, Journal, Shard};
 use super::inputs::hash;
 use super::outcome::mean;
 use super::plan::{Plan, Planned};
+use super::search::Rung;
+use crate::host;
 use crate::machine::{Config, FrameReport};
 use crate::render::{self, FrameSet};
+use crate::run::bound::FrameEstimate;
 use crate::run::replay::no_frames;
 use crate::run::stored_work::{Profiles, Timing, time_each};
 use crate::trace::Trace;
@@ -30,6 +34,8 @@ pub struct Sweep<'s> {
     pub traces: &'s [(String, Trace)],
     /// Frames.
     pub frames: std::ops::Range<u32>,
+    /// How many of these frames are run, of each trace; none: all.
+    pub first: Option<Vec<u32>>,
     /// Statistics that are kept.
     pub keep: Keep,
     /// The machines that are run here.
@@ -55,7 +61,7 @@ pub enum Step {
 }
 
 /// A machine and its estimate.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Screened {
     /// Its number.
     pub machine: u32,
@@ -63,6 +69,54 @@ pub struct Screened {
     pub estimate: Result<Vec<f64>, String>,
     /// Whether it is simulated.
     pub kept: bool,
+    /// The rungs of a search on which it was simulated, on a part of the frames.
+    pub rungs: u32,
+}
+
+/// The estimates of all machines of a plan, and which machines were chosen by them.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Screening {
+    /// The machines, in the order of their numbers.
+    pub machines: Vec<Screened>,
+    /// The rungs of a search but the last, on which machines are simulated whole; empty after a screen.
+    pub rungs: Vec<Rung>,
+    /// The frames of all traces; 0 after a screen.
+    pub frames: u32,
+}
+
+/// The file of a folder that has a screening.
+const SCREENING: &str = "screen.json";
+
+/// Bytes of a screening at most: a hundred for each of many millions of machines.
+const SCREENING_MAX: u64 = 1 << 32;
+
+impl Screening {
+    /// Writes it into the folder of a sweep.
+    ///
+    /// # Errors
+    /// If it cannot be written.
+    pub fn write(&self, folder: &Path) -> Result<()> {
+        let path = folder.join(SCREENING);
+        host::write_file(&path, &serde_json::to_vec(self)?).with_context(|| format!("cannot write {}", path.display()))
+    }
+
+    /// Reads what is in the folder of a sweep; none: it has none, or has not ended.
+    ///
+    /// # Errors
+    /// If it cannot be read.
+    pub fn read(folder: &Path) -> Result<Option<Screening>> {
+        let path = folder.join(SCREENING);
+        if !path.exists() {
+            return Ok(None);
+        }
+        let text = host::read_text(&path, SCREENING_MAX).with_context(|| format!("cannot read {}", path.display()))?;
+        serde_json::from_str(&text).map(Some).with_context(|| format!("{} has no estimates of machines", path.display()))
+    }
+
+    /// Whether a machine was chosen to be simulated whole.
+    pub fn keeps(&self, machine: u32) -> bool {
+        self.machines[machine as usize].kept
+    }
 }
 
 /// What a sweep took.
@@ -76,19 +130,34 @@ pub struct Took {
     pub kept_bytes: u64,
 }
 
+impl Took {
+    /// One run after another.
+    pub fn and(self, other: Took) -> Took {
+        Took {
+            machines: self.machines + other.machines,
+            renderings: self.renderings + other.renderings,
+            kept_bytes: self.kept_bytes.max(other.kept_bytes),
+        }
+    }
+}
+
 impl Sweep<'_> {
-    fn options(&self) -> render::Options {
-        render::Options { frames: FrameSet::from(self.frames.clone()), ..render::Options::default() }
+    fn options(&self, trace: usize) -> render::Options {
+        let mut frames = self.frames.clone();
+        if let Some(first) = &self.first {
+            frames.end = frames.end.min(frames.start.saturating_add(first[trace]));
+        }
+        render::Options { frames: FrameSet::from(frames), ..render::Options::default() }
     }
 
-    /// Estimates all machines and chooses those that are simulated: those with the fewest cycles, and all that there is no estimate of.
+    /// Estimates all machines: of each, what `read` makes of the estimated cycles of the frames of each trace, or why there is no estimate.
     ///
     /// # Errors
     /// If a trace cannot be rendered, or has no frame in the range.
-    pub fn screened(&self, keep: u32) -> Result<Vec<Screened>> {
+    pub fn estimates<T: Clone + Send>(&self, read: &(dyn Fn(Vec<f64>) -> T + Sync)) -> Result<Vec<Result<Vec<T>, String>>> {
         (self.progress)(Step::Screen(u64::from(self.plan.len()) * self.traces.len() as u64));
-        let mut found: Vec<Result<Vec<f64>, String>> = vec![Ok(Vec::new()); self.plan.len() as usize];
-        for (name, trace) in self.traces {
+        let mut found: Vec<Result<Vec<T>, String>> = vec![Ok(Vec::new()); self.plan.len() as usize];
+        for (at, (name, trace)) in self.traces.iter().enumerate() {
             let mut profiles: HashMap<RenderKey, Profiles> = HashMap::new();
             for begin in (0..self.plan.len()).step_by(CHUNK as usize) {
                 let machines = begin..self.plan.len().min(begin + CHUNK);
@@ -96,19 +165,20 @@ impl Sweep<'_> {
                 for config in planned.iter().flat_map(|machine| &machine.config) {
                     let key = config.render_key();
                     if let std::collections::hash_map::Entry::Vacant(place) = profiles.entry(key) {
-                        place.insert(Profiles::render(trace, &self.options(), key)?);
+                        place.insert(Profiles::render(trace, &self.options(at), key)?);
                     }
                 }
-                let estimate = |machine: &Planned| -> Result<f64> {
+                let estimate = |machine: &Planned| -> Result<T> {
                     let config = machine.config.as_ref().map_err(|error| anyhow!("{error}"))?;
                     let frames = profiles[&config.render_key()].estimate(config)?;
                     if frames.is_empty() {
                         bail!("{name} has {}", no_frames(trace, &self.frames)?);
                     }
                     (self.progress)(Step::Done);
-                    Ok(frames.iter().flat_map(|frame| &frame.phases).map(|phase| phase.cycles).sum())
+                    let cycles = |frame: &FrameEstimate| frame.phases.iter().map(|phase| phase.cycles).sum();
+                    Ok(read(frames.iter().map(cycles).collect()))
                 };
-                let estimates: Vec<Result<f64>> = planned.par_iter().map(estimate).collect();
+                let estimates: Vec<Result<T>> = planned.par_iter().map(estimate).collect();
                 for (machine, estimate) in planned.iter().zip(estimates) {
                     let own = &mut found[machine.number as usize];
                     match (own.as_mut(), estimate) {
@@ -119,6 +189,15 @@ impl Sweep<'_> {
                 }
             }
         }
+        Ok(found)
+    }
+
+    /// Estimates all machines and chooses those that are simulated: those with the fewest cycles, and all that there is no estimate of.
+    ///
+    /// # Errors
+    /// As [`Sweep::estimates`].
+    pub fn screened(&self, keep: u32) -> Result<Screening> {
+        let found = self.estimates(&|frames| frames.iter().sum::<f64>())?;
         let mut order: Vec<(f64, usize)> = Vec::new();
         for (machine, estimate) in found.iter().enumerate() {
             if let Ok(traces) = estimate {
@@ -128,8 +207,9 @@ impl Sweep<'_> {
         order.sort_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
         let mut kept: Vec<bool> = found.iter().map(Result::is_err).collect();
         order.iter().take(keep as usize).for_each(|&(_, machine)| kept[machine] = true);
-        let screened = |(machine, (estimate, kept))| Screened { machine: machine as u32, estimate, kept };
-        Ok(found.into_iter().zip(kept).enumerate().map(screened).collect())
+        let screened = |(machine, (estimate, kept))| Screened { machine: machine as u32, estimate, kept, rungs: 0 };
+        let machines = found.into_iter().zip(kept).enumerate().map(screened).collect();
+        Ok(Screening { machines, rungs: Vec::new(), frames: 0 })
     }
 
     /// Runs the machines of the shard that have no result yet, and adds them to its journal. `chosen` says which machines are simulated.
@@ -138,11 +218,13 @@ impl Sweep<'_> {
     /// If a trace cannot be rendered or has no frame in the range, or a result cannot be written. What a machine stops on is its result.
     pub fn run(&self, chosen: &(dyn Fn(u32) -> bool + Sync), journal: Journal, done: &Done) -> Result<Took> {
         let own: Vec<u32> = (0..self.plan.len()).filter(|&machine| self.shard.has(machine) && chosen(machine)).collect();
-        let all = own.len() as u64 * self.traces.len() as u64;
+        let traces = (0..self.traces.len()).filter(|&at| self.first.as_ref().is_none_or(|first| first[at] > 0));
+        let traces: Vec<u32> = traces.map(|at| at as u32).collect();
+        let all = own.len() as u64 * traces.len() as u64;
         (self.progress)(Step::Simulate { all, done: done.len() as u64 });
         let journal = Mutex::new(journal);
         let mut took = Took::default();
-        for at in 0..self.traces.len() as u32 {
+        for at in traces {
             let left = own.iter().copied().filter(|&machine| !done.contains(&(at, machine)));
             // Machines by render key, keys in the order in which they come.
             let (mut keys, mut groups): (Vec<RenderKey>, Vec<Vec<(u32, Config)>>) = (Vec::new(), Vec::new());
@@ -200,7 +282,7 @@ impl Sweep<'_> {
             let (number, config) = &group[machine];
             self.add(journal, &entry(*number, config, frames)?)
         };
-        let own = time_each(trace, &self.options(), &machines, &read, &done)?;
+        let own = time_each(trace, &self.options(at as usize), &machines, &read, &done)?;
         took.renderings += own.renderings;
         took.machines += group.len() as u64;
         took.kept_bytes = took.kept_bytes.max(own.kept_bytes);
@@ -212,8 +294,8 @@ impl Sweep<'_> {
 ///
 /// # Errors
 /// As [`Sweep::run`], or if the folder cannot be written.
-pub fn run(folder: &Path, sweep: &Sweep<'_>, screened: Option<&[Screened]>) -> Result<Option<Took>> {
-    let Some((journal, done)) = Journal::open(folder, sweep.shard)? else { return Ok(None) };
-    let chosen = |machine: u32| screened.is_none_or(|list| list[machine as usize].kept);
+pub fn run(folder: &Path, sweep: &Sweep<'_>, screening: Option<&Screening>) -> Result<Option<Took>> {
+    let Some((journal, done)) = Journal::open(&sweep.shard.file(folder))? else { return Ok(None) };
+    let chosen = |machine: u32| screening.is_none_or(|screening| screening.keeps(machine));
     sweep.run(&chosen, journal, &done).map(Some)
 }

@@ -71,7 +71,7 @@ fn a_sweep_is_the_replays_that_it_stands_for() {
     let out = home.path().join("s");
     let (code, text, message) = sweep(&out, &[]);
     assert_eq!(code, LACKING, "{message}");
-    assert!(text.contains("6 machines: 3 with a result, 3 with an error") && text.contains(" 1 rendering,"), "{text}");
+    assert!(text.contains("6 machines: 3 with a result, 3 with an error") && text.contains(" 1 rendering, "), "{text}");
     // The answer says so at once, and which value was never run.
     let answer = text.lines().find(|line| line.starts_with("Of 3 machines ")).expect("an answer");
     assert!(
@@ -82,7 +82,10 @@ fn a_sweep_is_the_replays_that_it_stands_for() {
     assert!(message.contains("error: 3 of 6 machines have no result: see the end of "), "{message}");
     let rows = table(&out, "machines.csv");
     assert_eq!(rows.len(), 6);
-    assert!(text.contains("| 0 | memory.l2.slices=3 texture.cache_lines=16 | memory.l2.slices is 3"), "{:?}", rows[0]);
+    // A reason stands there once, and before anything runs.
+    assert!(text.contains("| 3 | 0 | memory.l2.slices=3 texture.cache_lines=16 | memory.l2.slices is 3"), "{:?}", rows[0]);
+    let note = "note: 3 of 6 machines break a rule between knobs and cannot be run, the first because: memory.l2.slices is 3, ";
+    assert!(message.starts_with(note), "{message}");
     for row in &rows[3..] {
         let one = home.path().join("r");
         let lines = format!("texture.cache_lines={}", row["texture.cache_lines"]);
@@ -126,23 +129,30 @@ fn the_answer_is_what_the_table_says() {
     let out = home.path().display().to_string();
     let measure = "caches.color.misses/caches.color.accesses";
     let asked = ["sweep", "traces/cube", "traces/triangle", "--config", "tiny", "--vary", "core.warps=1..8*2", "--vary"];
-    let more = ["depth.early=all", "--set", "scanout.enabled=false", "--measure", measure, "--out", &out];
-    let (code, text, message) = run(&[&asked[..], &more[..]].concat());
+    let base = ["--set", "core.warps=2", "--set", "scanout.enabled=false"];
+    let more = ["depth.early=all", "--measure", measure, "--out", &out];
+    let (code, text, message) = run(&[&asked[..], &more[..], &base[..]].concat());
     assert_eq!(code, 0, "{message}");
     let rows = table(home.path(), "machines.csv");
     assert_eq!(rows.len(), 16);
     let number = |row: &BTreeMap<String, String>, column: &str| row[column].parse::<f64>().expect("a number");
-    // Cycles of each machine over both traces, with its settings, and the measure of the sums.
+    // The geometric mean of the cycles of each machine over both traces, with its settings, and the measure of the sums.
     let mut machines: BTreeMap<&str, (f64, &str, [f64; 2])> = BTreeMap::new();
     for row in &rows {
-        let own = machines.entry(&row["machine"]).or_insert((0.0, &row["core.warps"], [0.0; 2]));
-        own.0 += number(row, "cycles");
+        let own = machines.entry(&row["machine"]).or_insert((1.0, &row["core.warps"], [0.0; 2]));
+        own.0 *= number(row, "cycles").sqrt();
         own.2[0] += number(row, "caches.color.misses");
         own.2[1] += number(row, "caches.color.accesses");
     }
     let least = machines.values().map(|own| own.0).fold(f64::INFINITY, f64::min);
-    let best = fillrate::report::summary::grouped(least as u64);
-    assert!(text.contains("Of 8 machines number") && text.contains(&format!("is the fastest, with {best} cycles")), "{text}");
+    let best = fillrate::report::summary::grouped(least.round() as u64);
+    let told = format!("is the fastest, with {best} cycles, the geometric mean over 2 traces;");
+    assert!(text.contains("Of 8 machines number") && text.contains(&told), "{text}");
+    // The base has 2 warps and early tests.
+    let base = rows.iter().find(|row| row["core.warps"] == "2" && row["depth.early"] == "true").expect("the base");
+    let speed_up = machines[base["machine"].as_str()].0 / least;
+    let told = format!("It is {speed_up:.2} times as fast as the base, machine {}.", base["machine"]);
+    assert!(text.contains(&told), "{told}: {text}");
     let mean = |warps: &str| {
         let own: Vec<f64> = machines.values().filter(|own| own.1 == warps).map(|own| own.0.ln()).collect();
         (own.iter().sum::<f64>() / own.len() as f64).exp()
@@ -151,7 +161,7 @@ fn the_answer_is_what_the_table_says() {
     let ratio = means.iter().copied().fold(0.0, f64::max) / means.iter().copied().fold(f64::INFINITY, f64::min);
     let told = text.lines().find(|line| line.starts_with("* `core.warps` is best at")).expect("a sentence");
     assert!(told.contains(&format!("which takes {ratio:.2} times as many cycles")), "{told} {ratio}");
-    assert!(text.contains("By `trace`: ") && text.contains("## By trace"), "{text}");
+    assert!(text.contains("\n  On cube, ") && text.contains("## By trace"), "{text}");
     for (number, (_, _, [misses, accesses])) in &machines {
         let row = text.lines().rfind(|line| line.starts_with(&format!("| {number} | "))).expect("a row");
         assert!(row.contains(&format!(" {:.4} |", misses / accesses)), "{row}");
@@ -186,7 +196,7 @@ fn threads_shards_and_interruptions_change_no_byte() {
     assert!(text.contains("1 machine simulated"), "{text}");
     assert!(files(&part) == wanted, "the interrupted sweep differs");
     // Once more: nothing is left to do.
-    assert!(sweep(&part, &[]).1.contains("had ended before"));
+    assert!(sweep(&part, &[]).1.contains("nothing is left to simulate"));
     assert!(files(&part) == wanted);
 
     // Shards, one of them in a folder of its own.
@@ -244,9 +254,132 @@ fn what_axes_do_is_told_by_all_machines_of_a_screen() {
     // The two that were simulated have the same number of warps.
     let machines = table(home.path(), "machines.csv");
     assert!(machines.len() == 2 && machines[0]["core.warps"] == machines[1]["core.warps"], "{machines:?}");
-    assert!(text.contains("\nBy the estimates of 6 machines, most of which were not simulated:\n"), "{text}");
+    assert!(text.contains("\nBy the estimates of 6 machines, of which 2 were simulated:\n"), "{text}");
     assert!(text.contains("* `core.warps` is best at 64 and worst at 1, which takes "), "{text}");
-    assert!(text.contains("| value | machines | estimated cycles (geometric mean) |"), "{text}");
+    let heads = "| value | machines | estimated cycles (geometric mean) | speed-up over the base, machine ";
+    assert!(text.contains(heads), "{text}");
+    // The same from the folder alone, byte for byte.
+    let page = fs::read(home.path().join("report.html")).expect("a page");
+    assert_eq!(run(&["report", &out]).0, 0);
+    assert!(fs::read(home.path().join("report.html")).expect("a page") == page, "`report` tells something else");
+}
+
+#[test]
+fn axes_that_were_run_together_are_parted() {
+    let home = tempfile::tempdir().expect("a folder");
+    let out = home.path().display().to_string();
+    // One warp only with one pipeline, and many only with four: means of what was run would give pipelines all that warps do.
+    let asked =
+        ["sweep", "traces/cube", "--config", "four-pipelines", "--vary", "core.warps=1,4,64", "--vary", "pipelines=1,2,4"];
+    let conditions = ["--where", "core.warps<=pipelines*16", "--where", "pipelines<=core.warps*2", "--out", &out];
+    let (code, text, message) = run(&[&asked[..], &conditions].concat());
+    assert_eq!(code, 0, "{message}");
+    assert!(text.contains("Not all combinations of values were run. Effects are those of an additive model"), "{text}");
+    assert!(!text.contains("  With `"), "values of further axes differ: {text}");
+}
+
+#[test]
+fn a_search_finds_the_best_of_the_grid_with_fewer_runs() {
+    let home = tempfile::tempdir().expect("a folder");
+    let space = ["traces/particles", "traces/cube", "--config", "four-pipelines", "--set", "scanout.enabled=false"];
+    let axes = ["core.warps=1,4,16,64", "core.per_pipeline=1,2,4", "memory.port_latency=10,160"];
+    let vary: Vec<&str> = axes.iter().flat_map(|axis| ["--vary", axis]).collect();
+    let asked = |folder: &str, more: &[&str]| -> (std::path::PathBuf, String) {
+        let out = home.path().join(folder);
+        let name = out.display().to_string();
+        let (code, text, message) =
+            run(&[&["sweep"], &space[..], &vary[..], &["--keep", "funnel", "--out", &name], more].concat());
+        assert_eq!(code, 0, "{message}");
+        (out, text)
+    };
+    let (_, grid) = asked("grid", &[]);
+    let (found, searched) = asked("search", &["--search", "halving:16"]);
+    let best = |text: &str| {
+        let line = text.lines().find(|line| line.starts_with("Of ")).expect("an answer");
+        line.split(" is the fastest, with ")
+            .next()
+            .and_then(|head| head.split(" number ").nth(1))
+            .expect("a machine")
+            .to_owned()
+    };
+    assert_eq!(best(&grid), best(&searched), "{searched}");
+    // 24 machines on 5 frames are 120; 16 machines on 2 frames, 8 on 3 and 4 on all are 76.
+    assert!(
+        searched.contains("\n| estimated | 24 | 5 | 0 |\n| 1 | 16 | 2 | 32 |\n| 2 | 8 | 3 | 24 |\n| 3 | 4 | 5 | 20 |\n"),
+        "{searched}"
+    );
+    assert!(searched.contains("76 frames were simulated; all machines would take 120."), "{searched}");
+    assert!(searched.contains("By the estimates of 24 machines, of which 4 were simulated:"), "{searched}");
+    let screen = table(&found, "screen.csv");
+    let counted = |rungs: &str| screen.iter().filter(|row| row["rungs"] == rungs).count();
+    assert_eq!((counted("0"), counted("1"), counted("2"), table(&found, "machines.csv").len()), (8, 8, 8, 4 * 5));
+    // What was simulated whole is what the grid has.
+    let rows = |folder: &str| table(&home.path().join(folder), "machines.csv");
+    let whole = rows("grid");
+    let same = |row: &BTreeMap<String, String>| {
+        let is_it =
+            |other: &&BTreeMap<String, String>| ["machine", "trace", "frame"].iter().all(|key| other[*key] == row[*key]);
+        whole.iter().find(is_it).is_some_and(|other| other["cycles"] == row["cycles"])
+    };
+    assert!(rows("search").iter().all(same));
+
+    // Killed on the second rung, in the middle of a line: the same bytes for any number of threads.
+    let wanted = files(&found);
+    let part = home.path().join("killed");
+    killed(&part, &wanted, None);
+    fs::write(part.join("rung-1-of-2.jsonl"), &wanted["rung-1-of-2.jsonl"]).expect("written");
+    let second = String::from_utf8(wanted["rung-2-of-2.jsonl"].clone()).expect("text");
+    let lines: Vec<&str> = second.lines().collect();
+    fs::write(part.join("rung-2-of-2.jsonl.part"), format!("{}\n{}", lines[5], &lines[2][..40])).expect("written");
+    let (again, _) = asked("killed", &["--search", "halving:16", "--threads", "1"]);
+    assert!(files(&again) == wanted, "the interrupted search differs");
+    let out = home.path().join("shard").display().to_string();
+    let message = refused(&[
+        "sweep",
+        "traces/cube",
+        "--vary",
+        "core.warps=1,2",
+        "--search",
+        "halving:8",
+        "--shard",
+        "1/2",
+        "--out",
+        &out,
+    ]);
+    assert!(message.contains("--search") && message.contains("--shard"), "{message}");
+}
+
+#[test]
+fn area_is_a_cost_and_the_front_has_a_tolerance() {
+    let home = tempfile::tempdir().expect("a folder");
+    let out = home.path().display().to_string();
+    let axes = ["--vary", "texture.cache_lines=16..1024*2", "--vary", "core.warps=1,64"];
+    let asked = ["sweep", "traces/shadow", "--config", "four-pipelines", "--cost", "area", "--out", &out];
+    let (code, text, message) = run(&[&asked[..], &axes].concat());
+    assert_eq!(code, 0, "{message}");
+    let rows = table(home.path(), "machines.csv");
+    let points: Vec<[f64; 2]> =
+        rows.iter().map(|row| ["cycles", "cost"].map(|name| row[name].parse().expect("a number"))).collect();
+    let at = |warps: &str, lines: &str| {
+        let is_it = |row: &&BTreeMap<String, String>| row["core.warps"] == warps && row["texture.cache_lines"] == lines;
+        rows.iter().find(is_it).expect("a machine")["cost"].parse::<f64>().expect("a cost")
+    };
+    assert!(at("64", "32") > at("64", "16") && at("64", "16") > at("1", "16"), "{points:?}");
+    let section = text.split("\n## Cycles against cost: ").nth(1).expect("a section").split("\n## ").next().expect("its text");
+    let front: Vec<usize> =
+        section.lines().filter_map(|line| line.strip_prefix("| ")?.split(' ').next()?.parse().ok()).collect();
+    assert!(section.contains("Machines within 1 % of each other in both count as one."), "{section}");
+    // All machines are worse than one of the front, by the tolerance at most better.
+    for [cycles, cost] in &points {
+        let stands = |&at: &usize| points[at][0] <= 1.01 * cycles && points[at][1] <= 1.01 * cost;
+        assert!(front.iter().any(stands), "{cycles} {cost}: {section}");
+    }
+    assert!(front.len() > 1 && front.len() < rows.len(), "{section}");
+    let page = fs::read_to_string(home.path().join("report.html")).expect("a page");
+    assert!(
+        page.contains("area in bytes of SRAM") && page.contains("Machines within 1 % of each other"),
+        "the page says so, too"
+    );
 }
 
 #[test]
@@ -332,17 +465,20 @@ fn traces_in_several_orders_are_an_axis() {
     for told in [
         "Of 3 machines number 2 (`depth.early=true traverse.hierarchical_z=true`) is the fastest",
         "* `depth order` is best at layers-front-first and worst at layers-back-first",
-        "`share of fragments shaded` is least",
-        "By `depth order`: layers-front-first: from 1 at false to 0.1000 at true (-90.0 %); \
-         layers-random: from 1 at false to 0.2969 at true (-70.3 %); layers-back-first: 1 at all values.",
-        "layers-front-first: from 0 at false to 0.8674 at true",
+        "`share of fragments shaded` is smallest",
+        "On layers-front-first, it goes from 1 at false to 0.1000 at true (-90.0 %). \
+         On layers-random, it goes from 1 at false to 0.2969 at true (-70.3 %). On layers-back-first, it is 1 at all values.",
+        "On layers-front-first, it goes from 0 at false to 0.8674 at true",
         "### Cycles by `depth.early` and depth order\n\n| | layers-front-first | layers-random | layers-back-first |",
         "* measure `share of fragments shaded = funnel.fragments_shaded/funnel.fragments_covered`",
     ] {
         assert!(text.contains(told), "{told}: {text}");
     }
     // Without early tests the order makes no difference, and neither does hierarchical Z with the front last.
-    assert!(text.contains("  By `depth.early`: true: ") && text.contains("; false: no difference.\n"), "{text}");
+    assert!(
+        text.contains("  With `depth.early` at true, ") && text.contains(" At false, its values make no difference.\n"),
+        "{text}"
+    );
     let page = fs::read_to_string(Path::new(&out).join("report.html")).expect("a page");
     assert!(page.contains("By depth order</h2>") && page.contains("Cycles by depth order and depth.early"), "plots by trace");
 
@@ -350,8 +486,8 @@ fn traces_in_several_orders_are_an_axis() {
     let (code, text, message) = run(&["sweep", "configs/experiments/vertex-reuse.ron", "--out", &out]);
     assert_eq!(code, 0, "{message}");
     for told in [
-        "torus-bands: from 1 at 0 to 0.1980 at 128 (-80.2 %), from 16 on within 5 % of its last value; ",
-        "torus-rows: from 1 at 0 to 0.1701 at 128 (-83.0 %), from 64 on within 5 % of its last value; ",
+        "On torus-bands, it goes from 1 at 0 to 0.1980 at 128 (-80.2 %); from 16 on it is within 5 % of its last value. ",
+        "On torus-rows, it goes from 1 at 0 to 0.1701 at 128 (-83.0 %); from 64 on it is within 5 % of its last value. ",
     ] {
         assert!(text.contains(told), "{told}: {text}");
     }

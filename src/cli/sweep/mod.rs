@@ -21,16 +21,17 @@ use crate::host;
 use crate::report::sections::{of_sweep, shown_of_sweep};
 use crate::run::replay::frame_range;
 use crate::sweep::entry::Keep;
-use crate::sweep::experiment::{Design, Experiment, Screen, Screener};
+use crate::sweep::experiment::{Design, Experiment, Screen, Screener, Search};
 use crate::sweep::folder::{Results, Shard};
 use crate::sweep::html;
 use crate::sweep::inputs::{Begun, Inputs, begin, begun, differences, hash, hash_path, read_base, read_inputs};
-use crate::sweep::outcome::SweepResult;
+use crate::sweep::outcome::{SweepResult, mean};
 use crate::sweep::plan::{MOST_MACHINES, Plan};
 use crate::sweep::report;
+use crate::sweep::search::halving;
 use crate::sweep::table::{Cell, ColumnKind, write};
 use crate::sweep::tables;
-use crate::sweep::timing::{Screened, Step, Sweep, run as run_shard};
+use crate::sweep::timing::{Screened, Screening, Step, Sweep, Took, run as run_shard};
 use crate::trace::Trace;
 
 /// Ask one question of many machines: traces are rendered once, and every machine is timed from that work
@@ -45,7 +46,7 @@ fillrate sweep traces/shadow --let size=4096..65536*2 --vary texture.line_bytes=
 --where \"texture.cache_lines<=1024\" --out results\n\n\
 Values: 8,16,32; 1..8; 0..100+25; 16..1024*2; all. Both ends of a range belong to it.\n\n\
 Leaves in --out: report.md, report.html, machines.csv (a row for each machine and frame), long.csv (a row for each statistic), both as Parquet, too, \
-screen.csv where machines are screened, experiment.ron, base.ron, configs/N.ron (the fastest machines), inputs.json (hashes of all inputs) and \
+screen.csv and screen.json with a screen or a search, rung-I-of-N.jsonl with a search, experiment.ron, base.ron, configs/N.ron (the fastest machines), inputs.json (hashes of all inputs) and \
 shard-I-of-N.jsonl. `fillrate sweep config DIR N` prints the configuration of any machine. \
 A sweep that was killed goes on when the same command is given again."
 )]
@@ -79,6 +80,10 @@ pub struct Arguments {
     /// Estimate all machines by `bound`, and simulate this number of the fastest
     #[arg(help_heading = "Machines", long, value_name = "MACHINES", value_parser = clap::value_parser!(u32).range(1..))]
     screen: Option<u32>,
+    /// Search the fastest machines: halving:MACHINES estimates all, simulates this number of the fastest on few frames, half of these on twice as
+    /// many, and so on, the last four or more on all
+    #[arg(help_heading = "Machines", long, value_name = "halving:MACHINES", conflicts_with_all = ["screen", "shard", "slurm"])]
+    search: Option<SearchName>,
     /// Where to leave the results
     #[arg(help_heading = "Output", long, value_name = "DIR", required = true)]
     out: Option<PathBuf>,
@@ -176,6 +181,21 @@ impl FromStr for DesignName {
     }
 }
 
+#[derive(Clone, Copy, Debug, PartialEq)]
+struct SearchName(Search);
+
+impl FromStr for SearchName {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<SearchName, String> {
+        let machines =
+            text.strip_prefix("halving:").and_then(|machines| machines.parse().ok()).filter(|&machines| machines > 0);
+        machines
+            .map(|machines| SearchName(Search::Halving { machines }))
+            .ok_or_else(|| "write it as halving:MACHINES, such as halving:32".into())
+    }
+}
+
 /// Whether a path or name is that of an experiment, and not of a trace.
 fn is_experiment(path: &Path) -> bool {
     match named(path) {
@@ -199,6 +219,7 @@ fn experiment(arguments: &Arguments) -> Result<Experiment> {
             ("--where", !arguments.conditions.is_empty()),
             ("--design", arguments.design.is_some()),
             ("--screen", arguments.screen.is_some()),
+            ("--search", arguments.search.is_some()),
             ("--keep", !arguments.keep.is_empty()),
             ("--measure", !arguments.measure.is_empty()),
             ("--frames", arguments.frames.is_some()),
@@ -230,6 +251,7 @@ fn experiment(arguments: &Arguments) -> Result<Experiment> {
         conditions: arguments.conditions.clone(),
         design: arguments.design.clone().map(|DesignName(design)| design).unwrap_or_default(),
         screen: arguments.screen.map(|keep| Screen { by: Screener::Bound, keep }),
+        search: arguments.search.map(|SearchName(search)| search),
         keep: arguments.keep.clone(),
         measures: arguments.measure.clone(),
         cost: arguments.cost.clone().unwrap_or_default(),
@@ -298,6 +320,12 @@ pub fn run(arguments: &Arguments) -> Result<Verdict> {
     let (frames, traces, inputs) = open(&experiment, &plan, shard.of, &arguments.reading)?;
     let complete = verdict(&traces);
     begin(out, &inputs, &plan.base().resolved())?;
+    if let Some((count, rule)) = plan.broken() {
+        eprintln!(
+            "note: {count} of {} machines break a rule between knobs and cannot be run, the first because: {rule}; --link lets one knob follow another",
+            plan.len()
+        );
+    }
     if let Some(tasks) = arguments.slurm {
         return Ok(slurm::submit(out, tasks, &arguments.reading.options(), arguments.yes)?.and(complete));
     }
@@ -306,17 +334,29 @@ pub fn run(arguments: &Arguments) -> Result<Verdict> {
     let bar = bar();
     let kept = Default::default();
     let progress = |step| told(&bar, step, &kept);
-    let sweep = Sweep { plan: &plan, traces: &traces, frames, keep: Keep::new(&experiment.keep), shard, progress: &progress };
-    let screened = experiment.screen.as_ref().map(|screen| sweep.screened(screen.keep)).transpose()?;
-    let screen_time = started.elapsed();
-    let took = run_shard(out, &sweep, screened.as_deref())?;
+    let keep = Keep::new(&experiment.keep);
+    let sweep = Sweep { plan: &plan, traces: &traces, frames, first: None, keep, shard, progress: &progress };
+    let (screening, on_rungs) = match (&experiment.screen, experiment.search) {
+        (Some(screen), _) => (Some(sweep.screened(screen.keep)?), Took::default()),
+        (None, Some(Search::Halving { .. })) if shard.of > 1 => {
+            bail!("a search is run in one part: which machines it simulates depends on all results before")
+        }
+        (None, Some(Search::Halving { machines })) => {
+            let (screening, took) = halving(out, &sweep, machines)?;
+            (Some(screening), took)
+        }
+        (None, None) => (None, Took::default()),
+    };
+    let chosen_time = started.elapsed();
+    let took = run_shard(out, &sweep, screening.as_ref())?;
     bar.finish_and_clear();
     match took {
         _ if !arguments.show.is_empty() => {}
-        None => tell!("{} had ended before", shard.file(out).display()),
+        None => tell!("nothing is left to simulate: {} is complete", shard.file(out).display()),
         Some(took) => {
             let s = |count: u64| if count == 1 { "" } else { "s" };
-            let seconds = (started.elapsed() - screen_time).as_secs_f64();
+            let time = started.elapsed() - if experiment.screen.is_some() { chosen_time } else { Default::default() };
+            let (seconds, took) = (time.as_secs_f64(), took.and(on_rungs));
             tell!(
                 "{} machine{} simulated in {seconds:.1} s ({:.1} per minute), {} rendering{}, at most {} of work kept",
                 took.machines,
@@ -326,8 +366,8 @@ pub fn run(arguments: &Arguments) -> Result<Verdict> {
                 s(took.renderings),
                 crate::report::summary::bytes(took.kept_bytes as f64)
             );
-            if screened.is_some() {
-                tell!("{} machines estimated in {:.1} s", plan.len(), screen_time.as_secs_f64());
+            if experiment.screen.is_some() {
+                tell!("{} machines estimated in {:.1} s", plan.len(), chosen_time.as_secs_f64());
             }
         }
     }
@@ -336,7 +376,7 @@ pub fn run(arguments: &Arguments) -> Result<Verdict> {
         return Ok(complete);
     }
     let results = Results::open(&[out.to_owned()], 1)?;
-    Ok(finish(out, results, &inputs, &plan, screened.as_deref(), &arguments.show)?.and(complete))
+    Ok(finish(out, results, &inputs, &plan, screening.as_ref(), &arguments.show)?.and(complete))
 }
 
 /// The machines of an experiment.
@@ -402,8 +442,9 @@ fn merge(folders: &[PathBuf], reading: &crate::cli::reading::Reading) -> Result<
     // All shards have ended before anything is rendered.
     let results = Results::open(folders, inputs.shards)?;
     let mut complete = Verdict::Done;
-    let screened = match &inputs.experiment.screen {
-        None => None,
+    let screening = match &inputs.experiment.screen {
+        // A search is not run in parts: what it chose stands in the folder.
+        None => Screening::read(folder)?,
         Some(screen) => {
             let (frames, traces, now) = open(&inputs.experiment, &plan, inputs.shards, reading)?;
             complete = verdict(&traces);
@@ -412,11 +453,11 @@ fn merge(folders: &[PathBuf], reading: &crate::cli::reading::Reading) -> Result<
             }
             let keep = Keep::default();
             let shard = Shard::default();
-            let sweep = Sweep { plan: &plan, traces: &traces, frames, keep, shard, progress: &|_| () };
+            let sweep = Sweep { plan: &plan, traces: &traces, frames, first: None, keep, shard, progress: &|_| () };
             Some(sweep.screened(screen.keep)?)
         }
     };
-    Ok(finish(folder, results, &inputs, &plan, screened.as_deref(), &[])?.and(complete))
+    Ok(finish(folder, results, &inputs, &plan, screening.as_ref(), &[])?.and(complete))
 }
 
 /// Prints the configuration of a machine.
@@ -451,10 +492,10 @@ fn finish(
     mut results: Results,
     inputs: &Inputs,
     plan: &Plan,
-    screened: Option<&[Screened]>,
+    screening: Option<&Screening>,
     show: &[String],
 ) -> Result<Verdict> {
-    let chosen = |machine: &u32| screened.is_none_or(|list| list[*machine as usize].kept);
+    let chosen = |machine: &u32| screening.is_none_or(|screening| screening.keeps(*machine));
     let traces = inputs.experiment.traces.len();
     let wanted = (0..plan.len()).filter(chosen).count() * traces;
     let pairs = (0..traces as u32).flat_map(|trace| (0..plan.len()).filter(chosen).map(move |machine| (trace, machine)));
@@ -476,15 +517,16 @@ fn finish(
         );
     }
     tables::all(folder, inputs, plan, &mut results)?;
-    if let Some(screened) = screened {
-        screen_table(folder, plan, screened)?;
+    if let Some(screening) = screening {
+        screen_table(folder, plan, screening)?;
+        screening.write(folder)?;
     }
     let mut sweep = SweepResult::read(inputs, plan, &mut results)?;
-    if let Some(screened) = screened {
-        sweep = sweep.screened(plan, screened)?;
+    if let Some(screening) = screening {
+        sweep = sweep.screened(plan, screening)?;
     }
     configurations(folder, plan, &sweep)?;
-    let page = report::page(&sweep, plan, screened);
+    let page = report::page(&sweep, plan, screening);
     for (name, text) in [(report::REPORT, &page), ("report.html", &html::page(&sweep))] {
         let path = folder.join(name);
         host::write_file(&path, host::printable(text).as_bytes())
@@ -511,7 +553,7 @@ fn finish(
 }
 
 /// Writes what the screen found.
-fn screen_table(folder: &Path, plan: &Plan, screened: &[Screened]) -> Result<()> {
+fn screen_table(folder: &Path, plan: &Plan, screening: &Screening) -> Result<()> {
     let mut columns = vec![("machine".to_owned(), ColumnKind::Whole)];
     columns.extend(tables::parameters(plan)?);
     columns.extend([
@@ -519,15 +561,22 @@ fn screen_table(folder: &Path, plan: &Plan, screened: &[Screened]) -> Result<()>
         ("simulated".into(), ColumnKind::Text),
         ("error".into(), ColumnKind::Text),
     ]);
+    let is_search = screening.frames > 0;
+    if is_search {
+        columns.push(("rungs".into(), ColumnKind::Whole));
+    }
     write(folder, "screen", &columns, |table| {
-        for Screened { machine, estimate, kept } in screened {
+        for Screened { machine, estimate, kept, rungs } in &screening.machines {
             let mut cells = vec![Cell::Whole((*machine).into())];
             cells.extend(tables::settings(plan, *machine)?);
             let (cycles, error) = match estimate {
-                Ok(traces) => (Cell::Number(traces.iter().sum()), Cell::Empty),
+                Ok(traces) => (mean(traces.iter().copied()).map_or(Cell::Empty, |mean| Cell::Number(mean.0)), Cell::Empty),
                 Err(error) => (Cell::Empty, Cell::Text(error.clone())),
             };
             cells.extend([cycles, Cell::Text(kept.to_string()), error]);
+            if is_search {
+                cells.push(Cell::Whole((*rungs).into()));
+            }
             table.row(&cells)?;
         }
         Ok(())
@@ -537,6 +586,14 @@ fn screen_table(folder: &Path, plan: &Plan, screened: &[Screened]) -> Result<()>
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn searches_are_named() {
+        assert_eq!("halving:12".parse(), Ok(SearchName(Search::Halving { machines: 12 })));
+        for wrong in ["halving", "halving:", "halving:0", "halving:x", "random:3", ""] {
+            assert!(wrong.parse::<SearchName>().is_err(), "{wrong}");
+        }
+    }
 
     #[test]
     fn designs_are_named() {

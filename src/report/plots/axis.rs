@@ -145,7 +145,7 @@ mod tests {
 
     #[test]
     fn different_values_have_different_texts() {
-        assert_eq!(labels(&[129_795.0, 129_952.0, 131_000.0]), ["129.8k", "129.95k", "131k"]);
+        assert_eq!(labels(&[129_795.0, 129_952.0, 131_000.0]), ["129.8k", "130k", "131k"]);
         assert_eq!(labels(&[129_795.0, 129_795.0, 300_000.0]), ["130k", "130k", "300k"]);
         assert_eq!(labels(&[0.1234, 0.1235, 2.0]), ["0.1234", "0.1235", "2"]);
         // What is equal in six digits is equal.

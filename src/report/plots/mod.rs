@@ -61,7 +61,8 @@ mod tests {
         let series = [Series { name: "a", points: vec![(1.0, 2.0), (2.0, 3.0)], line: true }];
         let drawn = chart("x", "y", Scale::Linear, Scale::FromZero, Marks::Round, &series).into_string();
         let roofs = Roofline { bandwidth: 16.0, peak: 64.0, points: vec![("frame".into(), 4.0, 32.0)] };
-        let stacks = [Stack { name: "n".into(), shares: vec![("busy", 0.5, "b".into()), ("idle", 0.5, "i".into())], note: "1".into() }];
+        let stacks =
+            [Stack { name: "n".into(), shares: vec![("busy", 0.5, "b".into()), ("idle", 0.5, "i".into())], note: "1".into() }];
         for svg in [drawn, roofline(&roofs), bars("t", &[("memory", "m"), ("latency", "l"), ("starved", "s")], &stacks)] {
             let text = alone(&svg);
             assert!(svg.contains("var(") && !text.contains("var("), "{text}");

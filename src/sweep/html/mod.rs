@@ -100,7 +100,8 @@ impl Along {
 fn curve(sweep: &SweepResult<'_>, effects: &[Effect], effect: &Effect, drawn: Drawn) -> Option<Markup> {
     let along = (effect.responses.len() > 1).then(|| Along::new(effect))?;
     // Where not all combinations were run, curves by another axis would be of different machines.
-    let few = |other: &&Effect| other.axis != effect.axis && (2..=CURVES).contains(&other.responses.len()) && !sweep.is_fitted();
+    let few =
+        |other: &&Effect| other.axis != effect.axis && (2..=CURVES).contains(&other.responses.len()) && !sweep.is_fitted();
     let spread = |other: &&Effect| drawn.spread(sweep, other);
     let other = effects.iter().filter(few).max_by(|a, b| spread(a).total_cmp(&spread(b))).filter(|other| spread(other) > 0.001);
     let points = |second: Option<(usize, &Setting)>| -> Vec<(f64, f64)> {
@@ -192,13 +193,12 @@ fn answer(sweep: &SweepResult<'_>) -> Markup {
         @if !scope.is_empty() { p { (sentence(&scope)) } }
         ul { @for finding in answer::findings(sweep) { li {
             (sentence(&finding.text))
-            @if !finding.by.is_empty() || !finding.measures.is_empty() { ul {
-                @for (name, parts) in &finding.by { li {
-                    "By " code { (name) } ": "
-                    @for (at, (value, text)) in parts.iter().enumerate() { @if at > 0 { "; " } b { (value) } ": " (text) }
-                    "."
-                } }
-                @for measure in &finding.measures { li { (sentence(measure)) } }
+            @if !finding.by.is_empty() || !finding.measures.is_empty() { details {
+                summary { "On what this depends, and measures" }
+                ul {
+                    @for text in &finding.by { li { (sentence(text)) } }
+                    @for measure in &finding.measures { li { (sentence(measure)) } }
+                }
             } }
         } } }
     }
@@ -386,7 +386,11 @@ fn machines(sweep: &SweepResult<'_>) -> Option<Markup> {
         .collect();
     let mut columns = vec![Column("machine", true, "Its number in the plan.")];
     columns.extend(sweep.parameters.iter().zip(&numeric).map(|(path, numbers)| Column(path, *numbers, "")));
-    let mean = if sweep.inputs.experiment.traces.len() > 1 { "Of all frames, the geometric mean over the traces." } else { "Of all frames." };
+    let mean = if sweep.inputs.experiment.traces.len() > 1 {
+        "Of all frames, the geometric mean over the traces."
+    } else {
+        "Of all frames."
+    };
     columns.push(Column("cycles", true, mean));
     if over.is_some() {
         columns.push(Column("speed-up", true, &title));
@@ -459,7 +463,7 @@ pub fn page(sweep: &SweepResult<'_>) -> String {
     let map = map(sweep, &effects).map(|svg| html! { figure { (PreEscaped(svg)) figcaption { "Cycles, geometric means over the other axes. Lighter is faster; colours go by powers." } } });
     let pareto = match pareto(sweep) {
         Some((plot, table)) => {
-            html! { div.two { figure { (plot) figcaption { "Each machine on the front takes fewer cycles than all that cost less. Machines within " (answer::tolerance()) " of each other in both count as one." } } (table) } }
+            html! { figure { (plot) figcaption { "Each machine on the front takes fewer cycles than all that cost less. Machines within " (answer::tolerance()) " of each other in both count as one." } } (table) }
         }
         None => {
             html! { p.note { "There is no cost that all machines have: the experiment names none, and does not keep memory.dram." } }
