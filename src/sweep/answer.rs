@@ -311,7 +311,7 @@ pub fn fastest(sweep: &SweepResult<'_>) -> String {
             ratio if ratio < NOTHING => "all others are within 0.5 % of it".into(),
             ratio => format!("the slowest takes {ratio:.2} times as many"),
         },
-        speed_up(sweep, best, cycles),
+        speed_up(sweep, cycles),
         cheapest(sweep),
         match sweep.excluded {
             0 => String::new(),
@@ -344,9 +344,9 @@ fn cheapest(sweep: &SweepResult<'_>) -> String {
     )
 }
 
-/// The speed-up of the fastest machine over the base. Empty if the base has no result, or is the fastest machine.
-fn speed_up(sweep: &SweepResult<'_>, best: &MachineResult, cycles: f64) -> String {
-    let base = sweep.timed().find(|(machine, _)| sweep.is_base(machine)).filter(|(base, _)| base.number != best.number);
+/// The speed-up of the fastest machine over the base. Empty if the base has no result, or is as fast.
+fn speed_up(sweep: &SweepResult<'_>, cycles: f64) -> String {
+    let base = sweep.timed().find(|(machine, _)| sweep.is_base(machine)).filter(|(_, own)| own / cycles.max(1.0) >= NOTHING);
     base.map_or(String::new(), |(base, own)| {
         format!(" It is {:.2} times as fast as the base, machine {}.", own / cycles.max(1.0), base.number)
     })
