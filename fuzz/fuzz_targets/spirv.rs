@@ -34,8 +34,9 @@ libfuzzer_sys::fuzz_target!(init: let_guarded_panics_pass(), |data: &[u8]| {
     let formats = [0, 1, 2, 3].map(|binding| BoundFormat { set: 0, binding, format });
     let places = [0, 1, 2, 3].map(|binding| Place { set: 0, binding });
     let channels = [0, 3, 6, 9].map(|bit| choice >> (8 + bit) & 7);
-    let swizzles = places.map(|place| Swizzle { place, channels });
-    let biases = places.map(|place| Bias { place, bias: f32::from_bits(choice) });
+    let element = (choice & 256 != 0).then_some(choice >> 9 & 3);
+    let swizzles = places.map(|place| Swizzle { place, element, channels });
+    let biases = places.map(|place| Bias { place, element, bias: f32::from_bits(choice) });
     let options = Options {
         specialization: if choice & 4 == 0 { &[] } else { &specialization },
         view_index: Some(choice >> 24),

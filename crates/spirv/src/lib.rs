@@ -139,6 +139,8 @@ pub struct BoundFormat {
 pub struct Swizzle {
     /// The descriptor that holds it.
     pub place: Place,
+    /// The element of an array of descriptors; none: all of them.
+    pub element: Option<u32>,
     /// What each channel reads, as `VkComponentSwizzle`.
     pub channels: [u32; 4],
 }
@@ -148,6 +150,8 @@ pub struct Swizzle {
 pub struct Bias {
     /// The descriptor that holds it.
     pub place: Place,
+    /// The element of an array of descriptors; none: all of them.
+    pub element: Option<u32>,
     /// What it adds.
     pub bias: f32,
 }

@@ -17,8 +17,18 @@ const CALLS: usize = 8;
 struct Origins {
     /// The descriptor of a pointer or of what was loaded; none: one of several.
     places: HashMap<u32, Option<Place>>,
+    /// The index, as an id, of an element of an array of descriptors, or of what was loaded from it.
+    indices: HashMap<u32, u32>,
     /// The samplers of joined images and samplers.
     samplers: HashMap<u32, u32>,
+}
+
+/// What descriptors ask for.
+enum Asked<T> {
+    /// The same, whichever element is read.
+    Same(T),
+    /// Something for each of some elements, by an index, which is an id.
+    Each(u32, Vec<(u32, T)>),
 }
 
 impl Origins {
@@ -56,6 +66,11 @@ impl Origins {
                 if let Some(&place) = self.places.get(&inst.operand(2)) {
                     self.places.insert(inst.operand(1), place);
                 }
+                let index = match inst.op {
+                    Op::AccessChain | Op::InBoundsAccessChain => inst.from(3).first().copied(),
+                    _ => self.indices.get(&inst.operand(2)).copied(),
+                };
+                self.indices.extend(index.map(|index| (inst.operand(1), index)));
                 let sampler = match inst.op {
                     Op::SampledImage => Some(inst.operand(3)),
                     Op::CopyObject => self.samplers.get(&inst.operand(2)).copied(),
@@ -87,6 +102,48 @@ impl Origins {
             found => Ok(found.copied().flatten()),
         }
     }
+
+    /// What the descriptor of an image or a sampler asks for, of all that descriptors do; none where it asks for nothing.
+    fn asked<T: Copy>(
+        &self,
+        id: u32,
+        inst: &Inst,
+        all: &[(Place, Option<u32>, T)],
+        constants: &HashMap<u32, u32>,
+    ) -> Result<Option<Asked<T>>, Refusal> {
+        let Some(place) = self.place(id, inst)? else { return Ok(None) };
+        let own = all.iter().filter(|(of, ..)| *of == place);
+        let each: Vec<(u32, T)> = own.clone().filter_map(|&(_, element, asked)| Some((element?, asked))).collect();
+        if each.is_empty() {
+            return Ok(own.map(|&(.., asked)| Asked::Same(asked)).next());
+        }
+        let Some(&index) = self.indices.get(&id) else {
+            return Err(inst.refuse(
+                "it reads an element of an array whose views exchange different channels or whose samplers add differently",
+            ));
+        };
+        Ok(match constants.get(&index) {
+            Some(element) => each.iter().find(|(of, _)| of == element).map(|&(_, asked)| Asked::Same(asked)),
+            None => Some(Asked::Each(index, each)),
+        })
+    }
+}
+
+/// The value of the element that an index selects, or `other` for all elements beside these.
+fn select(
+    parts: &mut Parts,
+    out: &mut Code,
+    (at, ty): (u32, u32),
+    (index, index_type): (u32, u32),
+    each: &[(u32, u32)],
+    other: u32,
+) -> u32 {
+    let boolean = parts.declared(Op::TypeBool, &[]);
+    each.iter().fold(other, |other, &(element, value)| {
+        let number = parts.constant(index_type, element);
+        let equal = out.value(parts, at, Op::IEqual, boolean, &[index, number]);
+        out.value(parts, at, Op::Select, ty, &[equal, value, other])
+    })
 }
 
 /// Rewrites reads of images.
@@ -98,6 +155,8 @@ pub fn rewrite(parts: &mut Parts, swizzles: &[Swizzle], biases: &[Bias]) -> Resu
         return Ok(());
     }
     let origins = Origins::new(parts);
+    let swizzles: Vec<_> = swizzles.iter().map(|own| (own.place, own.element, own.channels)).collect();
+    let biases: Vec<_> = biases.iter().map(|own| (own.place, own.element, own.bias)).collect();
     let (types, values, constants) = (parts.types(), parts.values(), parts.constants());
     for function in std::mem::take(&mut parts.functions) {
         let mut out = Code::default();
@@ -108,17 +167,15 @@ pub fn rewrite(parts: &mut Parts, swizzles: &[Swizzle], biases: &[Bias]) -> Resu
                 continue;
             }
             if sampled && let Some(&sampler) = origins.samplers.get(&inst.operand(2)) {
-                let place = origins.place(sampler, &inst)?;
-                let own = biases.iter().find(|bias| Some(bias.place) == place && bias.bias != 0.0);
-                if let Some(own) = own {
-                    add_bias(parts, &types, &values, &mut inst, own.bias, &mut out)?;
+                if let Some(asked) = origins.asked(sampler, &inst, &biases, &constants)? {
+                    add_bias(parts, &types, &values, &mut inst, &asked, &mut out)?;
                 }
             }
-            let place = origins.place(inst.operand(2), &inst)?;
-            let own = swizzles.iter().find(|swizzle| Some(swizzle.place) == place);
-            match own {
-                Some(own) if inst.op != Op::ImageQueryLod => swizzle(parts, &types, &constants, inst, own.channels, &mut out)?,
-                _ => out.0.push(inst),
+            match origins.asked(inst.operand(2), &inst, &swizzles, &constants)? {
+                Some(_) if inst.op == Op::ImageQueryLod => out.0.push(inst),
+                Some(Asked::Same(channels)) => swizzle(parts, &types, &constants, inst, channels, &mut out)?,
+                Some(Asked::Each(index, each)) => swizzle_each(parts, &types, &values, inst, (index, &each), &mut out)?,
+                None => out.0.push(inst),
             }
         }
         parts.functions.push(out.0);
@@ -132,36 +189,102 @@ fn add_bias(
     types: &HashMap<u32, Type>,
     values: &HashMap<u32, u32>,
     inst: &mut Inst,
-    bias: f32,
+    asked: &Asked<f32>,
     out: &mut Code,
 ) -> Result<(), Refusal> {
     let gathers = matches!(inst.op, Op::ImageGather | Op::ImageDrefGather | Op::ImageQueryLod);
     let Some(at) = image_operands_at(inst.op).filter(|_| !gathers) else { return Ok(()) };
     let float = parts.float_type();
-    let added = parts.constant(float, bias.to_bits());
+    let word = inst.at;
+    // A number that follows from the bias.
+    let number = |parts: &mut Parts, out: &mut Code, of: fn(f32) -> f32| match asked {
+        Asked::Same(bias) => Ok(parts.constant(float, of(*bias).to_bits())),
+        Asked::Each(index, each) => {
+            let ids: Vec<_> = each.iter().map(|&(at, bias)| (at, parts.constant(float, of(bias).to_bits()))).collect();
+            let none = parts.constant(float, of(0.0).to_bits());
+            let index = index_of(*index, values, types, inst)?;
+            Ok(select(parts, out, (word, float), index, &ids, none))
+        }
+    };
+    let mask = ImageOperands::from_bits_retain(inst.operand(at));
+    let derived = mask.contains(ImageOperands::GRAD) && !mask.intersects(ImageOperands::BIAS | ImageOperands::LOD);
+    // A level more is twice the distance.
+    let added = number(parts, out, if derived { f32::exp2 } else { |bias| bias })?;
     if inst.operands.len() <= at {
         inst.operands.push(0);
     }
-    let mask = ImageOperands::from_bits_retain(inst.operands[at]);
-    let word = inst.at;
     let short = |inst: &Inst| inst.refuse("it has too few image operands");
     if mask.intersects(ImageOperands::BIAS | ImageOperands::LOD) {
         let Some(&own) = inst.operands.get(at + 1) else { return Err(short(inst)) };
         inst.operands[at + 1] = out.value(parts, word, Op::FAdd, float, &[own, added]);
-    } else if mask.contains(ImageOperands::GRAD) {
-        // A level more is twice the distance.
-        let factor = parts.constant(float, bias.exp2().to_bits());
+    } else if derived {
         for place in [at + 1, at + 2] {
             let Some(&own) = inst.operands.get(place) else { return Err(short(inst)) };
             let Some(&ty) = values.get(&own) else { return Err(short(inst)) };
             let op = if matches!(types.get(&ty), Some(Type::Vector { .. })) { Op::VectorTimesScalar } else { Op::FMul };
-            inst.operands[place] = out.value(parts, word, op, ty, &[own, factor]);
+            inst.operands[place] = out.value(parts, word, op, ty, &[own, added]);
         }
     } else {
         inst.operands[at] = (mask | ImageOperands::BIAS).bits();
         inst.operands.insert(at + 1, added);
     }
     Ok(())
+}
+
+/// An index and its type.
+fn index_of(index: u32, values: &HashMap<u32, u32>, types: &HashMap<u32, Type>, inst: &Inst) -> Result<(u32, u32), Refusal> {
+    match values.get(&index) {
+        Some(ty) if matches!(types.get(ty), Some(Type::Int { bits: 32, .. })) => Ok((index, *ty)),
+        _ => Err(inst.refuse("an index that is no number of 32 bits, of an array whose views or samplers differ")),
+    }
+}
+
+/// Reads the channels of an instruction's result as the view of the element that is read has them.
+fn swizzle_each(
+    parts: &mut Parts,
+    types: &HashMap<u32, Type>,
+    values: &HashMap<u32, u32>,
+    mut inst: Inst,
+    (index, each): (u32, &[(u32, [u32; 4])]),
+    out: &mut Code,
+) -> Result<(), Refusal> {
+    let index = index_of(index, values, types, &inst)?;
+    let (ty, id, at) = (inst.operand(0), inst.operand(1), inst.at);
+    let gathers = matches!(inst.op, Op::ImageGather | Op::ImageDrefGather);
+    let of = match types.get(&ty) {
+        Some(&Type::Vector { of, count: 4 }) if !gathers => of,
+        _ => return Err(inst.refuse("a gather or a comparison with an array of views that exchange different channels")),
+    };
+    let one = one(types, of, &inst)?;
+    let read = parts.fresh();
+    inst.operands[1] = read;
+    if each.iter().any(|(_, channels)| channels.iter().any(|channel| *channel > 6)) {
+        return Err(inst.refuse("a view has no such channel"));
+    }
+    out.0.push(inst);
+    let own: [u32; 4] = std::array::from_fn(|c| out.value(parts, at, Op::CompositeExtract, of, &[read, c as u32]));
+    let mut operands = vec![ty, id];
+    for c in 0..4 {
+        let value = |parts: &mut Parts, channels: &[u32; 4]| match channels[c] {
+            0 => own[c],
+            1 => parts.constant(of, 0),
+            2 => parts.constant(of, one),
+            channel => own[channel as usize - 3],
+        };
+        let values: Vec<(u32, u32)> = each.iter().map(|(element, channels)| (*element, value(parts, channels))).collect();
+        operands.push(select(parts, out, (at, of), index, &values, own[c]));
+    }
+    out.0.push(Inst { at, op: Op::CompositeConstruct, operands });
+    Ok(())
+}
+
+/// The bits of 1 in a type of channels.
+fn one(types: &HashMap<u32, Type>, of: u32, inst: &Inst) -> Result<u32, Refusal> {
+    match types.get(&of) {
+        Some(Type::Float { bits: 32 }) => Ok(1f32.to_bits()),
+        Some(Type::Int { bits: 32, .. }) => Ok(1),
+        _ => Err(inst.refuse("texels that are no numbers of 32 bits, of a view that exchanges channels")),
+    }
 }
 
 /// Reads the channels of an instruction's result as a view has them.
@@ -208,11 +331,7 @@ fn swizzle(
         out.0.push(inst);
         return Ok(());
     }
-    let one = match types.get(&of) {
-        Some(Type::Float { bits: 32 }) => 1f32.to_bits(),
-        Some(Type::Int { bits: 32, .. }) => 1,
-        _ => return Err(inst.refuse("texels that are no numbers of 32 bits, of a view that exchanges channels")),
-    };
+    let one = one(types, of, &inst)?;
     let read = parts.fresh();
     inst.operands[1] = read;
     out.0.push(inst);

@@ -160,34 +160,41 @@ impl Vulkan {
                 all.formats.extend(code.map(|code| (number, binding.binding, code)));
                 if self.objects.rewritten && matches!(kind, Sampler | Combined | Sampled | Input) {
                     let slots = set.slots.get(first..first + binding.slots()).unwrap_or_default();
-                    let swizzle =
-                        self.common(slots, |view, _| self.objects.views.get(view).map(|view| view.swizzle.unwrap_or_default()));
-                    let bias = self.common(slots, |_, sampler| {
+                    let swizzles = self
+                        .elements(slots, |view, _| self.objects.views.get(view).map(|view| view.swizzle.unwrap_or_default()));
+                    let biases = self.elements(slots, |_, sampler| {
                         self.objects.samplers.get(sampler)?.as_ref().ok().map(|sampler| sampler.bias.to_bits())
                     });
-                    let of = |what| format!("set {number}, binding {}: an array of {what}", binding.binding);
-                    let swizzle = swizzle.ok_or_else(|| Fault::Unsupported(of("views that exchange different channels")))?;
-                    let bias = bias.ok_or_else(|| Fault::Unsupported(of("samplers of different biases")))?;
-                    all.swizzles.extend(swizzle.filter(|own| *own != [0; 4]).map(|own| (number, binding.binding, own)));
-                    all.biases.extend(bias.filter(|own| f32::from_bits(*own) != 0.0).map(|own| (number, binding.binding, own)));
+                    let differ = swizzles.len().max(biases.len());
+                    if differ > ELEMENTS_MAX {
+                        let binding = binding.binding;
+                        return unsupported(format!(
+                            "set {number}, binding {binding}: an array of {differ} descriptors whose views exchange different channels or \
+                             whose samplers have different biases"
+                        ));
+                    }
+                    let exchanged = swizzles.into_iter().filter(|(_, own)| *own != [0; 4]);
+                    all.swizzles.extend(exchanged.map(|(element, own)| (number, binding.binding, element, own)));
+                    let added = biases.into_iter().filter(|(_, own)| f32::from_bits(*own) != 0.0);
+                    all.biases.extend(added.map(|(element, own)| (number, binding.binding, element, own)));
                 }
             }
         }
         Ok(all)
     }
 
-    /// What all descriptors that hold a view or a sampler have in common; none if they differ.
-    fn common<T: PartialEq>(&self, slots: &[Descriptor], of: impl Fn(u64, u64) -> Option<T>) -> Option<Option<T>> {
-        let mut found = None;
-        for slot in slots {
-            let Descriptor::Image { view, sampler } = slot else { continue };
-            match (of(*view, *sampler), &found) {
-                (Some(own), None) => found = Some(own),
-                (Some(own), Some(known)) if own != *known => return None,
-                _ => {}
-            }
+    /// What descriptors that hold a view or a sampler have: once without an element where it is the same for all, else of each element.
+    fn elements<T: PartialEq>(&self, slots: &[Descriptor], of: impl Fn(u64, u64) -> Option<T>) -> Vec<(Option<u32>, T)> {
+        let held = |slot: &Descriptor| match slot {
+            Descriptor::Image { view, sampler } => of(*view, *sampler),
+            _ => None,
+        };
+        let mut all: Vec<_> = (0..).zip(slots).filter_map(|(at, slot)| Some((Some(at), held(slot)?))).collect();
+        if all.windows(2).all(|two| two[0].1 == two[1].1) {
+            all.truncate(1);
+            all.iter_mut().for_each(|(element, _)| *element = None);
         }
-        Some(found)
+        all
     }
 
     fn dispatch(&mut self, command: Command, encoder: &mut Encoder) -> Outcome {
@@ -550,6 +557,9 @@ impl Vulkan {
         })
     }
 }
+
+/// The most elements of an array of descriptors that shaders tell apart.
+const ELEMENTS_MAX: usize = 64;
 
 /// The viewport and the scissor rectangle; none if nothing can be drawn.
 fn view_of(encoder: &Encoder) -> Outcome<Option<(Viewport, Rect)>> {

@@ -17,10 +17,10 @@ use super::points;
 pub struct Bound {
     /// Formats of images and texel buffers, as `VkFormat`.
     pub formats: Vec<(u32, u32, u32)>,
-    /// What the channels of views read, as `VkComponentSwizzle`, where that is not the channels themselves.
-    pub swizzles: Vec<(u32, u32, [u32; 4])>,
-    /// What samplers add to the level, as bits of floating-point numbers.
-    pub biases: Vec<(u32, u32, u32)>,
+    /// What the channels of views read, as `VkComponentSwizzle`, where that is not the channels themselves: of an element, or of all.
+    pub swizzles: Vec<(u32, u32, Option<u32>, [u32; 4])>,
+    /// What samplers add to the level, as bits of floating-point numbers: of an element, or of all.
+    pub biases: Vec<(u32, u32, Option<u32>, u32)>,
 }
 
 /// What a draw chooses of a shader's form.
@@ -104,9 +104,10 @@ fn translate(stage: &Stage, form: &Form, card: &mut Recorder, limits: &Limits) -
     let bound = |&(set, binding, format): &(u32, u32, u32)| spirv::BoundFormat { set, binding, format };
     let formats: Vec<spirv::BoundFormat> = form.bound.formats.iter().map(bound).collect();
     let place = |set, binding| spirv::Place { set, binding };
-    let swizzle = |&(set, binding, channels): &_| spirv::Swizzle { place: place(set, binding), channels };
+    let swizzle = |&(set, binding, element, channels): &_| spirv::Swizzle { place: place(set, binding), element, channels };
     let swizzles: Vec<spirv::Swizzle> = form.bound.swizzles.iter().map(swizzle).collect();
-    let bias = |&(set, binding, bits): &_| spirv::Bias { place: place(set, binding), bias: f32::from_bits(bits) };
+    let bias =
+        |&(set, binding, element, bits): &_| spirv::Bias { place: place(set, binding), element, bias: f32::from_bits(bits) };
     let biases: Vec<spirv::Bias> = form.bound.biases.iter().map(bias).collect();
     let options = spirv::Options {
         specialization: &specialization,

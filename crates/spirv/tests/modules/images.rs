@@ -276,7 +276,7 @@ fn sampled(instruction: &str) -> Vec<u32> {
 fn channels_of_views_are_exchanged_behind_reads() {
     let place = Place { set: 1, binding: 3 };
     let read = |instruction: &str, channels: [u32; 4]| {
-        let options = Options { swizzles: &[Swizzle { place, channels }], ..Options::default() };
+        let options = Options { swizzles: &[Swizzle { place, element: None, channels }], ..Options::default() };
         let bound =
             row(Bound::default().buffer(0, 0, &[0; 4]), 1, 3).sampler(1, 3 + SAMPLER_BINDINGS, AddressMode::ClampToEdge);
         run(&sampled(instruction), &options, &bound);
@@ -295,7 +295,8 @@ fn channels_of_views_are_exchanged_behind_reads() {
 
 #[test]
 fn biases_of_samplers_are_added_to_levels() {
-    let options = Options { biases: &[Bias { place: Place { set: 1, binding: 3 }, bias: 1.5 }], ..Options::default() };
+    let options =
+        Options { biases: &[Bias { place: Place { set: 1, binding: 3 }, element: None, bias: 1.5 }], ..Options::default() };
     let added = |instruction: &str| {
         let bound =
             row(Bound::default().buffer(0, 0, &[0; 4]), 1, 3).sampler(1, 3 + SAMPLER_BINDINGS, AddressMode::ClampToEdge);
@@ -306,4 +307,51 @@ fn biases_of_samplers_are_added_to_levels() {
     };
     assert_eq!(added("%x = OpImageSampleExplicitLod %v4float %s %at Lod %f0"), [1, 0], "a sum");
     assert_eq!(added("%x = OpImageSampleExplicitLod %v4float %s %at Grad %near %near"), [0, 2], "two products");
+}
+
+/// A module that reads the element of an array of three combined image samplers (set 1, binding 3) whose index is this id; `%own` is word 8 of the
+/// block.
+fn sampled_element(index: &str, instruction: &str) -> Vec<u32> {
+    let channels: String = (0..4)
+        .map(|n| format!("%c{n} = OpCompositeExtract %float %x {n}\n%b{n} = OpBitcast %uint %c{n}\nout {n} %b{n}\n"))
+        .collect();
+    compute(
+        "",
+        "OpDecorate %in DescriptorSet 1\nOpDecorate %in Binding 3",
+        &format!(
+            "{COMBINED}\n%three = OpTypeArray %sampled %u3\n%ptr_three = OpTypePointer UniformConstant %three
+             %in = OpVariable %ptr_three UniformConstant"
+        ),
+        &format!(
+            "%pointer = OpAccessChain %ptr_uint %out %u0 %u8\n%own = OpLoad %uint %pointer
+             %element = OpAccessChain %ptr_sampled %in {index}\n%s = OpLoad %sampled %element\n{instruction}\n{channels}"
+        ),
+    )
+}
+
+#[test]
+fn views_and_samplers_of_an_array_ask_for_their_own() {
+    let place = Place { set: 1, binding: 3 };
+    let swizzles = [(1, [6, 3, 1, 2]), (2, [3, 3, 3, 0])].map(|(at, channels)| Swizzle { place, element: Some(at), channels });
+    let biases = [(0, 1.0), (2, -2.0)].map(|(at, bias)| Bias { place, element: Some(at), bias });
+    let options = Options { swizzles: &swizzles, biases: &biases, ..Options::default() };
+    let sample = "%x = OpImageSampleExplicitLod %v4float %s %at Lod %f0";
+    for (element, want) in [(0, [4.0, 0.0, 0.0, 1.0]), (1, [1.0, 4.0, 0.0, 1.0]), (2, [4.0, 4.0, 4.0, 1.0])] {
+        for (index, selects, adds) in
+            [("%own".to_owned(), 2 + 4 * 2, 1), (format!("%u{element}"), 0, usize::from(element != 1))]
+        {
+            let mut words = [0; 9];
+            words[8] = element;
+            let bound =
+                row(Bound::default().buffer(0, 0, &words), 1, 3).sampler(1, 3 + SAMPLER_BINDINGS, AddressMode::ClampToEdge);
+            let translated = run(&sampled_element(&index, sample), &options, &bound);
+            let read: Vec<f32> = bound.words(0, 0)[..4].iter().map(|&word| f32::from_bits(word)).collect();
+            assert_eq!(read, want, "element {index}");
+            let ops: Vec<u32> = translated.origins.iter().map(|&(at, _)| translated.words[at as usize] & 0xffff).collect();
+            assert_eq!([169, 129].map(|op| ops.iter().filter(|&&own| own == op).count()), [selects, adds], "element {index}");
+        }
+    }
+    let gather = sampled_element("%own", "%x = OpImageGather %v4float %s %near %i0");
+    let refused = refusal(&gather, &options).to_string();
+    assert!(refused.contains("a gather or a comparison with an array of views that exchange different channels"), "{refused}");
 }
