@@ -16,7 +16,7 @@ use fillrate::gfx::stage::{self, StageMap};
 use fillrate::gfx::state::*;
 use fillrate::gfx::texture;
 use fillrate::import;
-use fillrate::num::{Limits, ShaderId, Words};
+use fillrate::num::{CallSite, Limits, ShaderId, Words};
 use fillrate::render::draw::{
     BoundStage, BufferRange, DrawCall, DrawRange, DynamicState, IndexRange, OpenQueries, PassOptions, RenderPass, Skips,
 };
@@ -221,7 +221,7 @@ fn run(name: &str, workload: &Workload, frames: usize, skips: Skips, record: boo
     let modules = StageMap::from_fn(|_| Some(module.clone()));
     let pipeline =
         RenderPipeline::new(&desc, &modules, RenderKey::default().needless, name).map_or_else(|e| panic!("{e}"), Arc::new);
-    let group = "".into();
+    let groups = [].into();
     let bound = |kind: stage::Stage| -> Vec<Vec<Resource<'_>>> {
         let resource = |binding: &shader::Binding| match binding.binding {
             0 => Resource::Buffer(shader::BufferRange { words: &camera.words, offset: 0, size: 64, address: 0 }),
@@ -259,7 +259,8 @@ fn run(name: &str, workload: &Workload, frames: usize, skips: Skips, record: boo
         let call = DrawCall {
             state: &state,
             number: 0,
-            group: &group,
+            site: CallSite::Command(0),
+            groups: &groups,
             vertex_buffers: &vertices,
             index: Some(&indices),
             range: DrawRange { count: workload.mesh.indices.len() as u32, instances: 1, ..DrawRange::default() },

@@ -60,7 +60,8 @@ pub fn counted(statistics: &Statistics, chosen: &Chosen, peak: Option<&MemoryPea
 fn title(draw: &CountedSpan, place: &str) -> String {
     let names = [&draw.group, &draw.label].into_iter().filter(|name| !name.is_empty());
     let names: String = names.map(|name| format!(" {name}")).collect();
-    format!("draw {}{}, {place}", draw.number.unwrap_or(0), one_line(&names))
+    let site = if draw.site.is_empty() { String::new() } else { format!(" ({})", one_line(&draw.site)) };
+    format!("draw {}{}{site}, {place}", draw.number.unwrap_or(0), one_line(&names))
 }
 
 /// Why there is none.

@@ -59,7 +59,13 @@ const PHASE: &[Declaration] = &[
 const DRAW: &[Declaration] = &[
     one("number", "", "Number of the draw in the trace; null: the end of the pass, behind its last draw."),
     one("label", "", "Label of its pipeline."),
-    one("group", "", "Label of the innermost debug group that it is in."),
+    one(
+        "site",
+        "",
+        "Where the command that draws was made: a call of an OpenGL recording, a line of a wgpu trace, a block of a capture, a command of a native trace.",
+    ),
+    one("group", "", "Label of the innermost debug group that it is in; in `draws.csv` those of all, the outermost first."),
+    one("groups", "", "Labels of all debug groups that it is in, the outermost first, if there are several."),
     one("cycles", "cycles", "From the retirement before it to its own; together those of the pass."),
     GEOMETRY,
     TILES,

@@ -124,7 +124,7 @@ fn events(out: &mut dyn Write, frames: &Frames, timeline: &Timeline, mhz: u32) -
             let mut draw_at = at;
             for draw in &report.draws {
                 let number = draw.number.map_or("end of the pass".into(), |number| format!("draw {number}"));
-                let words = [number.as_str(), &draw.group, &draw.label];
+                let words = [number.as_str(), draw.group(), &draw.label];
                 let name = words.into_iter().filter(|word| !word.is_empty()).collect::<Vec<_>>().join(" ");
                 events.slice([1, 3], &name, draw_at, draw_at + draw.cycles)?;
                 draw_at += draw.cycles;

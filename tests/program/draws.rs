@@ -3,6 +3,10 @@
 use std::fs;
 use std::path::Path;
 
+use fillrate::gfx::format::Format;
+use fillrate::num::CallSite;
+use fillrate::record::{self, Recorder};
+use fillrate::render;
 use fillrate::report::summary::{bytes, grouped};
 use serde_json::Value;
 
@@ -146,4 +150,18 @@ fn draws_are_refused_where_no_cycle_is_simulated() {
         let message = refused(&["replay", "traces/cube", "--per-draw", "--out", &folder, "--fidelity", fidelity]);
         assert!(message.contains("--per-draw applies to --fidelity cycle and sampled only"), "{message}");
     }
+}
+
+#[test]
+fn an_error_names_the_call_of_the_recording() {
+    let mut card = Recorder::new("wrong");
+    let target = card.create_texture("target", record::texture_2d(8, 8, Format::Rgba8Unorm));
+    let view = card.create_view(target);
+    card.set_call_site(CallSite::Call(5024));
+    {
+        let mut pass = card.begin_render_pass([record::clear(view, [0.0; 4])], None);
+        pass.draw(3, 1);
+    }
+    let error = render::render(&card.finish(), &render::Options::default(), &mut |_| Ok(())).unwrap_err().to_string();
+    assert!(error.contains("Draw: ") && error.ends_with(" (call 5024 of the recording)"), "{error}");
 }

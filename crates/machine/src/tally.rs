@@ -3,11 +3,11 @@
 use super::Machine;
 use super::readings::Readings;
 use mem::{CACHES, ClientCounts, DramCounts};
-use num::Cycle;
+use num::{CallSite, Cycle};
 use sim::{Circuit, Sum};
 use stats::{Cycles, Declaration, Group, Heading, Tree, counter};
 use unit::phase::{DrawRecord, Mark, Phase, PhaseRecord};
-use work::{FUNNEL, Funnel};
+use work::{DebugPath, FUNNEL, Funnel};
 
 stats::counters! {
     /// The cycles of a bank's units by what they went to, summed over the units.
@@ -169,8 +169,10 @@ pub struct DrawReport {
     pub number: Option<u32>,
     /// Label of its pipeline, or empty.
     pub label: String,
-    /// Label of the innermost debug group that it is in, or empty.
-    pub group: String,
+    /// Where the command that draws was made; none: the end of the pass.
+    pub site: Option<CallSite>,
+    /// Labels of the debug groups that it is in, the outermost first.
+    pub groups: DebugPath,
     /// Cycles from the retirement before it to its own. Those of a pass add up to the pass. Where tiles are drawn one after another, draws retire
     /// together: a draw then has a share of their cycles, by its work.
     pub cycles: Cycle,
@@ -180,6 +182,13 @@ pub struct DrawReport {
     /// What was counted in these cycles; but the funnel is the draw's own, whenever it was counted. Draws that retire together have their
     /// funnels alone, and the end of the pass has all other counts.
     pub counts: Tally,
+}
+
+impl DrawReport {
+    /// The label of the innermost debug group that it is in, or empty.
+    pub fn group(&self) -> &str {
+        self.groups.last().map_or("", |label| label)
+    }
 }
 
 /// A phase of a frame.
@@ -283,9 +292,9 @@ fn draws(
             if retired.is_some_and(|retired| retired > end) { after } else { own.map_or(last, |(_, reading)| reading) };
         let until = retired.map_or(since, |retired| retired.min(end));
         let counts = Tally { funnel: *funnel, ..reading.since(last) };
-        let (label, group) = (draw.label.clone(), draw.group.to_string());
-        let number = Some(draw.number);
-        reports.push(DrawReport { number, label, group, cycles: until - since, halves: None, counts });
+        let (label, groups) = (draw.label.clone(), draw.groups.clone());
+        let (number, site) = (Some(draw.number), Some(draw.site));
+        reports.push(DrawReport { number, label, site, groups, cycles: until - since, halves: None, counts });
         (last, since) = (reading, until);
     }
     let counts = Tally { funnel: Funnel::default(), ..after.since(last) };
@@ -296,7 +305,7 @@ fn draws(
 
 /// What follows the last draw of a pass.
 fn end_of_pass(cycles: Cycle, halves: Option<[Cycle; 2]>, counts: Tally) -> DrawReport {
-    DrawReport { number: None, label: String::new(), group: String::new(), cycles, halves, counts }
+    DrawReport { number: None, label: String::new(), site: None, groups: [].into(), cycles, halves, counts }
 }
 
 /// Splits cycles by weights, whose sum is below 2^64, in whole cycles that add up to them. Nobody gets any if all weights are 0.
@@ -328,10 +337,10 @@ fn binned_draws(phase: &Phase, cycles: Cycle, records: &[DrawRecord], flushes: &
         let drawing = draws.iter().map(|draw| draw.funnel.triangles_setup + draw.funnel.quads_rasterized);
         let shares = split(begun - since, binning).zip(split(until - begun, drawing));
         for (DrawRecord { draw, funnel, .. }, (geometry, tiles)) in draws.iter().zip(shares) {
-            let (label, group) = (draw.label.clone(), draw.group.to_string());
+            let (label, groups, site) = (draw.label.clone(), draw.groups.clone(), Some(draw.site));
             let counts = Tally { funnel: *funnel, ..nothing.clone() };
             let (number, cycles) = (Some(draw.number), geometry + tiles);
-            reports.push(DrawReport { number, label, group, cycles, halves: Some([geometry, tiles]), counts });
+            reports.push(DrawReport { number, label, site, groups, cycles, halves: Some([geometry, tiles]), counts });
         }
         since = until;
     }

@@ -19,6 +19,7 @@
 //! ```
 
 mod bytes;
+mod call_site;
 mod edits;
 mod fixed;
 mod ids;
@@ -32,6 +33,7 @@ mod random;
 mod words;
 
 pub use bytes::{float_bytes, word_bytes};
+pub use call_site::CallSite;
 pub use edits::{edits, nearest};
 pub use fixed::{Fx8, snap};
 pub use ids::*;

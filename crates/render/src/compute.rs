@@ -92,7 +92,7 @@ impl ActiveCompute {
 
     /// Runs one command of the pass.
     pub fn run(&mut self, renderer: &mut Renderer<'_, '_>, command: &Command) -> Result<(), Fault> {
-        renderer.moment += 1;
+        renderer.count(command);
         match command {
             Command::SetComputePipeline(id) => self.pipeline = Some(id.0),
             Command::SetBindGroup { index, group, offsets } => self.bindings.set(*index, *group, offsets)?,
@@ -122,6 +122,7 @@ impl ActiveCompute {
             }
             Command::PushDebugGroup(_) | Command::PopDebugGroup => renderer.groups.note(command),
             Command::InsertDebugMarker(_) => {}
+            Command::SetCallSite(site) => renderer.site = Some(*site),
             command => return Err(StateError::WrongScope { name: command.name(), scope: "in a compute pass" }.into()),
         }
         Ok(())

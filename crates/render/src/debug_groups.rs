@@ -3,6 +3,7 @@
 use std::sync::Arc;
 
 use trace::command::Command;
+use work::DebugPath;
 
 /// Groups whose labels are kept, from the outermost on. Groups inside these are only counted: a trace may open any number.
 const DEPTH: usize = 64;
@@ -11,18 +12,13 @@ const DEPTH: usize = 64;
 const LENGTH: usize = 256;
 
 /// The debug groups that are open.
-#[derive(Debug)]
+#[derive(Debug, Default)]
 pub struct DebugGroups {
     open: Vec<Arc<str>>,
     /// Groups inside these.
     deeper: u64,
-    none: Arc<str>,
-}
-
-impl Default for DebugGroups {
-    fn default() -> DebugGroups {
-        DebugGroups { open: Vec::new(), deeper: 0, none: Arc::from("") }
-    }
+    /// The labels as draws share them, until a group opens or closes.
+    path: Option<DebugPath>,
 }
 
 impl DebugGroups {
@@ -30,18 +26,22 @@ impl DebugGroups {
     pub fn note(&mut self, command: &Command) {
         match command {
             Command::PushDebugGroup(_) if self.open.len() == DEPTH => self.deeper += 1,
-            Command::PushDebugGroup(label) => self.open.push(label.chars().take(LENGTH).collect::<String>().into()),
+            Command::PushDebugGroup(label) => {
+                self.open.push(label.chars().take(LENGTH).collect::<String>().into());
+                self.path = None;
+            }
             Command::PopDebugGroup if self.deeper > 0 => self.deeper -= 1,
             Command::PopDebugGroup => {
                 self.open.pop();
+                self.path = None;
             }
             _ => {}
         }
     }
 
-    /// The label of the innermost group whose label is kept, or empty.
-    pub fn innermost(&self) -> Arc<str> {
-        self.open.last().unwrap_or(&self.none).clone()
+    /// The labels of the groups that are open, the outermost first, as far as they are kept.
+    pub fn path(&mut self) -> DebugPath {
+        self.path.get_or_insert_with(|| self.open.as_slice().into()).clone()
     }
 }
 
@@ -50,21 +50,22 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_innermost_group_names_a_draw() {
+    fn a_draw_has_the_labels_of_all_groups_that_are_open() {
         let mut groups = DebugGroups::default();
-        assert_eq!(&*groups.innermost(), "");
+        let innermost = |groups: &mut DebugGroups| groups.path().last().map_or(String::new(), |label| label.to_string());
+        assert!(groups.path().is_empty());
         groups.note(&Command::PushDebugGroup("scene".into()));
         groups.note(&Command::PushDebugGroup("trees".into()));
-        assert_eq!(&*groups.innermost(), "trees");
+        assert!(groups.path().iter().map(|label| &**label).eq(["scene", "trees"]));
         for _ in 0..100 {
             groups.note(&Command::PushDebugGroup("x".repeat(1000)));
         }
-        assert_eq!(groups.innermost().len(), LENGTH);
+        assert_eq!((innermost(&mut groups).len(), groups.path().len()), (LENGTH, DEPTH));
         for _ in 0..100 {
             groups.note(&Command::PopDebugGroup);
         }
-        assert_eq!(&*groups.innermost(), "trees");
+        assert_eq!(innermost(&mut groups), "trees");
         groups.note(&Command::PopDebugGroup);
-        assert_eq!(&*groups.innermost(), "scene");
+        assert_eq!(innermost(&mut groups), "scene");
     }
 }

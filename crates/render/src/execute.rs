@@ -172,9 +172,12 @@ pub(super) fn walk(
     each: &mut dyn FnMut(Step<'_>) -> Result<(), Fault>,
 ) -> Result<Option<trace::Summary>, TraceError> {
     let mut checker = Checker::new(trace);
-    let (mut commands, mut summary) = (0, None);
+    let (mut commands, mut summary, mut site) = (0, None, None);
     let mut result = trace.for_each_command(|index, command| {
         commands = index;
+        if let Command::SetCallSite(stated) = command {
+            site = Some(*stated);
+        }
         ledger.begin(index, command.name())?;
         checker.command(index, command)?;
         each(Step::Command(command))
@@ -185,7 +188,7 @@ pub(super) fn walk(
             each(Step::End)
         });
     }
-    match result {
+    let done = match result {
         Ok(()) => Ok(summary),
         Err(Fault::Stop) => Ok(None),
         Err(Fault::Reason(reason)) => Err(trace.error_at(commands, format!("{}: {reason}", ledger.command().1))),
@@ -194,7 +197,14 @@ pub(super) fn walk(
         }
         Err(Fault::Trace(error)) if error.command.is_none() => Err(error.in_command(commands)),
         Err(Fault::Trace(error)) => Err(error),
-    }
+    };
+    done.map_err(|mut error| {
+        // The commands of an imported trace have numbers that no tool of its recorder knows.
+        if let Some(site) = site.filter(|_| !error.unsupported) {
+            error.reason.push_str(&format!(" ({site} of the recording)"));
+        }
+        error
+    })
 }
 
 /// The pass that is open between its begin and its end.
@@ -225,6 +235,8 @@ pub(super) struct Renderer<'t, 's> {
     pub(super) draws: u32,
     /// The debug groups that are open.
     pub(super) groups: DebugGroups,
+    /// Where the recorded program made the command that runs, if the trace says it.
+    pub(super) site: Option<CallSite>,
     /// Fragments whose colours were not computed.
     pub(super) overwritten: u64,
     /// Render pipelines created.
@@ -274,6 +286,7 @@ impl<'t, 's> Renderer<'t, 's> {
             passes: 0,
             draws: 0,
             groups: DebugGroups::default(),
+            site: None,
             overwritten: 0,
             pipelines: 0,
             dispatches: 0,
@@ -368,7 +381,7 @@ impl<'t, 's> Renderer<'t, 's> {
     }
 
     fn outside(&mut self, command: &Command) -> Result<(), Fault> {
-        self.moment += 1;
+        self.count(command);
         match command {
             Command::BeginRenderPass { color, depth, occlusion, timestamps, label } => {
                 let label = label.clone().unwrap_or_default();
@@ -381,9 +394,20 @@ impl<'t, 's> Renderer<'t, 's> {
             }
             Command::PushDebugGroup(_) | Command::PopDebugGroup => self.groups.note(command),
             Command::InsertDebugMarker(_) => {}
+            Command::SetCallSite(site) => self.site = Some(*site),
             command => self.transfer(command)?,
         }
         Ok(())
+    }
+
+    /// Counts a command as a moment of time. What says where commands come from is none, so that a trace's results do not depend on it.
+    pub(super) fn count(&mut self, command: &Command) {
+        self.moment += u64::from(!matches!(command, Command::SetCallSite(_)));
+    }
+
+    /// Where the command that runs was made: its own number, if the trace does not say it.
+    pub(super) fn call_site(&self) -> CallSite {
+        self.site.unwrap_or(CallSite::Command(self.ledger.command().0))
     }
 
     /// Time stamps count commands: no clock is known here, and a trace's results must not depend on the machine.

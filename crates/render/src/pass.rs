@@ -217,7 +217,7 @@ impl ActivePass {
 
     /// Runs one command of the pass.
     pub fn run(&mut self, renderer: &mut Renderer<'_, '_>, command: &Command) -> Result<(), Fault> {
-        renderer.moment += 1;
+        renderer.count(command);
         let state = &mut self.state;
         match command {
             Command::SetRenderPipeline(id) => state.pipeline = Some(id.0),
@@ -287,6 +287,7 @@ impl ActivePass {
             }
             Command::PushDebugGroup(_) | Command::PopDebugGroup => renderer.groups.note(command),
             Command::InsertDebugMarker(_) => {}
+            Command::SetCallSite(site) => renderer.site = Some(*site),
             command => match command.draws() {
                 Some(Draws::Direct { indexed, range }) => self.draw(renderer, indexed, range)?,
                 Some(Draws::Indirect { buffer, offset, indexed, count, count_buffer }) => {
@@ -402,11 +403,12 @@ impl ActivePass {
                 stages[kind] = Some(BoundStage::new(stage, bound.resolved[kind].lend(lent), uniforms));
             }
         }
-        let (group, boxes) = (renderer.groups.innermost(), renderer.boxes.clone());
+        let (site, groups, boxes) = (renderer.call_site(), renderer.groups.path(), renderer.boxes.clone());
         let call = DrawCall {
             state: &drawn_with,
             number,
-            group: &group,
+            site,
+            groups: &groups,
             vertex_buffers: &bound.vertex_buffers,
             index: index.as_ref(),
             range,

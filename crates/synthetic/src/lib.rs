@@ -27,7 +27,7 @@ use gfx::state::{
     StencilOp, StepMode, Viewport,
 };
 use gfx::texel;
-use num::Random;
+use num::{CallSite, Random};
 use segment::SegmentRecorder;
 use work::*;
 
@@ -310,7 +310,8 @@ fn draw(scene: &Scene, number: u32, random: &mut Random, reference: &mut Referen
     };
     let draw = Draw {
         number,
-        group: "".into(),
+        site: CallSite::Command(0),
+        groups: [].into(),
         state: Arc::new(drawn_with),
         attributes: vec![AttributeFetch { address: 1 << 22, stride: 32, step: StepMode::Vertex, bytes: 32 }],
         signature: None,

@@ -638,6 +638,8 @@ pub enum Command {
     PushDebugGroup(String),
     PopDebugGroup,
     InsertDebugMarker(String),
+    /// The recorded program made the commands that follow here, up to the next of these. Allowed everywhere.
+    SetCallSite(CallSite),
 }
 
 impl Command {

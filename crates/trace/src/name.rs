@@ -86,6 +86,27 @@ impl Command {
         self.described().1
     }
 
+    /// Whether it draws, computes, copies or clears, so that reports and messages say where it was made.
+    pub const fn does_work(&self) -> bool {
+        matches!(
+            self,
+            Command::CopyBufferToBuffer { .. }
+                | Command::CopyBufferToTexture { .. }
+                | Command::CopyTextureToBuffer { .. }
+                | Command::CopyTextureToTexture { .. }
+                | Command::ClearBuffer { .. }
+                | Command::ClearTexture { .. }
+                | Command::ResolveQuerySet { .. }
+                | Command::BeginRenderPass { .. }
+                | Command::Draw { .. }
+                | Command::DrawIndexed { .. }
+                | Command::DrawIndirect { .. }
+                | Command::Dispatch { .. }
+                | Command::DispatchIndirect { .. }
+                | Command::ExecuteBundles(_)
+        )
+    }
+
     /// The name, and what is drawn. Every command is named here, so that none is forgotten.
     #[inline]
     const fn described(&self) -> (&'static str, Option<Draws>) {
@@ -154,6 +175,7 @@ impl Command {
             Command::PushDebugGroup(_) => ("PushDebugGroup", None),
             Command::PopDebugGroup => ("PopDebugGroup", None),
             Command::InsertDebugMarker(_) => ("InsertDebugMarker", None),
+            Command::SetCallSite(_) => ("SetCallSite", None),
         }
     }
 }

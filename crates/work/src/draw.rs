@@ -5,6 +5,7 @@ use std::sync::Arc;
 use crate::{Reach, Signature};
 use gfx::stage::{Stage, StageMap};
 use gfx::state::{Blend, DepthStencil, LogicOp, StepMode};
+use num::CallSite;
 
 /// Shading of a colour target, as the ROPs need it.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -62,8 +63,10 @@ pub struct ShaderShape {
 pub struct Draw {
     /// Number in the trace, from 0.
     pub number: u32,
-    /// Label of the innermost debug group that the draw is in, or empty.
-    pub group: Arc<str>,
+    /// Where the command that draws was made.
+    pub site: CallSite,
+    /// Labels of the debug groups that the draw is in, the outermost first.
+    pub groups: DebugPath,
     /// The state that it is drawn with.
     pub state: Arc<RecordedState>,
     /// Where attributes come from.
@@ -75,6 +78,16 @@ pub struct Draw {
     pub culling: Culling,
     /// Memory that it may touch beside the attachments of its pass.
     pub reach: Arc<Reach>,
+}
+
+/// The labels of debug groups inside each other, the outermost first.
+pub type DebugPath = Arc<[Arc<str>]>;
+
+impl Draw {
+    /// The label of the innermost debug group that the draw is in, or empty.
+    pub fn group(&self) -> &str {
+        self.groups.last().map_or("", |label| label)
+    }
 }
 
 impl std::ops::Deref for Draw {

@@ -38,7 +38,7 @@ use std::sync::Arc;
 use gfx::codec::CODECS;
 
 pub use cost::{Class, Cost, CostId, CostTable, InFlight, Invocations, Point, RequestKind, Service, ServiceMap, Span, Step};
-pub use draw::{AttributeFetch, Culling, Draw, RecordedState, ShaderShape, Target};
+pub use draw::{AttributeFetch, Culling, DebugPath, Draw, RecordedState, ShaderShape, Target};
 pub use funnel::{FUNNEL, Funnel};
 pub use groups::{Dispatch, Groups, Packet};
 pub use held::{Aspects, Holdings, NotHeld, StoreShape};

@@ -21,7 +21,11 @@ pub struct CountedSpan {
     pub kind: String,
     /// The label of a phase or a draw.
     pub label: String,
-    /// The debug group of a draw.
+    /// Where the command of a draw was made: a call of the recording, a line, a block.
+    pub site: String,
+    /// Labels of the debug groups of a draw, the outermost first.
+    pub groups: Vec<String>,
+    /// The innermost debug group of a draw.
     pub group: String,
     /// What limits a phase, where the replay has estimated it.
     pub limit: String,
@@ -47,6 +51,8 @@ impl CountedSpan {
                 "frame" | "number" => part.number = value.as_u64(),
                 "kind" => part.kind = text(value),
                 "label" => part.label = text(value),
+                "site" => part.site = text(value),
+                "groups" => part.groups = value.as_array().into_iter().flatten().map(text).collect(),
                 "group" => part.group = text(value),
                 "limit" => part.limit = text(value),
                 "phases" | "draws" => part.parts = value.as_array().into_iter().flatten().map(CountedSpan::read).collect(),
@@ -56,6 +62,10 @@ impl CountedSpan {
                     }
                 }
             }
+        }
+        // A single group has its label alone.
+        if part.groups.is_empty() && !part.group.is_empty() {
+            part.groups.push(part.group.clone());
         }
         part
     }

@@ -240,8 +240,8 @@ const SHOWN_OF_PASSES: [&str; 8] =
     ["phase", "cycles", "share", "limited by", "most used", "DRAM GB/s", "of peak", "fragments shaded"];
 
 /// Columns of draws that the page shows at first. The others can be chosen.
-const SHOWN: [&str; 9] =
-    ["draw", "label", "pass", "cycles", "share", "most used", "out of view", "fragments shaded", "bytes from DRAM"];
+const SHOWN: [&str; 10] =
+    ["draw", "label", "made", "pass", "cycles", "share", "most used", "out of view", "fragments shaded", "bytes from DRAM"];
 
 /// The primitives of a draw that are out of view, as a share of all.
 fn out_of_view(draw: &CountedSpan) -> Option<(u64, u64)> {
@@ -278,7 +278,12 @@ fn draw_table(input: &Input<'_>) -> Option<Markup> {
     let passes = draws.iter().any(|(at, ..)| *at != draws[0].0);
     let mut titles = vec![
         Column("draw", true, "Its number in the trace; what follows the last draw of a pass has none."),
-        Column("label", false, "Its pipeline, and the debug groups around it."),
+        Column("label", false, "Its pipeline, and the debug group around it."),
+        Column(
+            "made",
+            false,
+            "Where its command was made: a call of the recording, a line of a wgpu trace, a block of a capture, a command of a native trace.",
+        ),
     ];
     if passes {
         titles.push(Column(
@@ -323,6 +328,7 @@ fn draw_table(input: &Input<'_>) -> Option<Markup> {
                 tr id=[draw.number.map(|number| format!("draw-{number}"))] data-draw=[draw.number] data-name=[name] {
                     (number(draw, &base))
                     td.name { (label(draw)) }
+                    td.name { (draw.site) }
                     @if passes { (number(phase, &pass)) }
                     (cell_behind(CYCLES.sum(&draw.counts), &format!("{base}.{}", CYCLES.path(draw.units)), share(draw.cycles(), most)))
                     (cell_share(share(draw.cycles(), all)))

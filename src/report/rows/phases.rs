@@ -60,11 +60,17 @@ struct Drawn<'r>(&'r DrawReport);
 
 impl Serialize for Drawn<'_> {
     fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
-        let DrawReport { number, label, group, cycles, halves, counts } = self.0;
+        let DrawReport { number, label, site, groups, cycles, halves, counts } = self.0;
         let mut map = serializer.serialize_map(None)?;
         map.serialize_entry("number", number)?;
         map.serialize_entry("label", label)?;
-        map.serialize_entry("group", group)?;
+        if let Some(site) = site {
+            map.serialize_entry("site", &site.to_string())?;
+        }
+        map.serialize_entry("group", self.0.group())?;
+        if groups.len() > 1 {
+            map.serialize_entry("groups", &groups.iter().map(|label| &**label).collect::<Vec<&str>>())?;
+        }
         map.serialize_entry("cycles", cycles)?;
         if let Some([geometry, tiles]) = halves {
             map.serialize_entry(GEOMETRY.name, geometry)?;
@@ -178,10 +184,13 @@ pub fn draw_rows(frame: &Frame, first: bool) -> String {
         for draw in &report.draws {
             if first && text.is_empty() {
                 let halves = if draw.halves.is_some() { [",", GEOMETRY.name, ",", TILES.name].concat() } else { String::new() };
-                header(&mut text, &format!("frame,phase,pass,draw,group,label,cycles{halves}"), &draw.counts);
+                header(&mut text, &format!("frame,phase,pass,draw,site,group,label,cycles{halves}"), &draw.counts);
             }
             let number = draw.number.map_or("end of the pass".into(), |number| number.to_string());
-            let start = [&*pass[0], &pass[1], &pass[2], &number, &csv_field(&draw.group), &csv_field(&draw.label)];
+            let site = draw.site.map_or(String::new(), |site| site.to_string());
+            let path = draw.groups.join("/");
+            let (group, label) = (csv_field(&path), csv_field(&draw.label));
+            let start = [&*pass[0], &pass[1], &pass[2], &number, &site, &group, &label];
             row(&mut text, &start, [draw.cycles].into_iter().chain(draw.halves.into_iter().flatten()), &draw.counts);
         }
     }
@@ -228,6 +237,7 @@ fn digits(text: &mut String, mut value: u64) {
 mod tests {
     use super::*;
     use crate::machine::{Moved, Spent};
+    use crate::num::CallSite;
     use crate::unit::phase::Phase;
     use serde_json::Value;
 
@@ -254,7 +264,8 @@ mod tests {
         let draw = |number: Option<u32>, cycles, busy| DrawReport {
             number,
             label: "a \"b\", c".into(),
-            group: "sky".into(),
+            site: number.map(|_| CallSite::Call(41)),
+            groups: ["sky".into()].into(),
             cycles,
             halves: None,
             counts: counts(busy, 0),
@@ -297,8 +308,8 @@ mod tests {
             ("30", "9", "64")
         );
         let draws = draw_rows(&frame(), true);
-        assert!(draws.contains("\n2,0,7,3,sky,\"a \"\"b\"\", c\",20,"), "{draws}");
-        assert!(draws.contains("\n2,0,7,end of the pass,sky,"), "{draws}");
+        assert!(draws.contains("\n2,0,7,3,call 41,sky,\"a \"\"b\"\", c\",20,"), "{draws}");
+        assert!(draws.contains("\n2,0,7,end of the pass,,sky,"), "{draws}");
         assert_eq!(draw_rows(&frame(), false).lines().count(), 2, "no header");
         // On a machine that bins, cycles have two halves.
         let mut binned = frame();

@@ -163,7 +163,8 @@ pub fn draw_json(frame: u32, phase: &Phase, draw: &DrawReport) -> Value {
         "frame": frame,
         "phase": phase.to_string(),
         "draw": draw.number,
-        "group": draw.group,
+        "site": draw.site.map(|site| site.to_string()),
+        "group": draw.group(),
         "label": draw.label,
         "cycles": draw.cycles,
         "geometry_cycles": draw.halves.map(|[geometry, _]| geometry),
@@ -178,7 +179,7 @@ pub fn draw(frame: u32, phase: &Phase, draw: &DrawReport) -> String {
     let name = match draw.number {
         None => format!("end of {phase}"),
         Some(number) => {
-            let names = [draw.group.as_str(), draw.label.as_str()].into_iter().filter(|name| !name.is_empty());
+            let names = [draw.group(), draw.label.as_str()].into_iter().filter(|name| !name.is_empty());
             format!("draw {number} {}", names.collect::<Vec<_>>().join(": "))
         }
     };

@@ -1,5 +1,7 @@
 //! Runs recorded calls.
 
+use num::CallSite;
+
 use crate::gl::call::{Call, Fault};
 use crate::gl::machine::{CallClass, CalledFunction, Gl};
 use crate::gl::table;
@@ -8,6 +10,7 @@ impl Gl {
     /// Runs a call. An error ends the import.
     pub fn call(&mut self, call: &Call) -> Result<(), String> {
         self.log.number = call.number;
+        self.card.recorder.set_call_site(CallSite::Call(call.number));
         if call.thread != self.contexts.thread {
             let entered = self.enter_thread(call.thread);
             self.settle(call, entered)?;

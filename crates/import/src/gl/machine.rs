@@ -9,6 +9,7 @@ use num::{Limits, NameMap};
 
 use crate::gl::call::{Call, Function, GlResult, INVALID_OPERATION, Shape};
 use crate::gl::card::device::Card;
+use crate::gl::card::pass::Made;
 use crate::gl::log::Log;
 use crate::gl::state::arb::{MATRIX0, ProgramTexts};
 use crate::gl::state::buffers::Renames;
@@ -110,6 +111,11 @@ impl Gl {
             options: Options { as_mesa: true, ..Options::default() },
             limits: *limits,
         }
+    }
+
+    /// Where the program draws now.
+    pub fn made(&self) -> Made {
+        Made { call: self.log.number, groups: self.log.groups.clone() }
     }
 
     /// How many of a primitive's `count` vertices are read: a survey needs only the first few to find what a draw requires.

@@ -2,7 +2,7 @@
 
 use crate::gl::call::{Arg, Call, Fault, GlResult, Scalar, Shape, core_name, shape};
 use crate::gl::calls::elements::{BASED, INSTANCED, RANGE};
-use crate::gl::calls::ignored::nothing;
+use crate::gl::calls::ignored::{nothing, pop_group, push_group};
 use crate::gl::calls::indirect::{INDEXED, SEVERAL};
 use crate::gl::calls::{
     accumulate, arb, arrays, buffers, elements, environment, evaluator, fragments, framebuffer, glsl, immediate, indirect,
@@ -311,17 +311,15 @@ fn exact(name: &str) -> Option<(CallClass, Run)> {
         | "ObjectLabel"
         | "ObjectPtrLabel"
         | "InsertEventMarker"
-        | "PushGroupMarker"
-        | "PopGroupMarker"
         | "FenceSync"
         | "ClientWaitSync"
         | "WaitSync"
         | "DeleteSync"
-        | "PushDebugGroup"
-        | "PopDebugGroup"
         | "StringMarkerGREMEDY"
         | "GetError"
         | "GetStringi" => (Ignored, nothing),
+        "PushDebugGroup" | "PushGroupMarker" => (Ignored, push_group),
+        "PopDebugGroup" | "PopGroupMarker" => (Ignored, pop_group),
         "GetString" => (Ignored, version),
         _ if name.starts_with("Get") || name.starts_with("Is") => (Ignored, nothing),
         _ => return None,

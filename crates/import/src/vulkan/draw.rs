@@ -236,6 +236,7 @@ impl Vulkan {
         }
         set_groups(&groups, known, commands);
         set_immediates(&encoder.constants, ready.immediates, immediates, commands);
+        commands.extend(self.card.call_site().map(Command::SetCallSite));
         commands.push(command);
         Ok(())
     }

@@ -36,6 +36,8 @@ pub struct Vulkan {
     pub generated: Generated,
     /// Dispatches that convert what commands read.
     pub conversions: Conversions,
+    /// Debug groups that are open.
+    pub debug_groups: u64,
     /// What was refused.
     pub log: Log,
     /// Frames so far.
@@ -65,6 +67,7 @@ impl Vulkan {
             groups: Groups::default(),
             generated: Generated::default(),
             conversions: Conversions::default(),
+            debug_groups: 0,
             log: Log::default(),
             frames: 0,
             copied_out: None,

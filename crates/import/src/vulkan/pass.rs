@@ -73,6 +73,8 @@ pub struct OpenPass {
     pub commands: Vec<Command>,
     /// What they have set.
     pub emitted: Emitted,
+    /// The call that begins the pass.
+    pub site: Option<CallSite>,
 }
 
 /// What is open.
@@ -119,7 +121,7 @@ impl OpenPass {
     ) -> OpenPass {
         let area = Area { x: 0, y: 0, width: size[0], height: size[1] };
         let (color, emitted) = (color.into_iter().map(Some).collect(), Emitted::default());
-        OpenPass { color, depth, formats, size, area, occlusion: None, commands: Vec::new(), emitted }
+        OpenPass { color, depth, formats, size, area, occlusion: None, commands: Vec::new(), emitted, site: None }
     }
 }
 
@@ -136,6 +138,7 @@ impl Vulkan {
             occlusion: None,
             commands: Vec::new(),
             emitted: Emitted::default(),
+            site: self.card.call_site(),
         };
         let mut first = true;
         let mut clears = Vec::new();
@@ -212,10 +215,12 @@ impl Vulkan {
 
     /// Ends what is open.
     pub fn close(&mut self, open: &mut Open) {
+        let now = self.card.call_site();
         match std::mem::take(open) {
             Open::Nothing => {}
             Open::Render(pass) => {
-                let OpenPass { color, depth, occlusion, commands, .. } = *pass;
+                let OpenPass { color, depth, occlusion, commands, site, .. } = *pass;
+                site.into_iter().for_each(|site| self.card.set_call_site(site));
                 self.card.push(Command::BeginRenderPass { color, depth, occlusion, timestamps: None, label: None });
                 commands.into_iter().for_each(|command| self.card.push(command));
                 self.card.push(Command::EndRenderPass);
@@ -226,7 +231,17 @@ impl Vulkan {
                 self.card.push(Command::EndComputePass);
             }
         }
+        now.into_iter().for_each(|site| self.card.set_call_site(site));
         self.conversions.end(&mut self.card);
+    }
+
+    /// Appends a command that is allowed everywhere to what is open, or to the commands outside passes.
+    pub fn annotate(&mut self, command: Command, open: &mut Open) {
+        match open {
+            Open::Nothing => self.card.push(command),
+            Open::Render(pass) => pass.commands.push(command),
+            Open::Compute(commands, _) => commands.push(command),
+        }
     }
 
     /// Takes up a pass anew, to which more has to be drawn: its contents are loaded.
@@ -254,6 +269,7 @@ impl Vulkan {
             occlusion: None,
             commands: Vec::new(),
             emitted: Emitted::default(),
+            site: pass.site,
         };
         let before = std::mem::replace(pass, again);
         self.close(&mut Open::Render(Box::new(before)));

@@ -17,6 +17,7 @@ use super::args::Args;
 use super::fault::Fault;
 use super::machine::Vulkan;
 use super::objects::{Recorded, known};
+use super::pass::Open;
 use super::submission::Stop;
 
 /// By default, a capture stays in memory up to this length of its file.
@@ -234,6 +235,15 @@ impl Vulkan {
                 self.presented = swapchain.zip(image);
                 Ok(())
             }
+            "vkQueueBeginDebugUtilsLabelEXT" => {
+                let label = args.of("pLabelInfo").and_then(|info| info.text("pLabelName")).map_err(stop)?;
+                self.push_group(label, &mut Open::Nothing);
+                Ok(())
+            }
+            "vkQueueEndDebugUtilsLabelEXT" => {
+                self.pop_group(&mut Open::Nothing);
+                Ok(())
+            }
             "vkCreateInstance" => {
                 let info = args.of("pCreateInfo").and_then(|info| info.maybe("pApplicationInfo")).map_err(stop)?;
                 if let Some(info) = info {
@@ -271,7 +281,7 @@ impl Vulkan {
 
 /// Calls that change nothing of a picture: questions, synchronisation, and objects that are not modelled.
 fn is_ignored(name: &str) -> bool {
-    const STARTS: [&str; 22] = [
+    const STARTS: [&str; 20] = [
         "vkGet",
         "vkEnumerate",
         "vkWait",
@@ -289,8 +299,6 @@ fn is_ignored(name: &str) -> bool {
         "vkDeviceWaitIdle",
         "vkQueueWaitIdle",
         "vkImport",
-        "vkQueueBeginDebug",
-        "vkQueueEndDebug",
         "vkQueueInsertDebug",
         "vkSetHdr",
         "vkSetPrivateData",

@@ -3,6 +3,8 @@
 use std::rc::Rc;
 
 use gfxr::Call;
+use num::CallSite;
+use trace::command::Command;
 
 use super::args::Args;
 use super::fault::{Fault, Outcome, unsupported};
@@ -86,6 +88,14 @@ fn plain(name: &str) -> &str {
     name.strip_suffix("KHR").or_else(|| name.strip_suffix("EXT")).or_else(|| name.strip_suffix("AMD")).unwrap_or(name)
 }
 
+/// Characters that are kept of the label of a debug group.
+const LABEL_MAX: usize = 256;
+
+/// Whether a call draws or clears inside a render pass.
+fn does_work(name: &str) -> bool {
+    name.starts_with("vkCmdDraw") || name.starts_with("vkCmdClearAttachments")
+}
+
 /// Whether a call ends what a subpass holds.
 fn ends_subpass(call: &Call) -> bool {
     let name = plain(call.name).trim_end_matches('2');
@@ -127,6 +137,11 @@ impl Vulkan {
         while at < list.len() {
             let Recorded { block, call } = &list[at];
             at += 1;
+            let site = CallSite::Block(*block);
+            self.card.set_call_site(site);
+            if matches!(encoder.open, Open::Render(_)) && does_work(call.name) {
+                self.annotate(Command::SetCallSite(site), &mut encoder.open);
+            }
             match self.targets_of(call, encoder) {
                 Ok(Some(targets)) if targets.views != 0 => {
                     let end = at + list[at..].iter().take_while(|recorded| !ends_subpass(&recorded.call)).count();
@@ -199,6 +214,20 @@ impl Vulkan {
             }
             _ => return Ok(None),
         }))
+    }
+
+    /// Begins a debug group.
+    pub fn push_group(&mut self, label: &str, open: &mut Open) {
+        self.debug_groups += 1;
+        self.annotate(Command::PushDebugGroup(label.chars().take(LABEL_MAX).collect()), open);
+    }
+
+    /// Ends a debug group. Nothing happens without one: only part of a program may have been captured.
+    pub fn pop_group(&mut self, open: &mut Open) {
+        if let Some(left) = self.debug_groups.checked_sub(1) {
+            self.debug_groups = left;
+            self.annotate(Command::PopDebugGroup, open);
+        }
     }
 
     /// Runs secondary command buffers: their state is their own.
@@ -304,6 +333,15 @@ impl Vulkan {
                 encoder.condition = Some((info.u64("buffer")?, info.u64("offset")?, inverted));
             }
             "vkCmdEndConditionalRendering" => encoder.condition = None,
+            "vkCmdBeginDebugUtilsLabel" => {
+                let label = args.of("pLabelInfo")?.text("pLabelName")?;
+                self.push_group(label, &mut encoder.open);
+            }
+            "vkCmdDebugMarkerBegin" => {
+                let label = args.of("pMarkerInfo")?.text("pMarkerName")?;
+                self.push_group(label, &mut encoder.open);
+            }
+            "vkCmdEndDebugUtilsLabel" | "vkCmdDebugMarkerEnd" => self.pop_group(&mut encoder.open),
             // The order of submission is the order of execution here.
             "vkCmdPipelineBarrier"
             | "vkCmdPipelineBarrier2"
@@ -314,11 +352,7 @@ impl Vulkan {
             | "vkCmdWaitEvents"
             | "vkCmdWaitEvents2"
             | "vkCmdSetDeviceMask"
-            | "vkCmdBeginDebugUtilsLabel"
-            | "vkCmdEndDebugUtilsLabel"
             | "vkCmdInsertDebugUtilsLabel"
-            | "vkCmdDebugMarkerBegin"
-            | "vkCmdDebugMarkerEnd"
             | "vkCmdDebugMarkerInsert"
             | "vkEndCommandBuffer" => {}
             _ => {

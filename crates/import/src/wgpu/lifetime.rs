@@ -218,6 +218,7 @@ fn for_each_object(command: &Command, mut see: impl FnMut(Object)) {
         | Command::BeginOcclusionQuery { .. }
         | Command::EndOcclusionQuery
         | Command::EndStatisticsQuery
+        | Command::SetCallSite(_)
         | Command::PushDebugGroup(_)
         | Command::PopDebugGroup
         | Command::InsertDebugMarker(_) => {}

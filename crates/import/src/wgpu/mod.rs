@@ -59,11 +59,11 @@ fn import_with(file: &Path, text: &[u8], reading: &Reading) -> Result<Trace, Tra
     let mut translator = translate::Translator::new(file, reading, text.len() as u64);
     let mut next = reader.step()?;
     let mut lost = None;
-    while let Some(Step { number, name, place, action }) = next {
+    while let Some(Step { number, name, place, action, lines }) = next {
         // The file of data that the last action names may be cut as the text is.
         let following = reader.step();
         let last = matches!(following, Ok(None)) && reader.cut().is_some();
-        match translator.step(number, name, place, action) {
+        match translator.step((number, name, place), action, lines) {
             Ok(()) => {}
             Err(Stop { error, data: true }) if last => lost = Some(error.reason),
             Err(Stop { error, .. }) => return Err(error),

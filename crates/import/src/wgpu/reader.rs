@@ -46,6 +46,8 @@ pub struct Step<'a> {
     pub place: TextLocation,
     /// The action.
     pub action: Action,
+    /// The lines of the commands in it that do work ([`Command::does_work`](trace::command::Command::does_work)), in order.
+    pub lines: Vec<u64>,
 }
 
 impl<'a> Reader<'a> {
@@ -105,13 +107,17 @@ impl<'a> Reader<'a> {
                 return Err(TraceError::new(self.file, reason).at(Some(place)));
             }
         };
+        let lines = match action {
+            Action::Submit(..) | Action::CreateRenderBundle { .. } => working_lines(&rest[..read], place.line as u64),
+            _ => Vec::new(),
+        };
         self.advance(read);
         self.count += 1;
         self.skip_trivia();
         if !self.take(',') && !self.text[self.at..].starts_with(']') && self.at < self.text.len() {
             return Err(self.error(format!("expected `,` or `]` after action {number} ({name})")));
         }
-        Ok(Some(Step { number, name, place, action }))
+        Ok(Some(Step { number, name, place, action, lines }))
     }
 
     /// Where the text ends without the end of the list, once [`Reader::step`] has come to its end.
@@ -189,6 +195,59 @@ fn last_token(rest: &str) -> Option<usize> {
         at += 1;
     }
     (depth > 0 || !opened).then_some(token)
+}
+
+/// Commands of a wgpu trace that become one that does work each.
+const WORKING: [&str; 15] = [
+    "CopyBufferToBuffer",
+    "CopyBufferToTexture",
+    "CopyTextureToBuffer",
+    "CopyTextureToTexture",
+    "ClearBuffer",
+    "ClearTexture",
+    "ResolveQuerySet",
+    "RunRenderPass",
+    "Draw",
+    "DrawIndexed",
+    "DrawIndirect",
+    "MultiDrawIndirectCount",
+    "DispatchWorkgroups",
+    "DispatchWorkgroupsIndirect",
+    "ExecuteBundle",
+];
+
+/// The lines of the commands that do work in the text of an action, which begins in line `line`.
+fn working_lines(text: &str, mut line: u64) -> Vec<u64> {
+    let bytes = text.as_bytes();
+    let (mut at, mut token, mut lines) = (0, 0, Vec::new());
+    let count = |text: &str| text.bytes().filter(|&byte| byte == b'\n').count() as u64;
+    while at < bytes.len() {
+        let rest = &text[at..];
+        let length = match bytes[at] {
+            b'/' if rest.starts_with("//") => rest.find('\n').unwrap_or(rest.len()),
+            b'/' if rest.starts_with("/*") => block_comment(rest).unwrap_or(rest.len()),
+            b'"' => string(&text[token..at], rest).unwrap_or(rest.len()),
+            byte if byte.is_ascii_alphabetic() => {
+                token = at;
+                let length = rest.find(|c: char| !c.is_ascii_alphanumeric() && c != '_').unwrap_or(rest.len());
+                // A family of draws has the name of a command, and no fields.
+                let behind = &rest[length..];
+                let has_fields = behind[trivia(behind)..].starts_with('(');
+                let name = &rest[..length];
+                if has_fields && WORKING.contains(&name) {
+                    lines.push(line);
+                }
+                length
+            }
+            _ => {
+                token = at + 1;
+                rest.chars().next().map_or(1, char::len_utf8)
+            }
+        };
+        line += count(&rest[..length]);
+        at += length;
+    }
+    lines
 }
 
 /// Length of the string at the beginning of a text, with its quotes, behind what makes it a raw one; none if it does not end.

@@ -5,6 +5,7 @@ use std::path::{Path, PathBuf};
 use std::rc::Rc;
 
 use gfx::state::TextureDimension;
+use num::CallSite;
 use trace::command::*;
 use trace::{Builder, Origin, Reading, TextLocation, Trace, TraceError};
 
@@ -26,6 +27,10 @@ pub struct Translator {
     number: u64,
     name: String,
     place: TextLocation,
+    /// The lines of the commands in the action that do work and are not translated yet.
+    lines: std::vec::IntoIter<u64>,
+    /// What the commands say of where they were made.
+    stated: Option<CallSite>,
     /// The submission that is translated: it may yet turn out to have failed.
     submission: Submission,
     /// The limits that the program asked of its device.
@@ -67,6 +72,8 @@ impl Translator {
             number: 0,
             name: String::new(),
             place: TextLocation { line: 1, column: 1 },
+            lines: Vec::new().into_iter(),
+            stated: None,
             submission: Submission::default(),
             limits: schema::Limits::default(),
             surfaces: Vec::new(),
@@ -97,8 +104,18 @@ impl Translator {
         Ok(self.builder.finish().with_origin(origin))
     }
 
-    /// Appends a command.
+    /// Appends a command, behind what says where it was made if it does work.
     pub(super) fn emit(&mut self, command: Command) {
+        if command.does_work() {
+            let site = CallSite::Line(self.lines.next().unwrap_or(self.place.line as u64));
+            if self.stated.replace(site) != Some(site) {
+                self.append(Command::SetCallSite(site));
+            }
+        }
+        self.append(command);
+    }
+
+    fn append(&mut self, command: Command) {
         self.commands.push(command);
         self.places.push(self.place);
     }
@@ -108,9 +125,14 @@ impl Translator {
         self.dropped.extend(object);
     }
 
-    /// Translates an action.
-    pub fn step(&mut self, number: u64, name: &str, place: TextLocation, action: Action) -> Result<(), Stop> {
-        (self.number, self.place) = (number, place);
+    /// Translates an action of this number, name and place, with the lines of the commands in it that do work.
+    pub fn step(
+        &mut self,
+        (number, name, place): (u64, &str, TextLocation),
+        action: Action,
+        lines: Vec<u64>,
+    ) -> Result<(), Stop> {
+        (self.number, self.place, self.lines) = (number, place, lines.into_iter());
         self.name.clear();
         self.name.push_str(name);
         match action {
@@ -166,6 +188,7 @@ impl Translator {
         };
         if submission.is_some() && submission == self.submission.number {
             for range in std::mem::take(&mut self.submission).commands.into_iter().rev() {
+                self.stated = None;
                 self.places.drain(range.clone());
                 self.commands.drain(range);
             }
@@ -319,6 +342,7 @@ impl Translator {
                 let (label, begin) = (desc.label.clone(), self.commands.len());
                 let made = self.create_bundle(desc, base);
                 if made.is_err() {
+                    self.stated = None;
                     self.commands.truncate(begin);
                     self.places.truncate(begin);
                 }

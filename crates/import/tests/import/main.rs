@@ -10,5 +10,6 @@ mod oracle;
 mod peers;
 mod recorder;
 mod shaders;
+mod sites;
 mod vulkan;
 mod wgpu;

@@ -38,9 +38,9 @@ use std::sync::{Arc, Mutex, OnceLock};
 use gfx::stage::{Stage, StageMap};
 use gfx::state::{IndexFormat, Rect, Viewport};
 use gfx::vertex::VertexSource;
-use num::Words;
+use num::{CallSite, Words};
 use shader::{Program, Resources, Uniforms};
-use work::{Areas, Extent, Funnel, Reach, RenderKey, Signature};
+use work::{Areas, DebugPath, Extent, Funnel, Reach, RenderKey, Signature};
 
 use super::ledger::Ledger;
 use super::needs::Need;
@@ -194,8 +194,10 @@ pub struct DrawCall<'a> {
     pub state: &'a DrawState,
     /// Number in the trace.
     pub number: u32,
-    /// Label of the innermost debug group, or empty.
-    pub group: &'a Arc<str>,
+    /// Where its command was made.
+    pub site: CallSite,
+    /// Labels of the debug groups that are open, the outermost first.
+    pub groups: &'a DebugPath,
     /// Vertex buffers by slot.
     pub vertex_buffers: &'a [Option<BufferRange>],
     /// Indices; none: not indexed.

@@ -225,7 +225,8 @@ pub fn draw(call: &DrawCall<'_>, state: &Arc<RecordedState>, culling: Culling) -
     });
     work::Draw {
         number: call.number,
-        group: call.group.clone(),
+        site: call.site,
+        groups: call.groups.clone(),
         state: state.clone(),
         attributes: attributes.collect(),
         signature: call.signature,

@@ -218,7 +218,7 @@ impl<'a> Checker<'a> {
                 self.debug_groups -= 1;
                 Ok(())
             }
-            InsertDebugMarker(_) => Ok(()),
+            InsertDebugMarker(_) | SetCallSite(_) => Ok(()),
 
             WriteBuffer { .. }
             | WriteTexture { .. }

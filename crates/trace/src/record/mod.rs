@@ -58,6 +58,9 @@ pub struct Recorder {
     bytes: u64,
     textures: Vec<TextureDesc>,
     next: NextIds,
+    /// Where the commands that follow are made, and what the trace says of that so far.
+    site: Option<CallSite>,
+    stated: Option<CallSite>,
 }
 
 #[derive(Default)]
@@ -107,6 +110,8 @@ impl Recorder {
             bytes: 0,
             textures: Vec::new(),
             next: NextIds::default(),
+            site: None,
+            stated: None,
         }
     }
 
@@ -128,10 +133,35 @@ impl Recorder {
         self.builder.drain()
     }
 
-    /// Appends any command as it is.
+    /// Appends any command as it is. The trace says where commands that do work are made: see [`Recorder::set_call_site`].
     #[inline]
     pub fn push(&mut self, command: Command) {
+        if let Command::SetCallSite(site) = command {
+            return self.set_call_site(site);
+        }
+        if self.site != self.stated && command.does_work() {
+            self.state_call_site();
+        }
         self.builder.push(command);
+    }
+
+    #[cold]
+    fn state_call_site(&mut self) {
+        self.stated = self.site;
+        if let Some(site) = self.site {
+            self.builder.push(Command::SetCallSite(site));
+        }
+    }
+
+    /// Says where the recorded program makes the commands that follow.
+    #[inline]
+    pub fn set_call_site(&mut self, site: CallSite) {
+        self.site = Some(site);
+    }
+
+    /// Where the recorded program makes the commands that follow, if that is known.
+    pub fn call_site(&self) -> Option<CallSite> {
+        self.site
     }
 
     /// Keeps bytes as a blob called after `label`, or finds the blob that has these contents already.

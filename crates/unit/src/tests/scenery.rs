@@ -57,7 +57,8 @@ pub fn draw_with(change: impl FnOnce(&mut RecordedState)) -> Draw {
     change(&mut state);
     Draw {
         number: 0,
-        group: "".into(),
+        site: num::CallSite::Command(0),
+        groups: [].into(),
         state: state.into(),
         attributes: Vec::new(),
         signature: None,

@@ -167,6 +167,7 @@ impl Gl {
             stencil: [reference; 2],
             writes: fixed.writes(),
             query: self.context.query,
+            made: self.made(),
         });
         Ok(())
     }

@@ -2,6 +2,7 @@
 
 use std::collections::BTreeMap;
 use std::ops::Range;
+use std::rc::Rc;
 
 use gfx::format::Format;
 use gfx::state::*;
@@ -166,7 +167,9 @@ impl Card {
         if !self.pass.draws.is_empty() {
             self.close();
         }
+        let clear = self.recorder.call_site();
         let pass = &mut self.pass;
+        pass.clear = clear.or(pass.clear);
         pass.color = color.map(|color| color.map(f64::from)).or(pass.color);
         pass.depth = depth.or(pass.depth);
         pass.stencil = stencil.or(pass.stencil);
@@ -340,11 +343,15 @@ impl Card {
         queries.sort_unstable();
         queries.dedup();
         let set = (!queries.is_empty()).then(|| self.recorder.create_query_set(QueryKind::Occlusion, queries.len() as u32));
+        let now = self.recorder.call_site();
+        let drawn = pass.draws.first().map(|draw| CallSite::Call(draw.made.call));
+        pass.clear.or(drawn).into_iter().for_each(|site| self.recorder.set_call_site(site));
         {
             let mut open = self.recorder.begin_render_pass_with(color, depth, set);
             if let Some((group, own)) = group {
                 let mut last: Option<&Draw> = None;
                 let (mut bound_vertices, mut bound_indices) = (Vec::new(), None);
+                let mut groups: &[Rc<str>] = &[];
                 for draw in &pass.draws {
                     let query = last.and_then(|last| last.query);
                     if query != draw.query {
@@ -381,6 +388,9 @@ impl Card {
                         open.set_vertex_buffer_at(slot as u32, buffer, range.offset);
                         *bound = Some(range);
                     }
+                    enter_groups(&mut open, groups, &draw.made.groups);
+                    groups = &draw.made.groups;
+                    open.push(Command::SetCallSite(CallSite::Call(draw.made.call)));
                     match draw.order {
                         Order::Sequence(first) => open.draw_from(draw.count, 1, first, 0),
                         Order::Indices { buffer, format, first, base } => {
@@ -397,8 +407,10 @@ impl Card {
                 if last.is_some_and(|last| last.query.is_some()) {
                     open.push(Command::EndOcclusionQuery);
                 }
+                enter_groups(&mut open, groups, &[]);
             }
         }
+        now.into_iter().for_each(|site| self.recorder.set_call_site(site));
         if let Some(set) = set {
             self.recorder.push(Command::Destroy(Object::QuerySet(set)));
         }
@@ -511,4 +523,11 @@ impl Card {
         let recorder = &mut self.recorder;
         *self.plain_shaders.get_or_insert_with(label, || recorder.create_shader(label, text))
     }
+}
+
+/// Leaves the debug groups that are open in a pass for others. Those that both have from the outermost one on stay open.
+fn enter_groups(pass: &mut record::RenderPass<'_>, open: &[Rc<str>], wanted: &[Rc<str>]) {
+    let shared = open.iter().zip(wanted).take_while(|(a, b)| a == b).count();
+    open[shared..].iter().for_each(|_| pass.push(Command::PopDebugGroup));
+    wanted[shared..].iter().for_each(|label| pass.push(Command::PushDebugGroup(label.to_string())));
 }

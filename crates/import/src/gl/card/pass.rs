@@ -42,6 +42,17 @@ pub struct Draw {
     pub writes: u8,
     /// The occlusion query that counts it, by its number in the recording.
     pub query: Option<u64>,
+    /// The call that draws it, or begins to draw what was joined.
+    pub made: Made,
+}
+
+/// Where the program draws: a call, in debug groups.
+#[derive(Clone, Debug, Default)]
+pub struct Made {
+    /// Number of the call.
+    pub call: u64,
+    /// Labels of the debug groups that are open, the outermost first.
+    pub groups: Rc<[Rc<str>]>,
 }
 
 /// A vertex buffer of a draw.
@@ -192,6 +203,8 @@ pub struct Pass {
     pub textures: NumberMap<TextureId, ()>,
     /// Buffers that are read beside the pass's own, and their bytes that are read.
     pub buffers: NumberMap<BufferId, Range<u64>>,
+    /// The last call that clears buffers as the pass begins, if one does.
+    pub clear: Option<CallSite>,
 }
 
 impl Pass {

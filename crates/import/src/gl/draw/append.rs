@@ -26,7 +26,9 @@ impl Gl {
             self.keep(vertices, indices.iter().copied(), None);
             return Ok(());
         }
+        let made = self.drawing.batch.indices.is_empty().then(|| self.made());
         let batch = &mut self.drawing.batch;
+        batch.made = made.or(batch.made.take());
         (batch.class, batch.polygon) = (class, polygon);
         let base = batch.vertices.len() as u32;
         batch.vertices.extend_from_slice(vertices);
@@ -64,7 +66,8 @@ impl Gl {
         let vertices =
             if sequence { indices.iter().map(|&index| vertices[index as usize].clone()).collect() } else { vertices };
         let indices = if sequence { (0..vertices.len() as u32).collect() } else { indices };
-        let batch = Batch { class: Class::Triangles, polygon: None, sent: Some(sent), ..Batch::default() };
+        let batch =
+            Batch { class: Class::Triangles, polygon: None, sent: Some(sent), made: Some(self.made()), ..Batch::default() };
         self.drawing.batch = Batch { vertices, indices, topology, sequence, ..batch };
     }
 }

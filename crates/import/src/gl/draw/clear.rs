@@ -190,6 +190,7 @@ impl Gl {
             stencil: [stencil; 2],
             writes: fixed.writes(),
             query: None,
+            made: self.made(),
         });
         Ok(())
     }

@@ -137,6 +137,7 @@ impl Gl {
             stencil: self.stencil_tests(batch.class).map(|test| test.reference as u32),
             writes: prepared.writes,
             query: self.context.query,
+            made: batch.made.clone().unwrap_or_else(|| self.made()),
         });
     }
 }

@@ -5,6 +5,7 @@ use std::ops::Range;
 use gfx::state::Topology;
 use gl_shader::consts as e;
 
+use crate::gl::card::pass::Made;
 use crate::gl::geometry::vertex::Vertex;
 
 /// Quadrilaterals at the end of a batch that Mesa draws together: those of consecutive calls of Begin and End.
@@ -99,6 +100,8 @@ pub struct Batch {
     pub sent: Option<SentAttributes>,
     /// The quadrilaterals at its end.
     pub quads: Option<QuadRun>,
+    /// Where the program began to draw it; none: by the call that runs.
+    pub made: Option<Made>,
 }
 
 /// The primitive type that a mode becomes.

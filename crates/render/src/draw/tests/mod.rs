@@ -14,7 +14,7 @@ use crate::pipeline::{PipelineError, RenderPipeline};
 use crate::surface::{Shape, TileSurface};
 use gfx::format::Format;
 use gfx::state::*;
-use num::{Limits, ShaderId};
+use num::{CallSite, Limits, ShaderId};
 use shader::{Module, ModuleSource};
 use trace::command::{self, RenderPipelineDesc};
 use work::{self, Event, Segment};
@@ -209,7 +209,7 @@ impl Scene {
         let (mut drawn, mut draws, mut segments) = (Drawn::default(), Vec::new(), Vec::new());
         let boxes = Mutex::default();
         let ledger = Ledger::new(&self.limits);
-        let group = "".into();
+        let groups = [].into();
         let reach = Arc::default();
         let usual = DynamicState::new(width, height);
         let dynamic = DynamicState {
@@ -233,7 +233,8 @@ impl Scene {
             let call = DrawCall {
                 state: &state,
                 number: 0,
-                group: &group,
+                site: CallSite::Command(0),
+                groups: &groups,
                 vertex_buffers: &buffers,
                 index: index.as_ref(),
                 range: DrawRange {
