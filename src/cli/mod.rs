@@ -43,6 +43,7 @@ mod knobs;
 mod manual;
 #[cfg(feature = "accuracy")]
 mod pareto;
+mod pixel;
 mod progress;
 mod reading;
 mod replay;
@@ -94,6 +95,7 @@ enum Command {
     Accuracy(accuracy::Arguments),
     Sweep(sweep::Arguments),
     Why(why::Arguments),
+    Pixel(pixel::Arguments),
     Report(report::Arguments),
     Completions(manual::Completions),
     Manual(manual::Manual),
@@ -181,6 +183,7 @@ fn run(command: &Command) -> Result<Verdict> {
         Command::Accuracy(arguments) => arguments.threads,
         Command::Sweep(arguments) => arguments.threads,
         Command::Why(arguments) => arguments.threads,
+        Command::Pixel(arguments) => arguments.threads,
         Command::Report(arguments) => arguments.threads,
         Command::Import(_) | Command::Inspect(_) | Command::Configs(_) | Command::Compare(_) => None,
         Command::Completions(_) | Command::Manual(_) => None,
@@ -196,6 +199,7 @@ fn run(command: &Command) -> Result<Verdict> {
         Command::Accuracy(arguments) => accuracy::run(arguments),
         Command::Sweep(arguments) => sweep::run(arguments),
         Command::Why(arguments) => why::run(arguments),
+        Command::Pixel(arguments) => pixel::run(arguments),
         Command::Report(arguments) => report::run(arguments),
         Command::Completions(arguments) => manual::completions(arguments),
         Command::Manual(arguments) => manual::manual(arguments),

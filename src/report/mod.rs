@@ -12,6 +12,7 @@ pub mod order;
 pub mod owned;
 pub mod pages;
 pub mod peak;
+pub mod pixel;
 pub mod plots;
 pub mod references;
 pub mod rows;

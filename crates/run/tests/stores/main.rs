@@ -2,6 +2,7 @@
 
 mod cases;
 mod check;
+mod pixels;
 mod sequence;
 
 use std::num::NonZeroU32;
