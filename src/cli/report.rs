@@ -1,5 +1,6 @@
 //! `fillrate report`
 
+use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Result, anyhow, bail};
@@ -16,6 +17,7 @@ use crate::picture;
 use crate::report::counted::{Chosen, counted};
 use crate::report::files::{About, json_head};
 use crate::report::folder::REPORT;
+use crate::report::groups;
 use crate::report::html::data::{CountedSpan, Gather, Statistics};
 use crate::report::html::replay::{Input, limits, replay};
 use crate::report::html::series::COLUMNS;
@@ -24,6 +26,7 @@ use crate::report::owned::check_replaceable;
 use crate::report::peak::MemoryPeak;
 use crate::report::rows::json_frame;
 use crate::report::sections::{of_replay, of_sweep, shown_of_replay, shown_of_sweep};
+use crate::report::state::{DrawState, states};
 use crate::run::maps::{FrameDetails, details};
 use crate::run::replay::Frame;
 use crate::stats::{Tree, counter};
@@ -57,10 +60,13 @@ pub struct Arguments {
     /// `pass 0`, `scan-out`; `all`: in each phase
     #[arg(help_heading = "Output", long, value_name = "NAME", conflicts_with_all = ["trace", "why", "out", "force", "plots"])]
     phase: Option<String>,
-    /// The same of a draw, by its number, of a replay with --per-draw
-    #[arg(help_heading = "Output", long, value_name = "N", conflicts_with_all = ["phase", "trace", "why", "out", "force", "plots"])]
-    draw: Option<u64>,
-    /// With --phase or --draw: of this frame [default: the one that costs most]
+    /// The same of a draw, by its number, of a replay with --per-draw; and its state, if the trace is there
+    #[arg(help_heading = "Output", long, value_name = "N", conflicts_with_all = ["phase", "why", "out", "force", "plots"])]
+    draw: Option<u32>,
+    /// Make no page: print the debug groups of a replay with --per-draw as a tree, with the draws, cycles, fragments and bytes of each
+    #[arg(help_heading = "Output", long, conflicts_with_all = ["phase", "draw", "trace", "why", "out", "force", "plots"])]
+    groups: bool,
+    /// With --phase, --draw or --groups: of this frame [default: the one that costs most]
     #[arg(help_heading = "Output", long, value_name = "N")]
     frame: Option<u32>,
     /// Leave the plots as SVG in DIR/plots, too
@@ -193,6 +199,16 @@ impl Subject {
         Ok(Some(details))
     }
 
+    /// The states of the draws that were reported, if there is a trace.
+    fn states(&self, trace: Option<&Trace>) -> Result<BTreeMap<u32, DrawState>> {
+        let draws = self.statistics.frame().parts.iter().flat_map(|phase| &phase.parts);
+        let numbers: BTreeSet<u32> = draws.filter_map(|draw| u32::try_from(draw.number?).ok()).collect();
+        match trace.filter(|_| !numbers.is_empty()) {
+            Some(trace) => Ok(states(trace, &numbers)?),
+            None => Ok(BTreeMap::new()),
+        }
+    }
+
     /// Times the frame on other machines.
     fn why(&self, trace: &Trace) -> Result<Option<Value>> {
         let Some(config) = &self.config else { return Ok(None) };
@@ -213,6 +229,10 @@ impl Subject {
     /// If the trace cannot be rendered, or the page cannot be written.
     pub fn write(&self, path: &Path, trace: Option<&Trace>, prove: bool) -> Result<()> {
         let details = self.details(trace)?;
+        let states = self.states(trace).unwrap_or_else(|reason| {
+            eprintln!("note: the page has no states of draws: {reason:#}");
+            BTreeMap::new()
+        });
         let why = trace.filter(|_| prove).map(|trace| self.why(trace)).transpose()?.flatten();
         let limits = details.as_ref().and_then(|details| details.estimate.as_ref()).map(limits).unwrap_or_default();
         let page = replay(&Input {
@@ -222,6 +242,7 @@ impl Subject {
             command: self.command.as_deref(),
             limits: &limits,
             why: why.as_ref(),
+            states: &states,
             maps: details.as_ref().map(|details| &details.maps),
             targets: details.as_ref().map(|details| &details.targets),
             timeline: details.as_ref().and_then(|details| details.timeline.as_ref()),
@@ -278,16 +299,56 @@ fn sweep(arguments: &Arguments, out: &Path) -> Result<Verdict> {
     Ok(Verdict::Done)
 }
 
+/// The trace of a replay, read for the same frames as the replay has read it for: so its passes and draws have the same numbers.
+fn opened(arguments: &Arguments, statistics: &Statistics, path: &Path) -> Result<Trace> {
+    let number = |frame: Option<&CountedSpan>| frame.and_then(|frame| frame.number).unwrap_or(0);
+    let frames = statistics.frames();
+    arguments.reading.open_frames(path, number(frames.first())..number(frames.last()) + 1)
+}
+
+/// Prints the state of a draw, if the trace is there.
+fn print_state(arguments: &Arguments, statistics: &Statistics, draw: u32) -> Result<()> {
+    let stated = Path::new(statistics.text("trace"));
+    let read = |path: &Path| -> Result<String> {
+        let found = states(&opened(arguments, statistics, path)?, &BTreeSet::from([draw]))?;
+        let state = found.get(&draw).with_context(|| format!("{} has no draw {draw}", path.display()))?;
+        Ok(state.text())
+    };
+    match &arguments.trace {
+        Some(path) => print!("{}", read(path)?),
+        None if stated.exists() => match read(stated) {
+            Ok(text) => print!("{text}"),
+            Err(reason) => eprintln!("note: the state of the draw is not known: {reason:#}"),
+        },
+        None => {
+            eprintln!("note: the state of the draw is in the trace, and {} is not there: name it by --trace", stated.display())
+        }
+    }
+    Ok(())
+}
+
 pub fn run(arguments: &Arguments) -> Result<Verdict> {
     let folder = &arguments.dir;
     let out = arguments.out.clone().unwrap_or_else(|| folder.join("report.html"));
     let phase = arguments.phase.clone().map(Chosen::Phase);
-    if let Some(chosen) = phase.or(arguments.draw.map(Chosen::Draw)) {
+    if let Some(chosen) = phase.or(arguments.draw.map(|draw| Chosen::Draw(draw.into()))) {
         if folder.join("inputs.json").exists() {
             bail!("--phase and --draw apply to a replay only, and {} is of a sweep", folder.display());
         }
         let peak = config(folder)?.as_ref().map(MemoryPeak::new);
-        let text = counted(&statistics(folder, arguments.frame)?, &chosen, peak.as_ref());
+        let statistics = statistics(folder, arguments.frame)?;
+        let text = counted(&statistics, &chosen, peak.as_ref());
+        print!("{}", text.map_err(|reason| anyhow!("{}: {reason}", folder.display()))?);
+        if let Some(draw) = arguments.draw {
+            print_state(arguments, &statistics, draw)?;
+        }
+        return Ok(Verdict::Done);
+    }
+    if arguments.groups {
+        if folder.join("inputs.json").exists() {
+            bail!("--groups applies to a replay only, and {} is of a sweep", folder.display());
+        }
+        let text = groups::text(&statistics(folder, arguments.frame)?);
         print!("{}", text.map_err(|reason| anyhow!("{}: {reason}", folder.display()))?);
         return Ok(Verdict::Done);
     }
@@ -303,7 +364,7 @@ pub fn run(arguments: &Arguments) -> Result<Verdict> {
         return Ok(Verdict::Done);
     }
     if arguments.frame.is_some() {
-        bail!("--frame applies to --phase and --draw only: a page shows the frame that costs most");
+        bail!("--frame applies to --phase, --draw and --groups only: a page shows the frame that costs most");
     }
     check_replaceable(&out, pages::MARK, arguments.force)?;
     if folder.join("inputs.json").exists() {
@@ -315,10 +376,7 @@ pub fn run(arguments: &Arguments) -> Result<Verdict> {
     }
     let stated = Path::new(subject.statistics.text("trace"));
     let with_trace = |path: &Path| -> Result<Verdict> {
-        // A recording is read for the same frames as the replay has read it for: so its passes have the same numbers.
-        let number = |frame: Option<&CountedSpan>| frame.and_then(|frame| frame.number).unwrap_or(0);
-        let frames = subject.statistics.frames();
-        let trace = arguments.reading.open_frames(path, number(frames.first())..number(frames.last()) + 1)?;
+        let trace = opened(arguments, &subject.statistics, path)?;
         subject.write(&out, Some(&trace), arguments.why)?;
         Ok(super::reading::verdict(&trace))
     };

@@ -96,6 +96,8 @@ fn draws_add_up_to_their_passes_in_every_file_and_change_nothing_else() {
             told(&part[name], name, &text);
         }
         assert!(text.contains(&format!(": {} cycles, ", grouped(part["cycles"].as_u64().expect("cycles")))), "{text}");
+        // The trace is there, so that the state of a draw follows.
+        assert_eq!(text.contains("\nRasteriser\n  culls "), asked[0] == "--draw", "{text}");
     }
     let (_, text, _) = run(&["report", &folder, "--phase", "all"]);
     for phase in ["transfers of frame 0: ", "pass 0 of frame 0: ", "scan-out of frame 0: "] {
@@ -105,7 +107,7 @@ fn draws_add_up_to_their_passes_in_every_file_and_change_nothing_else() {
         (&["--phase", "pass 7"][..], "has no phase `pass 7`: it has `transfers`, `pass 0`, `scan-out`"),
         (&["--draw", "398"], "has no draw 398: its draws are 0 to 397"),
         (&["--phase", "all", "--frame", "1"], "has no frame 1"),
-        (&["--frame", "0"], "--frame applies to --phase and --draw only"),
+        (&["--frame", "0"], "--frame applies to --phase, --draw and --groups only"),
     ] {
         let message = refused(&[&["report", &folder], asked].concat());
         assert!(message.contains(told), "{message}");

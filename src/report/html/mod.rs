@@ -8,12 +8,14 @@
 mod advice;
 pub mod beside;
 pub mod data;
+mod groups;
 mod machine;
 pub mod maps;
 pub mod passes;
 pub mod plots;
 pub mod replay;
 pub mod series;
+mod state;
 mod tables;
 mod targets;
 
@@ -27,10 +29,15 @@ use crate::host::printable;
 use crate::stats::Key;
 use data::CountedSpan;
 
-const STYLE: &str = include_str!("page.css");
+const STYLE: &str = concat!(include_str!("page.css"), include_str!("groups.css"));
 /// Tables, then the selection of draws, then what follows it.
-const SCRIPT: &str =
-    concat!(include_str!("page.js"), include_str!("draws.js"), include_str!("maps.js"), include_str!("series.js"));
+const SCRIPT: &str = concat!(
+    include_str!("page.js"),
+    include_str!("draws.js"),
+    include_str!("maps.js"),
+    include_str!("series.js"),
+    include_str!("state.js")
+);
 
 /// What tells a page from other files.
 pub const MARK: &[u8] = br#"<meta name="generator" content="fillrate">"#;

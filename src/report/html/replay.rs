@@ -1,13 +1,19 @@
 //! The page of a replay.
 
+use std::collections::BTreeMap;
+
 use maud::{Markup, html};
 use serde_json::{Value, json};
 
 use super::data::{CYCLES, CountedSpan, Statistics};
-use super::{PageSection, advice, inline, machine, maps, page, part, passes, percent, readable, series, share, tables, word};
+use super::{
+    PageSection, advice, groups, inline, machine, maps, page, part, passes, percent, readable, series, share, state, tables,
+    word,
+};
 use crate::machine::{Config, PhaseReport, SORTING, WRONG_PIXELS};
 use crate::mem::{DRAM, DramCounts};
 use crate::report::peak::MemoryPeak;
+use crate::report::state::DrawState;
 use crate::report::verdict::{Draws, counted, numbers, sentence};
 use crate::report::waits::Waits;
 use crate::run::bound::{FrameEstimate, PhaseEstimate};
@@ -31,6 +37,8 @@ pub struct Input<'i> {
     pub limits: &'i [Limit],
     /// What `why` found for this frame: its JSON, with the sentence of its verdict in `verdict`.
     pub why: Option<&'i Value>,
+    /// The states of the draws that were reported, by their numbers; empty where the trace is not at hand.
+    pub states: &'i BTreeMap<u32, DrawState>,
     /// Heat maps of the frame that is shown.
     pub maps: Option<&'i Maps>,
     /// Small pictures of what the passes of the frame that is shown leave.
@@ -316,6 +324,8 @@ pub fn replay(input: &Input<'_>) -> String {
         part("why", "What holds it back", Some(verdict(input))),
         part("time", "Where the time goes", passes::time(input)),
         part("tables", "Passes and draws", passes::tables(input)),
+        part("groups", "Debug groups", groups::tree(input)),
+        part("state", "State of the selected draw", state::section(input.states)),
         part("sorting", "What sorting cost", tables::sorting(input)),
         part("bins", "Bins", tables::bins(input)),
         part("units", "Units and channels", machine::units(input)),
@@ -339,5 +349,10 @@ pub fn replay(input: &Input<'_>) -> String {
         .map(|limit| json!({ "phase": limit.name, "limit": limit.unit, "work_cycles": limit.work, "cycles": limit.cycles }))
         .collect();
     let more = json!({ "limits": estimates, "why": input.why, "timeline": input.timeline.map(|timeline| series::json(timeline, input.config)) });
-    page(&title, &head, &parts, &[("statistics", statistics.json()), ("estimates", &more)])
+    let states = state::json(input.states);
+    let mut values = vec![("statistics", statistics.json()), ("estimates", &more)];
+    if !input.states.is_empty() {
+        values.push(("states", &states));
+    }
+    page(&title, &head, &parts, &values)
 }
