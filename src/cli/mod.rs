@@ -52,6 +52,7 @@ mod report;
 mod runs;
 #[cfg(feature = "accuracy")]
 mod scenes;
+mod shaders;
 #[cfg(feature = "accuracy")]
 mod shortcuts;
 #[cfg(feature = "accuracy")]
@@ -96,6 +97,7 @@ enum Command {
     Sweep(sweep::Arguments),
     Why(why::Arguments),
     Pixel(pixel::Arguments),
+    Shaders(shaders::Arguments),
     Report(report::Arguments),
     Completions(manual::Completions),
     Manual(manual::Manual),
@@ -184,6 +186,7 @@ fn run(command: &Command) -> Result<Verdict> {
         Command::Sweep(arguments) => arguments.threads,
         Command::Why(arguments) => arguments.threads,
         Command::Pixel(arguments) => arguments.threads,
+        Command::Shaders(arguments) => arguments.threads,
         Command::Report(arguments) => arguments.threads,
         Command::Import(_) | Command::Inspect(_) | Command::Configs(_) | Command::Compare(_) => None,
         Command::Completions(_) | Command::Manual(_) => None,
@@ -200,6 +203,7 @@ fn run(command: &Command) -> Result<Verdict> {
         Command::Sweep(arguments) => sweep::run(arguments),
         Command::Why(arguments) => why::run(arguments),
         Command::Pixel(arguments) => pixel::run(arguments),
+        Command::Shaders(arguments) => shaders::run(arguments),
         Command::Report(arguments) => report::run(arguments),
         Command::Completions(arguments) => manual::completions(arguments),
         Command::Manual(arguments) => manual::manual(arguments),

@@ -26,9 +26,11 @@ use crate::report::owned::check_replaceable;
 use crate::report::peak::MemoryPeak;
 use crate::report::rows::json_frame;
 use crate::report::sections::{of_replay, of_sweep, shown_of_replay, shown_of_sweep};
+use crate::report::shaders::listings;
 use crate::report::state::{DrawState, states};
 use crate::run::maps::{FrameDetails, details};
 use crate::run::replay::Frame;
+use crate::run::shader_cost::shader_costs;
 use crate::stats::{Tree, counter};
 use crate::sweep::folder::Results;
 use crate::sweep::html;
@@ -229,6 +231,10 @@ impl Subject {
     /// If the trace cannot be rendered, or the page cannot be written.
     pub fn write(&self, path: &Path, trace: Option<&Trace>, prove: bool) -> Result<()> {
         let details = self.details(trace)?;
+        let shaders = match trace {
+            Some(trace) => listings(trace, &shader_costs(trace, self.statistics.number())?)?,
+            None => Vec::new(),
+        };
         let states = self.states(trace).unwrap_or_else(|reason| {
             eprintln!("note: the page has no states of draws: {reason:#}");
             BTreeMap::new()
@@ -243,6 +249,7 @@ impl Subject {
             limits: &limits,
             why: why.as_ref(),
             states: &states,
+            shaders: &shaders,
             maps: details.as_ref().map(|details| &details.maps),
             targets: details.as_ref().map(|details| &details.targets),
             timeline: details.as_ref().and_then(|details| details.timeline.as_ref()),

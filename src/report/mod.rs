@@ -18,6 +18,7 @@ pub mod plots;
 pub mod references;
 pub mod rows;
 pub mod sections;
+pub mod shaders;
 pub mod state;
 pub mod summary;
 pub mod terminal;

@@ -42,6 +42,7 @@ mod recorded_scenes;
 mod recordings;
 mod report;
 mod scenes;
+mod shaders;
 mod sweep;
 mod timeline;
 mod vulkan;

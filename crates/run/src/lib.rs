@@ -38,6 +38,7 @@ pub mod profiles;
 pub mod rendering;
 pub mod replay;
 pub mod sample;
+pub mod shader_cost;
 pub mod stored_work;
 pub mod targets;
 pub mod timeline;

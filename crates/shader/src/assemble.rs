@@ -296,8 +296,10 @@ fn emit(b: &Builder, insts: &[Inst], outputs: &[Vec<V>], homes: &Homes) -> Body 
         }
         let op = operation(b, inst, homes, &mut body);
         body.ops.push(op);
+        body.lines.push(inst.line);
     }
     body.ops.push(Op { code: Code::End, r: [NO_REG; 9], imm: 0 });
+    body.lines.push(0);
     link(&mut body.ops);
     body.vectors = vector::counts(b, insts, outputs).into_iter().map(Counted::dependent).collect();
     let outputs = outputs.concat();

@@ -40,6 +40,8 @@ pub(super) struct Inst {
     pub imm: u32,
     /// Mask slots, in the order in which the executor wants them.
     pub slots: [u16; 3],
+    /// Line of the source, from 1; 0 where that is not known.
+    pub line: u32,
 }
 
 /// Number of operands of a texture instruction: the fixed places in `src`.
@@ -92,6 +94,8 @@ pub(super) struct Builder {
     pub classes: u32,
     pub loops: Vec<Option<ShaderLocation>>,
     pub slots: u16,
+    /// Line of the source from which instructions are made now, from 1; 0 where that is not known.
+    pub line: u32,
     /// Steps taken so far, in instructions: what the budget of compiling counts.
     pub steps: u64,
     constants: HashMap<u32, V>,
@@ -161,12 +165,12 @@ impl Builder {
 
     pub fn push(&mut self, code: Code, dst: Vec<V>, src: Vec<V>, imm: u32) {
         self.steps += 1;
-        self.insts.push(Inst { code, dst, src, imm, slots: [0; 3] });
+        self.insts.push(Inst { code, dst, src, imm, slots: [0; 3], line: self.line });
     }
 
     pub fn control(&mut self, code: Code, src: Vec<V>, imm: u32, slots: [u16; 3]) {
         self.steps += 1;
-        self.insts.push(Inst { code, dst: Vec::new(), src, imm, slots });
+        self.insts.push(Inst { code, dst: Vec::new(), src, imm, slots, line: self.line });
     }
 
     /// An operation with one result.
@@ -217,7 +221,7 @@ impl Builder {
             self.define(if uniform { Def::Uniform } else { Def::Temp });
         }
         let dst = (first..first + results as V).collect();
-        let inst = Inst { code, dst, src: src.to_vec(), imm, slots: [0; 3] };
+        let inst = Inst { code, dst, src: src.to_vec(), imm, slots: [0; 3], line: self.line };
         if uniform {
             self.prologue.push(inst);
             self.shared_uniform.insert(key, first);

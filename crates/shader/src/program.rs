@@ -228,6 +228,8 @@ pub(super) struct Body {
     pub first_counter: usize,
     /// Places of loops, by number.
     pub loops: Vec<Option<ShaderLocation>>,
+    /// Line of the source of each operation, from 1; 0 where that is not known.
+    pub lines: Vec<u32>,
     /// Running instruction counts: entry `i` counts operations before `i`.
     pub counts: Vec<Counted>,
     /// The same of instructions that work on four components.

@@ -296,7 +296,7 @@ mod tests {
     use super::*;
 
     fn inst(code: Code, dst: &[V], src: &[V]) -> Inst {
-        Inst { code, dst: dst.to_vec(), src: src.to_vec(), imm: 0, slots: [0; 3] }
+        Inst { code, dst: dst.to_vec(), src: src.to_vec(), imm: 0, slots: [0; 3], line: 0 }
     }
 
     /// A builder with inputs 0 to 9, results 10 to 39, and a mutable register of which 40 and 41 are versions.

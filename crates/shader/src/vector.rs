@@ -32,7 +32,7 @@ const OPEN: usize = 32;
 type Counts = [u32; Class::COUNT];
 
 /// A copy to a place that an instruction or an output asks for.
-const MOVE: Inst = Inst { code: Code::Copy, dst: Vec::new(), src: Vec::new(), imm: 0, slots: [0; 3] };
+const MOVE: Inst = Inst { code: Code::Copy, dst: Vec::new(), src: Vec::new(), imm: 0, slots: [0; 3], line: 0 };
 
 /// How an operation counts.
 enum Cost {
@@ -375,7 +375,7 @@ mod tests {
     use super::*;
 
     fn inst(code: Code, dst: V, src: &[V]) -> Inst {
-        Inst { code, dst: vec![dst], src: src.to_vec(), imm: 0, slots: [0; 3] }
+        Inst { code, dst: vec![dst], src: src.to_vec(), imm: 0, slots: [0; 3], line: 0 }
     }
 
     /// Values 0 to 15 are inputs, the others results.
@@ -495,7 +495,7 @@ mod tests {
 
     #[test]
     fn blocks_end_where_masks_may_change() {
-        let control = |code| Inst { code, dst: Vec::new(), src: vec![0], imm: 0, slots: [0; 3] };
+        let control = |code| Inst { code, dst: Vec::new(), src: vec![0], imm: 0, slots: [0; 3], line: 0 };
         let insts = [inst(Code::FAdd, 20, &[0, 1]), control(Code::If), inst(Code::FAdd, 21, &[1, 2]), control(Code::EndIf)];
         // Entry by entry: what is skipped counts nothing.
         assert_eq!(

@@ -134,6 +134,8 @@ pub struct Span {
     pub at: u32,
     /// Its instructions in order, as runs of one class: the class, and the number of its instructions one after another.
     pub runs: Vec<(Class, u32)>,
+    /// The same by line of the source: the line, from 1, and the number of its instructions. Line 0 is what has no line.
+    pub lines: Vec<(u32, u32)>,
     /// The instructions of the longest chain among them ([`Step::chain`]).
     pub chain: [u32; Class::COUNT],
 }

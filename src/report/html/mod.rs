@@ -15,6 +15,7 @@ pub mod passes;
 pub mod plots;
 pub mod replay;
 pub mod series;
+mod shaders;
 mod state;
 mod tables;
 mod targets;

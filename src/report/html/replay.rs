@@ -7,12 +7,13 @@ use serde_json::{Value, json};
 
 use super::data::{CYCLES, CountedSpan, Statistics};
 use super::{
-    PageSection, advice, groups, inline, machine, maps, page, part, passes, percent, readable, series, share, state, tables,
-    word,
+    PageSection, advice, groups, inline, machine, maps, page, part, passes, percent, readable, series, shaders, share, state,
+    tables, word,
 };
 use crate::machine::{Config, PhaseReport, SORTING, WRONG_PIXELS};
 use crate::mem::{DRAM, DramCounts};
 use crate::report::peak::MemoryPeak;
+use crate::report::shaders::ShaderListing;
 use crate::report::state::DrawState;
 use crate::report::verdict::{Draws, counted, numbers, sentence};
 use crate::report::waits::Waits;
@@ -39,6 +40,8 @@ pub struct Input<'i> {
     pub why: Option<&'i Value>,
     /// The states of the draws that were reported, by their numbers; empty where the trace is not at hand.
     pub states: &'i BTreeMap<u32, DrawState>,
+    /// The shaders of the frame that is shown with the cost of their lines; empty where the trace is not at hand.
+    pub shaders: &'i [ShaderListing],
     /// Heat maps of the frame that is shown.
     pub maps: Option<&'i Maps>,
     /// Small pictures of what the passes of the frame that is shown leave.
@@ -326,6 +329,7 @@ pub fn replay(input: &Input<'_>) -> String {
         part("tables", "Passes and draws", passes::tables(input)),
         part("groups", "Debug groups", groups::tree(input)),
         part("state", "State of the selected draw", state::section(input.states)),
+        part("shaders", "Shaders", shaders::section(input.shaders)),
         part("sorting", "What sorting cost", tables::sorting(input)),
         part("bins", "Bins", tables::bins(input)),
         part("units", "Units and channels", machine::units(input)),

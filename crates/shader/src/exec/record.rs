@@ -269,7 +269,9 @@ impl Scratch {
         }
         let runs = Class::ALL.into_iter().map(|class| (class, counted.instructions[class as usize]));
         let span = self.spans.len() as u32;
-        self.spans.push(Span { at: span, runs: runs.filter(|&(_, count)| count > 0).collect(), chain: counted.chain });
+        let runs = runs.filter(|&(_, count)| count > 0).collect();
+        let lines = vec![(0, counted.instructions.iter().sum())];
+        self.spans.push(Span { at: span, runs, lines, chain: counted.chain });
         self.ahead = span + 1;
         for q in quads(mask) {
             self.paths[q].push(Point { span, in_flight, then: RequestKind::End });
@@ -317,7 +319,7 @@ impl Scratch {
         let (from, to) = (counts[self.last], counts[pc]);
         let in_flight = body.in_flight[self.last];
         if self.keeps_paths {
-            self.point(counts, pc, mask, in_flight);
+            self.point((counts, &body.lines), pc, mask, in_flight);
         }
         self.last = pc;
         if mask == 0 {
@@ -329,15 +331,21 @@ impl Scratch {
 
     /// The quads of the mask execute the span from the last place up to `pc`.
     #[cold]
-    fn point(&mut self, counts: &[Counted], pc: usize, mask: Mask, in_flight: InFlight) {
+    fn point(&mut self, (counts, lines_of): (&[Counted], &[u32]), pc: usize, mask: Mask, in_flight: InFlight) {
         if mask == 0 {
             return;
         }
         let at = self.ahead + self.last as u32;
         let known = self.spans.iter().position(|span| span.at == at);
         let span = known.unwrap_or_else(|| {
-            let mut runs: Vec<(Class, u32)> = Vec::new();
-            for operation in counts[self.last..=pc].windows(2) {
+            let (mut runs, mut lines) = (Vec::<(Class, u32)>::new(), Vec::<(u32, u32)>::new());
+            for (operation, &line) in counts[self.last..=pc].windows(2).zip(&lines_of[self.last..]) {
+                let own: u32 = operation[1].since(&operation[0]).instructions.iter().sum();
+                match lines.iter_mut().find(|(known, _)| *known == line) {
+                    Some((_, sum)) => *sum += own,
+                    None if own > 0 => lines.push((line, own)),
+                    None => {}
+                }
                 for class in Class::ALL {
                     let count = operation[1].since(&operation[0]).instructions[class as usize];
                     match runs.last_mut() {
@@ -347,7 +355,7 @@ impl Scratch {
                     }
                 }
             }
-            self.spans.push(Span { at, runs, chain: counts[pc].since(&counts[self.last]).chain });
+            self.spans.push(Span { at, runs, lines, chain: counts[pc].since(&counts[self.last]).chain });
             self.spans.len() - 1
         });
         for q in quads(mask) {

@@ -127,7 +127,7 @@ impl<'a> Lowerer<'a> {
         let info: &'a FunctionInfo = &self.info[callee];
         let span = self.span;
         let value = self.inline(Some(callee), function, info, args)?;
-        self.span = span;
+        self.go_to(span);
         if let Some(h) = result {
             // A function that ends without `return` (all its paths discard, or it never returns) gives zeros.
             let value = match (value, &function.result) {

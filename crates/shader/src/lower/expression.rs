@@ -93,7 +93,7 @@ impl<'a> Lowerer<'a> {
         let function = self.frame().function;
         let span = function.expressions.get_span(h);
         if span.is_defined() {
-            self.span = span;
+            self.go_to(span);
         }
         Ok(match function.expressions[h] {
             Expression::Literal(l) => Val::Data([self.literal(l)?].into()),

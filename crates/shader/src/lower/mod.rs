@@ -207,6 +207,14 @@ impl<'a> Lowerer<'a> {
         ShaderError { module: self.origin.name.to_string(), entry: Some(self.entry.to_owned()), place, message }
     }
 
+    /// Goes on with a place of the source.
+    pub fn go_to(&mut self, span: Span) {
+        if self.span != span {
+            self.span = span;
+            self.b.line = self.here().and_then(module::ShaderLocation::line).unwrap_or(0);
+        }
+    }
+
     /// The current place, if the module has places.
     pub fn here(&self) -> Option<module::ShaderLocation> {
         let module::Places::Text(_, rewritten) = &self.origin.places else { return self.origin.places.of(self.span) };

@@ -15,7 +15,7 @@ impl<'a> Lowerer<'a> {
     fn statements(&mut self, block: &'a Block) -> Result<Flow> {
         for (statement, span) in block.span_iter() {
             if span.is_defined() {
-                self.span = *span;
+                self.go_to(*span);
             }
             self.spend(1)?;
             let flow = self.statement(statement)?;

@@ -23,7 +23,7 @@ const PROGRAM: [(u32, &[(Class, u32)]); 5] = [
 fn span(at: u32, runs: &[(Class, u32)]) -> Span {
     let mut chain = [0; Class::COUNT];
     runs.iter().for_each(|&(class, count)| chain[class as usize] += count);
-    Span { at, runs: runs.to_vec(), chain }
+    Span { at, runs: runs.to_vec(), lines: Vec::new(), chain }
 }
 
 /// A path through it, with the steps that it makes.
