@@ -40,6 +40,9 @@ libfuzzer_sys::fuzz_target!(init: let_guarded_panics_pass(), |data: &[u8]| {
     let options = Options {
         specialization: if choice & 4 == 0 { &[] } else { &specialization },
         view_index: Some(choice >> 24),
+        base_instance: (choice & 256 != 0).then_some(choice >> 20),
+        draw_index: (choice & 512 != 0).then_some(choice >> 28),
+        base_workgroup: [0, 10, 20].map(|bit| choice >> bit & 1023),
         flip_y: choice & 8 != 0,
         from_minus_one: choice & 64 != 0,
         each_sample: choice & 128 != 0,

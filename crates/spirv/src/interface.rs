@@ -2,7 +2,7 @@
 
 use std::collections::{HashMap, HashSet};
 
-use grammar::{BuiltIn, Decoration as D, Op, StorageClass};
+use grammar::{BuiltIn, Decoration as D, ExecutionMode, Op, StorageClass};
 
 use crate::words::{Code, Decoration, Inst, Parts, Type, text};
 use crate::{Refusal, Stage};
@@ -13,7 +13,7 @@ const LOCATIONS: u32 = 1 << 12;
 /// Rewrites decorations of inputs and outputs.
 ///
 /// # Errors
-/// If a variable begins within a location, or a location is beyond all limits.
+/// If a variable begins within a location, a location is beyond all limits, or the stage chooses a viewport or a layer.
 pub fn rewrite(parts: &mut Parts, stage: Stage) -> Result<(), Refusal> {
     // naga takes each index for one of dual-source blending. Where there is no second source, the first says nothing.
     let is_index = |inst: &Inst| inst.op == Op::Decorate && inst.operand(1) == D::Index as u32;
@@ -32,6 +32,13 @@ pub fn rewrite(parts: &mut Parts, stage: Stage) -> Result<(), Refusal> {
         }
         if kind == D::Location as u32 && value >= LOCATIONS {
             return Err(inst.refuse(format!("location {value} is not supported: they end with {}", LOCATIONS - 1)));
+        }
+    }
+    for (builtin, what) in [(BuiltIn::ViewportIndex, "viewport"), (BuiltIn::Layer, "layer")] {
+        let chosen = builtins(parts, builtin, StorageClass::Output);
+        let is_chosen = |inst: &&Inst| inst.op == Op::Variable && chosen.contains(&inst.operand(1));
+        if let Some(inst) = parts.globals.iter().find(is_chosen) {
+            return Err(inst.refuse(format!("a {stage} stage that chooses the {what} is not supported")));
         }
     }
     if matches!(stage, Stage::Vertex | Stage::Fragment) {
@@ -84,20 +91,28 @@ fn builtins(parts: &Parts, builtin: BuiltIn, class: StorageClass) -> Vec<u32> {
     ids.filter(|id| decorations.get(id).into_iter().flatten().any(is_it)).collect()
 }
 
-/// Variables of the view's number that are read: a compiler makes one.
-const VIEWS: usize = 16;
+/// Variables of one built-in value that are read: a compiler makes one.
+const VARIABLES: usize = 16;
 
-/// Gives the number of the view, and that of the device, their values: the variables become private ones.
+/// The input variables that are a built-in value as a whole.
+///
+/// # Errors
+/// If there are more than any module has.
+fn input_builtins(parts: &Parts, builtin: BuiltIn) -> Result<Vec<u32>, Refusal> {
+    let ids = builtins(parts, builtin, StorageClass::Input);
+    match parts.globals.last().filter(|_| ids.len() > VARIABLES) {
+        Some(inst) => Err(inst.refuse(format!("there are more variables of {builtin:?} than are supported"))),
+        None => Ok(ids),
+    }
+}
+
+/// Gives built-in values, which are whole numbers, constants: the variables become private ones.
 ///
 /// # Errors
 /// If there are more variables than any module has.
-pub fn fix_view(parts: &mut Parts, view: u32) -> Result<(), Refusal> {
-    for (builtin, value) in [(BuiltIn::ViewIndex, view), (BuiltIn::DeviceIndex, 0)] {
-        let ids = builtins(parts, builtin, StorageClass::Input);
-        if let Some(inst) = parts.globals.last().filter(|_| ids.len() > VIEWS) {
-            return Err(inst.refuse("there are more variables of the number of the view than are supported"));
-        }
-        for id in ids {
+pub fn fix(parts: &mut Parts, fixed: &[(BuiltIn, u32)]) -> Result<(), Refusal> {
+    for &(builtin, value) in fixed {
+        for id in input_builtins(parts, builtin)? {
             let types = parts.types();
             let Some(at) = parts.globals.iter().position(|inst| inst.op == Op::Variable && inst.operand(1) == id) else {
                 continue;
@@ -112,6 +127,47 @@ pub fn fix_view(parts: &mut Parts, view: u32) -> Result<(), Refusal> {
             parts.globals.push(Inst { operands, ..variable });
             parts.globals.retain(|inst| !(inst.op == Op::Decorate && inst.operand(0) == id));
             unlist(parts, id);
+        }
+    }
+    Ok(())
+}
+
+/// Adds the first workgroup of a dispatch to the numbers of workgroups, and its invocations to those of invocations. The variables become
+/// private ones, and the function around that of the entry point writes them.
+///
+/// # Errors
+/// If there are more variables than any module has.
+pub fn move_workgroups(parts: &mut Parts, around: &mut Around, base: [u32; 3]) -> Result<(), Refusal> {
+    let is_size = |inst: &&Inst| inst.op == Op::ExecutionMode && inst.operand(1) == ExecutionMode::LocalSize as u32;
+    let size = parts.globals.iter().find(is_size).map_or([1; 3], |inst| [2, 3, 4].map(|at| inst.operand(at)));
+    let invocations = [0, 1, 2].map(|axis| base[axis].wrapping_mul(size[axis]));
+    for (builtin, by) in [(BuiltIn::WorkgroupId, base), (BuiltIn::GlobalInvocationId, invocations)] {
+        for id in input_builtins(parts, builtin)? {
+            let types = parts.types();
+            let Some(place) = parts.globals.iter().position(|inst| inst.op == Op::Variable && inst.operand(1) == id) else {
+                continue;
+            };
+            let Some(&Type::Pointer { to, .. }) = types.get(&parts.globals[place].operand(0)) else { continue };
+            let Some(&Type::Vector { of, count: 3 }) = types.get(&to) else { continue };
+            if !matches!(types.get(&of), Some(Type::Int { bits: 32, .. })) {
+                continue;
+            }
+            let variable = parts.globals.remove(place);
+            let (at, own) = (variable.at, parts.fresh());
+            let pointer = parts.pointer_type(StorageClass::Private, to);
+            let axes = by.map(|by| parts.constant(of, by));
+            let added = parts.declared(Op::ConstantComposite, &[to, axes[0], axes[1], axes[2]]);
+            let input = Inst { operands: vec![variable.operand(0), own, StorageClass::Input as u32], ..variable };
+            let private = Inst { at, op: Op::Variable, operands: vec![pointer, id, StorageClass::Private as u32] };
+            parts.globals.extend([input, private]);
+            for inst in parts.globals.iter_mut().filter(|inst| inst.op == Op::Decorate && inst.operand(0) == id) {
+                inst.operands[0] = own;
+            }
+            unlist(parts, id);
+            list(parts, own);
+            let number = around.before.value(parts, at, Op::Load, to, &[own]);
+            let moved = around.before.value(parts, at, Op::IAdd, to, &[number, added]);
+            around.before.0.push(Inst { at, op: Op::Store, operands: vec![id, moved] });
         }
     }
     Ok(())

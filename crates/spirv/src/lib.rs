@@ -19,6 +19,8 @@
 //! biases of samplers                      sums of levels                                      as before, without them
 //! specialization constants                constants; what is computed from them is folded     nothing
 //! the number of the view                  a constant                                          nothing
+//! Options::base_instance, draw_index      constants                                           nothing
+//! Options::base_workgroup                 sums of numbers of workgroups and invocations       nothing
 //! the memory model of Vulkan              that of GLSL                                        nothing
 //! matrices by rows or distant columns     arrays of vectors                                   as before
 //! offsets of loads from images            sums of coordinates                                 nothing
@@ -26,8 +28,8 @@
 //! modf and rounding to 16 bits            other operations                                    nothing
 //! ```
 //!
-//! Refused by name: tessellation and geometry stages, atomic operations on images, arrays of several buffers, inputs and outputs that begin
-//! within a location, smallest levels and several offsets of samples, comparisons at levels other than the first, writes to texels of a buffer
+//! Refused by name: tessellation and geometry stages, stages that choose a viewport or a layer, atomic operations on images, arrays of several
+//! buffers, inputs and outputs that begin within a location, smallest levels and several offsets of samples, comparisons at levels other than the first, writes to texels of a buffer
 //! that are smaller than a word. naga reads past many of these without a word.
 //!
 //! **Points.** `gl_PointSize` and `gl_PointCoord` stay what they are: the built-in output and input of the module, which naga keeps
@@ -75,6 +77,7 @@ mod varyings;
 mod views;
 mod words;
 
+use grammar::BuiltIn;
 use words::Parts;
 
 /// Bindings of samplers that are split from images: the binding of the image, and this.
@@ -163,6 +166,12 @@ pub struct Options<'a> {
     pub specialization: &'a [Constant<'a>],
     /// The view that a multiview pass draws: the value of `gl_ViewIndex`. None: 0.
     pub view_index: Option<u32>,
+    /// The value of `gl_BaseInstance`. None: that of the native draw.
+    pub base_instance: Option<u32>,
+    /// The value of `gl_DrawID`. None: that of the native draw.
+    pub draw_index: Option<u32>,
+    /// The number of the first workgroup of the dispatch on each axis.
+    pub base_workgroup: [u32; 3],
     /// Turns y of positions: for viewports of positive height, as Vulkan's y points down.
     pub flip_y: bool,
     /// Depths of positions are from -w to w, and become those from 0 to w.
@@ -270,7 +279,13 @@ pub fn translate(words: &[u32], entry: &str, stage: Stage, options: &Options<'_>
     let mut around = interface::Around::default();
     varyings::rewrite(&mut parts, stage, &mut around)?;
     interface::rewrite(&mut parts, stage)?;
-    interface::fix_view(&mut parts, options.view_index.unwrap_or(0))?;
+    let mut fixed = vec![(BuiltIn::ViewIndex, options.view_index.unwrap_or(0)), (BuiltIn::DeviceIndex, 0)];
+    fixed.extend(options.base_instance.map(|value| (BuiltIn::BaseInstance, value)));
+    fixed.extend(options.draw_index.map(|value| (BuiltIn::DrawIndex, value)));
+    interface::fix(&mut parts, &fixed)?;
+    if stage == Stage::Compute && options.base_workgroup != [0; 3] {
+        interface::move_workgroups(&mut parts, &mut around, options.base_workgroup)?;
+    }
     translated.texel_buffers = texels::rewrite(&mut parts, options.formats)?;
     translated.combined = combined::rewrite(&mut parts)?;
     translated.input_attachments = attachments::rewrite(&mut parts)?;

@@ -14,7 +14,7 @@ use super::machine::Vulkan;
 use super::objects::{Descriptor, DescriptorKind, Set, known};
 use super::pass::{ComputeEmitted, Open, OpenPass};
 use super::pipelines::Ready;
-use super::shaders::Bound;
+use super::shaders::{Bound, Numbers};
 use super::state::{Area, Fixed};
 use super::submission::{BindPoint, BoundSet, Encoder};
 
@@ -58,20 +58,21 @@ impl Vulkan {
             "vkCmdDraw" => {
                 let (first, count) = (call.u32("firstVertex")?, call.u32("vertexCount")?);
                 let (first_instance, instances) = (call.u32("firstInstance")?, call.u32("instanceCount")?);
-                self.draw(Order::Direct { indexed, first, count, base: 0, first_instance, instances }, encoder)?;
+                let order = Order::Direct { indexed, first, count, base: 0, first_instance, instances };
+                self.draw(order, None, encoder)?;
             }
             "vkCmdDrawIndexed" => {
                 let (first, count) = (call.u32("firstIndex")?, call.u32("indexCount")?);
                 let (first_instance, instances) = (call.u32("firstInstance")?, call.u32("instanceCount")?);
                 let base = call.i32("vertexOffset")?;
-                self.draw(Order::Direct { indexed, first, count, base, first_instance, instances }, encoder)?;
+                self.draw(Order::Direct { indexed, first, count, base, first_instance, instances }, None, encoder)?;
             }
             "vkCmdDrawMulti" | "vkCmdDrawMultiIndexed" => {
                 let (first_instance, instances) = (call.u32("firstInstance")?, call.u32("instanceCount")?);
                 // The same for all draws, where it is given.
                 let base = if indexed && call.is_some("pVertexOffset")? { Some(call.i32("pVertexOffset")?) } else { None };
                 let list = call.list(if indexed { "pIndexInfo" } else { "pVertexInfo" })?;
-                for info in list {
+                for (number, info) in (0..).zip(list) {
                     let (first, count, base) = match indexed {
                         true => {
                             let own = info.i32("vertexOffset")?;
@@ -79,37 +80,35 @@ impl Vulkan {
                         }
                         false => (info.u32("firstVertex")?, info.u32("vertexCount")?, 0),
                     };
-                    self.draw(Order::Direct { indexed, first, count, base, first_instance, instances }, encoder)?;
+                    let order = Order::Direct { indexed, first, count, base, first_instance, instances };
+                    self.draw(order, Some(number), encoder)?;
                 }
             }
             "vkCmdDrawIndirect" | "vkCmdDrawIndexedIndirect" => {
                 let (buffer, offset) = (call.u64("buffer")?, call.u64("offset")?);
                 let (count, stride) = (call.u32("drawCount")?, call.u32("stride")?);
-                self.draw(Order::Indirect { indexed, buffer, offset, count, stride, counts: None }, encoder)?;
+                self.draw(Order::Indirect { indexed, buffer, offset, count, stride, counts: None }, None, encoder)?;
             }
             "vkCmdDrawIndirectCount" | "vkCmdDrawIndexedIndirectCount" => {
                 let (buffer, offset) = (call.u64("buffer")?, call.u64("offset")?);
                 let counts = Some((call.u64("countBuffer")?, call.u64("countBufferOffset")?));
                 let (count, stride) = (call.u32("maxDrawCount")?, call.u32("stride")?);
-                self.draw(Order::Indirect { indexed, buffer, offset, count, stride, counts }, encoder)?;
+                self.draw(Order::Indirect { indexed, buffer, offset, count, stride, counts }, None, encoder)?;
             }
             "vkCmdDispatch" | "vkCmdDispatchBase" => {
-                if name == "vkCmdDispatchBase" {
-                    for axis in ["baseGroupX", "baseGroupY", "baseGroupZ"] {
-                        if call.u32(axis)? != 0 {
-                            return unsupported("a dispatch that does not begin at workgroup 0");
-                        }
-                    }
-                }
+                let base_workgroup = match name {
+                    "vkCmdDispatchBase" => [call.u32("baseGroupX")?, call.u32("baseGroupY")?, call.u32("baseGroupZ")?],
+                    _ => [0; 3],
+                };
                 let groups = [call.u32("groupCountX")?, call.u32("groupCountY")?, call.u32("groupCountZ")?];
                 if groups.iter().any(|&count| count > trace::check::WORKGROUPS_MAX) {
                     return unsupported(format!("a dispatch of {groups:?} workgroups"));
                 }
-                self.dispatch(Command::Dispatch { groups }, encoder)?;
+                self.dispatch(Command::Dispatch { groups }, Numbers { base_workgroup, ..Numbers::default() }, encoder)?;
             }
             "vkCmdDispatchIndirect" => {
                 let (buffer, offset, _) = self.range(call.u64("buffer")?, call.u64("offset")?, Some(12))?;
-                self.dispatch(Command::DispatchIndirect { buffer, offset }, encoder)?;
+                self.dispatch(Command::DispatchIndirect { buffer, offset }, Numbers::default(), encoder)?;
             }
             _ => return Ok(false),
         }
@@ -197,14 +196,14 @@ impl Vulkan {
         all
     }
 
-    fn dispatch(&mut self, command: Command, encoder: &mut Encoder) -> Outcome {
+    fn dispatch(&mut self, command: Command, numbers: Numbers, encoder: &mut Encoder) -> Outcome {
         let point = encoder.compute.clone();
         let Some(pipeline) = &point.pipeline else { return unsupported("a dispatch without a pipeline") };
         let ready = match &encoder.ready_compute {
-            Some(ready) => ready.clone(),
-            None => {
+            Some(ready) if ready.serves(numbers) => ready.clone(),
+            _ => {
                 let reads = self.reads(&point)?;
-                let ready = Rc::new(self.ready_compute(pipeline, reads)?);
+                let ready = Rc::new(self.ready_compute(pipeline, reads, numbers)?);
                 encoder.ready_compute.insert(ready).clone()
             }
         };
@@ -248,10 +247,12 @@ impl Vulkan {
         self.range(buffer, offset.min(owner.size), Some(size.unwrap_or(left).min(left)))
     }
 
-    fn draw(&mut self, order: Order, encoder: &mut Encoder) -> Outcome {
+    /// Draws an order, which has a number where it is one of several.
+    fn draw(&mut self, order: Order, number: Option<u32>, encoder: &mut Encoder) -> Outcome {
+        let numbers = Numbers { draw: number, ..Numbers::default() };
         let (Order::Direct { first_instance: origin, instances: all, .. }, Some(step)) = (order, encoder.state.instance_step())
         else {
-            return self.draw_part(order, None, encoder);
+            return self.draw_part(order, numbers, encoder);
         };
         if all.div_ceil(step) > PARTS_MAX {
             return unsupported(format!("{all} instances whose attributes change every {step}"));
@@ -260,13 +261,13 @@ impl Vulkan {
             let Order::Direct { indexed, first: index, count, base, .. } = order else { continue };
             let (first_instance, instances) = (origin.saturating_add(first), step.min(all - first));
             let part = Order::Direct { indexed, first: index, count, base, first_instance, instances };
-            self.draw_part(part, Some(origin), encoder)?;
+            self.draw_part(part, Numbers { base_instance: Some(origin), ..numbers }, encoder)?;
         }
         Ok(())
     }
 
-    /// Draws an order, or a part of one whose instances begin at `origin`.
-    fn draw_part(&mut self, order: Order, origin: Option<u32>, encoder: &mut Encoder) -> Outcome {
+    /// Draws an order, or a part of an order that has these numbers.
+    fn draw_part(&mut self, order: Order, numbers: Numbers, encoder: &mut Encoder) -> Outcome {
         if encoder.pass_refused || encoder.state.discard {
             return Ok(());
         }
@@ -283,10 +284,10 @@ impl Vulkan {
             None => None,
         };
         let ready = match &encoder.ready {
-            Some(ready) => ready.clone(),
-            None => {
+            Some(ready) if ready.serves(numbers) => ready.clone(),
+            _ => {
                 let reads = self.reads(&point)?;
-                let ready = Rc::new(self.ready(pipeline, &encoder.state, &pass.formats, index, reads)?);
+                let ready = Rc::new(self.ready(pipeline, &encoder.state, &pass.formats, index, reads, numbers)?);
                 encoder.ready.insert(ready).clone()
             }
         };
@@ -311,7 +312,7 @@ impl Vulkan {
                 Some((buffer, offset, size, format, code == INDICES_OF_8_BITS))
             }
         };
-        let vertex = self.vertex_buffers(&ready, &order, origin, encoder)?;
+        let vertex = self.vertex_buffers(&ready, &order, numbers.base_instance, encoder)?;
         let Some((viewport, scissor)) = view_of(encoder)? else { return Ok(()) };
         let (order, indices) = match indices {
             Some((buffer, offset, size, format, bytes)) => {
@@ -460,6 +461,9 @@ impl Vulkan {
                 if count == 1 || u64::from(stride) == record {
                     let draw = Command::DrawIndirect { buffer, offset, indexed, count, count_buffer };
                     return Ok(vec![self.draw_under(draw, condition)?]);
+                }
+                if ready.reads_draw() {
+                    return unsupported(format!("the number of the draw in a shader, of indirect draws {stride} bytes apart"));
                 }
                 if count_buffer.is_some() {
                     return unsupported(format!("indirect draws with counts, {stride} bytes apart"));

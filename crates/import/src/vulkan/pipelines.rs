@@ -17,7 +17,7 @@ use super::groups::{Origin, Plan, Planned};
 use super::machine::Vulkan;
 use super::objects::{DescriptorKind, Pipeline, SetLayout};
 use super::points;
-use super::shaders::{Bound as Reads, Form, Shader};
+use super::shaders::{Bound as Reads, Form, Numbers, Shader};
 use super::state::{Fixed, Stencil};
 
 /// What a pass draws to.
@@ -61,6 +61,10 @@ pub struct Ready {
     pub points: bool,
     /// The vertex shader writes to memory.
     pub writes: bool,
+    /// The numbers of the draw that it was made for, as far as its shader reads them.
+    numbers: Numbers,
+    /// The vertex shader as it is without such numbers.
+    plain: Rc<Shader>,
 }
 
 /// A compute pipeline that is ready.
@@ -72,6 +76,29 @@ pub struct ReadyCompute {
     pub groups: Vec<Plan>,
     /// Bytes of immediates that the shader reads.
     pub immediates: u32,
+    /// The first workgroup that it was made for, if its shader reads it.
+    base: [u32; 3],
+    /// The shader as it is for a dispatch that begins at workgroup 0.
+    plain: Rc<Shader>,
+}
+
+impl ReadyCompute {
+    /// Whether it also serves a dispatch whose first workgroup this is.
+    pub fn serves(&self, numbers: Numbers) -> bool {
+        numbers.read_by(&self.plain.interface).base_workgroup == self.base
+    }
+}
+
+impl Ready {
+    /// Whether it draws with these numbers, too.
+    pub fn serves(&self, numbers: Numbers) -> bool {
+        numbers.read_by(&self.plain.interface) == self.numbers
+    }
+
+    /// Whether the vertex shader reads the number of the draw among several.
+    pub fn reads_draw(&self) -> bool {
+        self.plain.interface.input(BuiltIn::DrawIndex).is_some()
+    }
 }
 
 /// Layouts of a pipeline: the native one, and its groups.
@@ -232,9 +259,11 @@ impl Vulkan {
     }
 
     /// The compute pipeline, ready.
-    pub fn ready_compute(&mut self, pipeline: &Pipeline, bound: Reads) -> Outcome<ReadyCompute> {
+    pub fn ready_compute(&mut self, pipeline: &Pipeline, bound: Reads, numbers: Numbers) -> Outcome<ReadyCompute> {
         let Some(stage) = pipeline.stages.first() else { return unsupported("a compute pipeline without a shader") };
-        let form = Form { bound, ..Form::default() };
+        let mut form = Form { bound, ..Form::default() };
+        let plain = self.shaders.get(stage, &form, &mut self.card, &self.limits)?;
+        form.numbers = numbers.read_by(&plain.interface);
         let shader = self.shaders.get(stage, &form, &mut self.card, &self.limits)?;
         let (layout, groups, immediates) = self.layouts(&[&shader], &pipeline.layout.sets)?;
         let known = self.pipelines.compute.get_or_insert_with(pipeline.number, Vec::new);
@@ -247,7 +276,7 @@ impl Vulkan {
                 id
             }
         };
-        Ok(ReadyCompute { id, groups, immediates })
+        Ok(ReadyCompute { id, groups, immediates, base: form.numbers.base_workgroup, plain })
     }
 
     /// The render pipeline for this state and pass, ready.
@@ -258,6 +287,7 @@ impl Vulkan {
         pass: &PassFormats,
         index: Option<IndexFormat>,
         bound: Reads,
+        numbers: Numbers,
     ) -> Outcome<Ready> {
         if let Some(refused) = &pipeline.refused {
             return Err(refused.clone());
@@ -269,8 +299,11 @@ impl Vulkan {
         let topology = formats::topology(state.topology)?;
         let flip = viewport.is_none_or(|viewport| viewport.height >= 0.0);
         let mut form = Form { flip, from_minus_one: state.negative_one_to_one, view: pass.view, bound, ..Form::default() };
+        let plain = self.shaders.get(vertex_stage, &form, &mut self.card, &self.limits)?;
+        let points = topology == Topology::PointList && points::writes_size(&plain.translated.words);
+        let numbers = numbers.read_by(&plain.interface);
+        form.numbers = numbers;
         let mut vertex = self.shaders.get(vertex_stage, &form, &mut self.card, &self.limits)?;
-        let points = topology == Topology::PointList && points::writes_size(&vertex.translated.words);
         let mut fragment_form = Form { view: pass.view, bound: form.bound.clone(), ..Form::default() };
         fragment_form.each_sample = state.sample_shading * pass.samples as f32 > 1.0;
         let mut fragment = match find(16) {
@@ -280,6 +313,8 @@ impl Vulkan {
         if points {
             let size = viewport.map_or([1.0; 2], |viewport| [viewport.width, viewport.height.abs()]);
             form.points = Some(size.map(f32::to_bits));
+            // Native instances are points, and the program's draw has one instance, the first.
+            form.numbers.base_instance = Numbers { base_instance: Some(0), ..numbers }.read_by(&plain.interface).base_instance;
             let used = vertex.interface.outputs.iter().filter_map(|slot| slot.location()).max();
             form.point_coord = Some(used.map_or(0, |location| location + 1));
             fragment_form.point_coord = form.point_coord;
@@ -349,7 +384,7 @@ impl Vulkan {
             matches!(bound.kind, Bound::Storage { writable: true, .. } | Bound::StorageTexture { .. })
         };
         let writes = vertex.interface.bindings.iter().any(writable);
-        Ok(Ready { id, groups, slots, layouts: buffers, immediates, constant_alpha, points, writes })
+        Ok(Ready { id, groups, slots, layouts: buffers, immediates, constant_alpha, points, writes, numbers, plain })
     }
 }
 
@@ -385,9 +420,6 @@ fn refuse_state(state: &Fixed, pass: &PassFormats) -> Outcome {
     }
     if !matches!(pass.samples, 1 | 4) {
         return unsupported(format!("{} samples", pass.samples));
-    }
-    if state.viewports.len() > 1 && state.viewports.iter().any(|viewport| *viewport != state.viewports[0]) {
-        return unsupported("several viewports");
     }
     Ok(())
 }

@@ -100,6 +100,7 @@ fn expand(module: &mut Module, [width, height]: [f32; 2], location: u32) -> Resu
     for argument in &mut function.arguments {
         argument.binding = match argument.binding.take() {
             Some(Binding::BuiltIn(BuiltIn::VertexIndex)) => Some(Binding::BuiltIn(BuiltIn::InstanceIndex)),
+            Some(Binding::BuiltIn(BuiltIn::BaseVertex)) => Some(Binding::BuiltIn(BuiltIn::BaseInstance)),
             // Points are drawn in one instance. Its number is 0, as is that of the draw.
             Some(Binding::BuiltIn(BuiltIn::InstanceIndex)) => Some(Binding::BuiltIn(BuiltIn::DrawIndex)),
             other => other,

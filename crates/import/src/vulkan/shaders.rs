@@ -5,7 +5,7 @@ use std::rc::Rc;
 
 use gfx::stage::Stage as Kind;
 use num::{Limits, ShaderId};
-use shader::{Interface, Module, ModuleSource};
+use shader::{BuiltIn, Interface, Module, ModuleSource};
 use trace::record::Recorder;
 
 use super::fault::{Fault, Outcome, unsupported};
@@ -23,6 +23,30 @@ pub struct Bound {
     pub biases: Vec<(u32, u32, Option<u32>, u32)>,
 }
 
+/// Numbers of a draw or dispatch that shaders read, where the native one has others.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord)]
+pub struct Numbers {
+    /// The first instance of a draw that is cut.
+    pub base_instance: Option<u32>,
+    /// The number of the draw among several.
+    pub draw: Option<u32>,
+    /// The first workgroup of a dispatch on each axis.
+    pub base_workgroup: [u32; 3],
+}
+
+impl Numbers {
+    /// The numbers that a shader reads; the others are as if there were none.
+    pub fn read_by(self, interface: &Interface) -> Numbers {
+        let reads = |builtin| interface.input(builtin).is_some();
+        let workgroups = reads(BuiltIn::WorkGroupId) || reads(BuiltIn::GlobalInvocationId);
+        Numbers {
+            base_instance: self.base_instance.filter(|_| reads(BuiltIn::BaseInstance)),
+            draw: self.draw.filter(|_| reads(BuiltIn::DrawIndex)),
+            base_workgroup: if workgroups { self.base_workgroup } else { [0; 3] },
+        }
+    }
+}
+
 /// What a draw chooses of a shader's form.
 #[derive(Clone, Debug, Default, PartialEq, Eq, PartialOrd, Ord)]
 pub struct Form {
@@ -32,6 +56,8 @@ pub struct Form {
     pub from_minus_one: bool,
     /// The view that is drawn, in a pass of several.
     pub view: Option<u32>,
+    /// Numbers of a draw or dispatch that the native one does not have.
+    pub numbers: Numbers,
     /// What is bound, as far as shaders depend on it.
     pub bound: Bound,
     /// The fragment stage runs for each sample.
@@ -112,6 +138,9 @@ fn translate(stage: &Stage, form: &Form, card: &mut Recorder, limits: &Limits) -
     let options = spirv::Options {
         specialization: &specialization,
         view_index: form.view,
+        base_instance: form.numbers.base_instance,
+        draw_index: form.numbers.draw,
+        base_workgroup: form.numbers.base_workgroup,
         flip_y: form.flip,
         from_minus_one: form.from_minus_one,
         each_sample: form.each_sample,

@@ -11,7 +11,7 @@ use super::capture;
 const NUMBERS: [u64; 12] = [0, 1, 2, 3, 7, 255, 65_536, 0x7fff_ffff, 0x8000_0000, 0xffff_ffff, 1 << 40, u64::MAX];
 const FLOATS: [f32; 6] = [f32::NAN, f32::INFINITY, -1.0, 0.0, 1e30, 0.5];
 /// Objects of the captures, and one that there is not.
-const HANDLES: [u64; 16] = [0, 10, 11, 12, 13, 20, 30, 31, 32, 50, 51, 52, 53, 55, 120, 99];
+const HANDLES: [u64; 20] = [0, 10, 11, 12, 13, 20, 30, 31, 32, 34, 50, 51, 52, 53, 55, 60, 61, 62, 120, 99];
 
 /// Changes the value that is the `at`th of those that hold no others.
 fn change(value: &mut Value, at: &mut usize, by: u8) -> bool {
@@ -84,10 +84,15 @@ fn damage(blocks: &mut Vec<Body>, choices: &[u8]) {
 /// Damages a capture as the choices say, and imports it: the answer is a trace, which can be checked, or an error that names a block.
 pub fn import_damaged(path: &Path, choices: &[u8]) {
     let (first, rest) = choices.split_first().unwrap_or((&0, &[]));
-    let mut capture = match first % 3 {
+    let mut capture = match first % 8 {
         0 => capture::cleared_twice(),
         1 => capture::converted(),
-        _ => capture::sampled(),
+        2 => capture::sampled(),
+        3 => capture::multisampled_attachment(),
+        4 => capture::numbered(naga::BuiltIn::BaseInstance),
+        5 => capture::numbered(naga::BuiltIn::DrawIndex),
+        6 => capture::dispatched_from(),
+        _ => capture::two_passes(true, true),
     };
     rest.chunks(6).take(16).for_each(|choices| damage(&mut capture.blocks, choices));
     std::fs::write(path, capture.bytes()).expect("a file");

@@ -8,7 +8,7 @@ use tempfile::TempDir;
 use trace::command::Command;
 use trace::{Reading, Trace, TraceError};
 
-use crate::capture::{self, Capture, drawn, extent, handles};
+use crate::capture::{self, Capture, drawn, extent};
 
 fn commands(trace: &Trace) -> Vec<Command> {
     let mut all = Vec::new();
@@ -240,17 +240,8 @@ fn draws_are_cut_where_attributes_of_several_instances_change() {
     let (_home, path) = save(&drawn(|capture| {
         capture.vertex = "@vertex fn main(@location(0) a: f32) -> @builtin(position) vec4f { return vec4f(a); }";
         capture.pipeline(34, "VK_PRIMITIVE_TOPOLOGY_TRIANGLE_LIST", false, 0);
-        let binding = Struct::new("VkVertexInputBindingDescription2EXT").with("stride", 4u32).with("inputRate", 1u32);
-        let attribute = Struct::new("VkVertexInputAttributeDescription2EXT").with("format", "VK_FORMAT_R32_SFLOAT");
         capture.bind(34);
-        let input = Call::new("vkCmdSetVertexInputEXT")
-            .with("vertexBindingDescriptionCount", 1u32)
-            .with("pVertexBindingDescriptions", binding.with("divisor", 2u32))
-            .with("vertexAttributeDescriptionCount", 1u32)
-            .with("pVertexAttributeDescriptions", attribute);
-        capture.command(input);
-        let bind = Call::new("vkCmdBindVertexBuffers").with("bindingCount", 1u32).with("pBuffers", handles(&[20]));
-        capture.command(bind.with("pOffsets", Value::Array(vec![Value::U64(0)])));
+        capture.attribute_of_instances(2);
         let draw = Call::new("vkCmdDraw").with("vertexCount", 3u32).with("instanceCount", 5u32).with("firstInstance", 7u32);
         capture.command(draw);
     }));
@@ -271,4 +262,29 @@ fn draws_are_cut_where_attributes_of_several_instances_change() {
         })
         .collect();
     assert_eq!(offsets, [28, 32, 36]);
+}
+
+#[test]
+fn shaders_have_the_numbers_of_the_programs_draws_and_dispatches() {
+    let shaders = |capture: &Capture| {
+        let (_home, path) = save(capture);
+        let trace = import::open(&path).expect("a trace");
+        trace::check(&trace).expect("rules");
+        let all = commands(&trace);
+        let of = |name: fn(&Command) -> bool| all.iter().filter(|command| name(command)).count();
+        let draws = of(|command| matches!(command, Command::Draw { .. } | Command::Dispatch { .. }));
+        (draws, of(|command| matches!(command, Command::CreateShader { .. })))
+    };
+    // Of each the shader as it is, one for each number, and the fragment stage.
+    assert_eq!(shaders(&capture::numbered(naga::BuiltIn::BaseInstance)), (3, 3));
+    assert_eq!(shaders(&capture::numbered(naga::BuiltIn::DrawIndex)), (3, 5));
+    assert_eq!(shaders(&capture::dispatched_from()), (2, 3));
+}
+
+#[test]
+fn an_array_of_views_that_exchange_different_channels_is_refused_by_name() {
+    let (_home, path) = save(&capture::sampled_with(&[51, 13]));
+    let error = import::open(&path).err().expect("a refusal");
+    assert!(error.unsupported, "{error}");
+    assert!(error.to_string().contains("set 0, binding 0: an array of views that exchange different channels"), "{error}");
 }

@@ -4,7 +4,7 @@ use shader::{BuiltIn, Executor, Interpolation, Resources};
 use spirv::{Options, Refusal, Stage, translate};
 
 use crate::assembler::assemble;
-use crate::engine::{Bound, build, resources};
+use crate::engine::{Bound, build, resources, run};
 
 /// A vertex module whose block has a position and the size of points; `globals` and `body` come beside.
 fn vertex(decorations: &str, interface: &str, globals: &str, body: &str) -> Vec<u32> {
@@ -132,6 +132,74 @@ fn the_number_of_the_view_is_a_constant() {
         let all = outputs(&words, &Options { view_index: given, ..Options::default() });
         let (_, number) = all.iter().find(|(slot, _)| slot.location() == Some(0)).expect("an output");
         assert_eq!(number[..], [want]);
+    }
+}
+
+#[test]
+fn numbers_of_draws_are_constants_where_they_are_given() {
+    for builtin in ["BaseInstance", "DrawIndex"] {
+        let words = vertex(
+            &format!("OpDecorate %own BuiltIn {builtin}\nOpDecorate %number Location 0\nOpDecorate %number Flat"),
+            "%own %number",
+            "%ptr_own = OpTypePointer Input %int
+             %own = OpVariable %ptr_own Input
+             %ptr_number = OpTypePointer Output %int
+             %number = OpVariable %ptr_number Output",
+            "%v = OpLoad %int %own
+             OpStore %number %v",
+        );
+        let options = match builtin {
+            "BaseInstance" => Options { base_instance: Some(7), ..Options::default() },
+            _ => Options { draw_index: Some(7), ..Options::default() },
+        };
+        let all = outputs(&words, &options);
+        let (_, number) = all.iter().find(|(slot, _)| slot.location() == Some(0)).expect("an output");
+        assert_eq!(number[..], [7], "{builtin}");
+    }
+}
+
+#[test]
+fn a_dispatch_can_begin_at_any_workgroup() {
+    let text = "@group(0) @binding(0) var<storage, read_write> out: array<u32>;
+        @compute @workgroup_size(2, 1, 3) fn main(
+            @builtin(workgroup_id) group: vec3u,
+            @builtin(global_invocation_id) global: vec3u,
+            @builtin(local_invocation_id) local: vec3u,
+            @builtin(num_workgroups) groups: vec3u,
+        ) {
+            if all(local == vec3u(1, 0, 2)) {
+                for (var axis = 0; axis < 3; axis++) {
+                    out[axis] = group[axis];
+                    out[3 + axis] = global[axis];
+                    out[6 + axis] = groups[axis];
+                }
+            }
+        }";
+    let module = naga::front::wgsl::parse_str(text).expect("WGSL");
+    let info = naga::valid::Validator::new(Default::default(), Default::default()).validate(&module).expect("a module");
+    let words = naga::back::spv::write_vec(&module, &info, &Default::default(), None).expect("words");
+    for (base_workgroup, want) in
+        [([0; 3], [0, 0, 0, 1, 0, 2, 1, 1, 1]), ([5, 6, 7], [5, 6, 7, 5 * 2 + 1, 6, 7 * 3 + 2, 1, 1, 1])]
+    {
+        let bound = Bound::default().buffer(0, 0, &[0; 9]);
+        run(&words, &Options { base_workgroup, ..Options::default() }, &bound);
+        assert_eq!(bound.words(0, 0), want);
+    }
+}
+
+#[test]
+fn stages_that_choose_a_viewport_or_a_layer_are_refused_by_name() {
+    for (builtin, what) in [("ViewportIndex", "viewport"), ("Layer", "layer")] {
+        let words = vertex(
+            &format!("OpDecorate %own BuiltIn {builtin}"),
+            "%own",
+            "%ptr_own = OpTypePointer Output %int
+             %own = OpVariable %ptr_own Output",
+            "OpStore %own %i1",
+        );
+        let refusal = translate(&words, "main", Stage::Vertex, &Options::default()).expect_err("it is refused");
+        assert_eq!(refusal.instruction, "OpVariable");
+        assert_eq!(refusal.reason, format!("a vertex stage that chooses the {what} is not supported"));
     }
 }
 
