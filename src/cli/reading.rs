@@ -157,7 +157,11 @@ impl Reading {
         }
     }
 
-    fn reading(&self, path: &Path) -> Result<trace::Reading> {
+    /// How the files of a trace are read.
+    ///
+    /// # Errors
+    /// If an option is no limit.
+    pub fn reading(&self, path: &Path) -> Result<trace::Reading> {
         Ok(trace::Reading {
             limits: self.limiting.set(Limits::default().for_files(bytes_of(path)))?,
             follow_links: self.follow_links,

@@ -10,6 +10,7 @@ use super::{Arguments, cut_line};
 use crate::cli::{Verdict, say_json};
 use crate::host::{self, Links};
 use crate::import::TraceKind;
+use crate::import::vulkan::{Refusal, Survey, survey};
 use crate::report::summary::{bytes, grouped};
 
 pub fn run(arguments: &Arguments, file: &Path) -> Result<Verdict> {
@@ -20,10 +21,17 @@ pub fn run(arguments: &Arguments, file: &Path) -> Result<Verdict> {
         bail!("--device-limits: {} is no wgpu trace", file.display());
     }
     let contents = Contents::read(&mut open(arguments, file)?);
+    let survey = survey(file, Links::Follow, &arguments.reading.reading(file)?);
     let sound = contents.damaged_blocks == 0 && contents.cut.is_none();
-    let verdict = if sound { Verdict::Done } else { Verdict::Failed };
+    let accepted = survey.as_ref().is_ok_and(|survey| survey.refused.is_empty());
+    let verdict = if sound && accepted { Verdict::Done } else { Verdict::Failed };
     if arguments.json {
-        say_json(&json(&contents))?;
+        let mut json = json(&contents);
+        json["translation"] = match &survey {
+            Ok(survey) => translation(survey),
+            Err(error) => json!({ "error": error.to_string() }),
+        };
+        say_json(&json)?;
         faults(&contents).iter().for_each(|fault| eprintln!("{fault}"));
         return Ok(verdict);
     }
@@ -51,6 +59,18 @@ pub fn run(arguments: &Arguments, file: &Path) -> Result<Verdict> {
             Enum { kind: "VkResult", value: *value },
             grouped(*count)
         );
+    }
+    match &survey {
+        Ok(survey) => {
+            row("shaders accepted", format!("{} of {}", grouped(survey.accepted()), grouped(survey.shaders)));
+            let line = |what: &str, refusal: &Refusal| {
+                let Refusal { cause, call, times, first } = refusal;
+                println!("{what}: {cause}: {call}, {} times, first in block {first}", grouped(*times));
+            };
+            survey.refused_shaders.iter().for_each(|refusal| line("shader refused", refusal));
+            survey.refused.iter().for_each(|refusal| line("refused", refusal));
+        }
+        Err(error) => println!("cannot be replayed: {error}"),
     }
     faults(&contents).iter().for_each(|fault| println!("{fault}"));
     if arguments.commands {
@@ -148,6 +168,19 @@ fn json(contents: &Contents) -> serde_json::Value {
         "other_blocks": contents.others,
         "damaged_blocks": contents.damaged_blocks,
         "cut_at": contents.cut.map(|cut| cut.offset),
+    })
+}
+
+fn translation(survey: &Survey) -> serde_json::Value {
+    let list = |all: &[Refusal]| -> Vec<serde_json::Value> {
+        let one = |Refusal { cause, call, times, first }: &Refusal| json!({ "cause": cause, "call": call, "times": times, "first_block": first });
+        all.iter().map(one).collect()
+    };
+    json!({
+        "shaders": survey.shaders,
+        "accepted_shaders": survey.accepted(),
+        "refused_shaders": list(&survey.refused_shaders),
+        "refused": list(&survey.refused),
     })
 }
 

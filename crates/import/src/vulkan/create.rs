@@ -398,7 +398,12 @@ impl Vulkan {
                 constants.push((entry.u32("constantID")?, bytes.to_vec()));
             }
         }
-        Ok(Stage { stage: of.u32("stage")?, module, entry: of.text("pName")?.to_owned(), constants: Rc::new(constants) })
+        let (stage, entry) = (of.u32("stage")?, of.text("pName")?.to_owned());
+        let stage = Stage { stage, module, entry, constants: Rc::new(constants) };
+        if let Some(stages) = &mut self.stages {
+            stages.add(&stage, self.log.block);
+        }
+        Ok(stage)
     }
 
     fn pipeline(&mut self, info: Args<'_>) -> Outcome<Pipeline> {

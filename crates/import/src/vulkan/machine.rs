@@ -16,6 +16,7 @@ use super::groups::Groups;
 use super::objects::{Handle, Objects, View, known};
 use super::pipelines::Pipelines;
 use super::shaders::Shaders;
+use super::survey::Stages;
 
 /// Native buffers have this many bytes more than their contents, so that a shader's block may end behind them.
 const MARGIN: u64 = 256;
@@ -54,6 +55,8 @@ pub struct Vulkan {
     pub made: u64,
     /// What is known of the program, for its origin.
     pub facts: Vec<(String, String)>,
+    /// The stages of pipelines, if they are asked for.
+    pub stages: Option<Stages>,
 }
 
 impl Vulkan {
@@ -76,6 +79,7 @@ impl Vulkan {
             limits: *limits,
             made: 0,
             facts: Vec::new(),
+            stages: None,
         }
     }
 

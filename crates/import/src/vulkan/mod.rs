@@ -3,7 +3,7 @@
 //! A module uses only those below it:
 //!
 //! ```text
-//! recording             a file becomes a trace in memory, or a stream of commands; runs blocks and calls
+//! recording, survey     a file becomes a trace in memory, a stream of commands, or a list of what is refused; runs blocks and calls
 //! submission            runs the lists of command buffers
 //! draw, transfer,       commands become native ones: draws and dispatches, copies and clears, queries
 //!   queries
@@ -19,7 +19,7 @@
 //! ```
 //!
 //! Calls that record commands are kept in lists, which run when their command buffer is submitted. The order of submission is the order of
-//! execution, so barriers, events, fences and semaphores have nothing to do.
+//! execution, so barriers, events, fences and semaphores have nothing to do: a machine orders what touches the same memory.
 //!
 //! * A memory object is a native buffer, as long as the buffers in it need, and a `VkBuffer` is a range of it. Images are textures.
 //! * Native pipelines and bind groups are made at the draw that needs them, and kept by what they are made of. So a pipeline with a shader that is
@@ -48,6 +48,9 @@ mod recording;
 mod shaders;
 mod state;
 mod submission;
+mod survey;
 mod transfer;
 
-pub use recording::open;
+pub use fault::Refusal;
+pub use recording::{open, survey};
+pub use survey::Survey;

@@ -19,6 +19,7 @@ use super::machine::Vulkan;
 use super::objects::{Recorded, known};
 use super::pass::Open;
 use super::submission::Stop;
+use super::survey::Survey;
 
 /// By default, a capture stays in memory up to this length of its file.
 const IN_MEMORY: u64 = 16 << 20;
@@ -48,8 +49,24 @@ pub fn open(path: &Path, links: Links, reading: &Reading, frames: Range<u64>) ->
     if length > reading.in_memory.unwrap_or(IN_MEMORY) {
         return Ok(Trace::from_stream(path, Box::new(recording), reading.limits));
     }
-    let (vulkan, origin) = recording.import(&mut None)?;
+    let (vulkan, origin) = recording.import(&mut None, Vulkan::new(path, &reading.limits))?;
     Ok(vulkan.card.finish().with_limits(reading.limits).with_origin(origin))
+}
+
+/// Reads a capture for what of it is accepted and refused. Memory does not grow with its length.
+///
+/// # Errors
+/// If it is damaged, or asks for more than a limit allows.
+pub fn survey(path: &Path, links: Links, reading: &Reading) -> Result<Survey, TraceError> {
+    let length = host::length(path, links).map_err(|error| TraceError::new(path, error))?;
+    reading.limits.trace_bytes.check(length).map_err(|error| TraceError::new(path, error))?;
+    let (reading, origin) = (Reading { lenient: true, ..*reading }, Mutex::default());
+    let recording = Recording { path: path.to_path_buf(), links, reading, frames: 0..u64::MAX, length, origin };
+    let mut vulkan = Vulkan::new(path, &reading.limits);
+    vulkan.stages = Some(Default::default());
+    let mut forget = |_: CommandChunk| ControlFlow::Continue(());
+    let (mut vulkan, _) = recording.import(&mut Some(&mut forget), vulkan)?;
+    Ok(Survey::new(&mut vulkan))
 }
 
 /// A function that takes the parts of a stream.
@@ -57,7 +74,7 @@ type Take<'a> = &'a mut dyn FnMut(CommandChunk) -> ControlFlow<()>;
 
 impl Stream for Recording {
     fn make(&self, take: &mut dyn FnMut(CommandChunk) -> ControlFlow<()>) -> Result<(), TraceError> {
-        let (_, origin) = self.import(&mut Some(take))?;
+        let (_, origin) = self.import(&mut Some(take), Vulkan::new(&self.path, &self.reading.limits))?;
         *self.origin.lock().unwrap_or_else(PoisonError::into_inner) = origin;
         Ok(())
     }
@@ -87,7 +104,7 @@ impl Read for Counting {
 
 impl Recording {
     /// Runs the blocks. With a function that takes parts, commands are handed over as they are made.
-    fn import(&self, take: &mut Option<Take<'_>>) -> Result<(Vulkan, Origin), TraceError> {
+    fn import(&self, take: &mut Option<Take<'_>>, mut vulkan: Vulkan) -> Result<(Vulkan, Origin), TraceError> {
         let path = &self.path;
         let broken = |error: gfxr::Error| TraceError::new(path, error);
         let file = host::open(path, self.links).map_err(|error| TraceError::new(path, error))?;
@@ -95,7 +112,6 @@ impl Recording {
         let counting = Counting { file, read: read.clone() };
         let mut reader = Reader::new(BufReader::with_capacity(1 << 16, counting)).map_err(broken)?;
         let header = *reader.header();
-        let mut vulkan = Vulkan::new(path, &self.reading.limits);
         if take.is_some() {
             vulkan.card.keep_each();
         }

@@ -118,6 +118,14 @@ impl Shaders {
         self.known.insert(key, made.clone());
         made
     }
+
+    /// Why draws and dispatches did not get a stage in any form; none if no draw or dispatch asked for it.
+    pub fn verdict(&self, stage: &Stage) -> Option<Outcome> {
+        let is_own = |key: &Key| (key.module, key.stage, &key.entry) == (stage.module.number, stage.stage, &stage.entry);
+        let mut found = self.known.iter().filter(|(key, _)| is_own(key)).map(|(_, made)| made.as_ref().map(|_| ()));
+        let first = found.next()?;
+        Some(found.fold(first, |all, next| all.or(next)).map_err(Fault::clone))
+    }
 }
 
 fn translate(stage: &Stage, form: &Form, card: &mut Recorder, limits: &Limits) -> Outcome<Shader> {

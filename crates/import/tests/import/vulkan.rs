@@ -3,7 +3,9 @@
 use std::path::PathBuf;
 
 use gfxr::{Body, Call, Marker, Struct, Value};
+use host::Links;
 use import::TraceKind;
+use import::vulkan::Refusal;
 use tempfile::TempDir;
 use trace::command::Command;
 use trace::{Reading, Trace, TraceError};
@@ -287,4 +289,15 @@ fn an_array_of_views_that_exchange_different_channels_is_refused_by_name() {
     let error = import::open(&path).err().expect("a refusal");
     assert!(error.unsupported, "{error}");
     assert!(error.to_string().contains("set 0, binding 0: an array of views that exchange different channels"), "{error}");
+}
+
+#[test]
+fn a_survey_counts_shaders_and_what_is_refused() {
+    let (_home, path) = save(&capture::with_geometry());
+    let survey = import::vulkan::survey(&path, Links::Follow, &Reading::default()).expect("a survey");
+    assert_eq!((survey.shaders, survey.accepted()), (6, 5));
+    let [Refusal { cause, call, times: 2, .. }] = &survey.refused[..] else { panic!("{survey:?}") };
+    assert_eq!((cause.as_str(), call.as_str()), ("a geometry stage", "vkCmdDraw"));
+    let [shader] = &survey.refused_shaders[..] else { panic!("{survey:?}") };
+    assert_eq!(shader.cause, "shader stage VK_SHADER_STAGE_GEOMETRY_BIT");
 }
