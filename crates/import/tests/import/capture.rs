@@ -394,11 +394,6 @@ pub fn converted() -> Capture {
 
 /// A frame that draws with an image of a view that exchanges channels and a sampler with a bias, and a dispatch under a condition.
 pub fn sampled() -> Capture {
-    sampled_with(&[51])
-}
-
-/// As [`sampled`], with an array of these views: 51 exchanges channels, 13 does not.
-pub fn sampled_with(views: &[u64]) -> Capture {
     let mut capture = Capture::new();
     capture.window();
     capture.view();
@@ -421,7 +416,7 @@ pub fn sampled_with(views: &[u64]) -> Capture {
     capture.call(Call::new("vkCreateSampler").with("pCreateInfo", info).with("pSampler", 52u64));
     capture.set(
         &[
-            ("VK_DESCRIPTOR_TYPE_SAMPLED_IMAGE", views),
+            ("VK_DESCRIPTOR_TYPE_SAMPLED_IMAGE", &[51]),
             ("VK_DESCRIPTOR_TYPE_SAMPLER", &[0]),
             ("VK_DESCRIPTOR_TYPE_STORAGE_BUFFER", &[0]),
         ],

@@ -284,14 +284,6 @@ fn shaders_have_the_numbers_of_the_programs_draws_and_dispatches() {
 }
 
 #[test]
-fn an_array_of_views_that_exchange_different_channels_is_refused_by_name() {
-    let (_home, path) = save(&capture::sampled_with(&[51, 13]));
-    let error = import::open(&path).err().expect("a refusal");
-    assert!(error.unsupported, "{error}");
-    assert!(error.to_string().contains("set 0, binding 0: an array of views that exchange different channels"), "{error}");
-}
-
-#[test]
 fn a_survey_counts_shaders_and_what_is_refused() {
     let (_home, path) = save(&capture::with_geometry());
     let survey = import::vulkan::survey(&path, Links::Follow, &Reading::default()).expect("a survey");
