@@ -79,7 +79,7 @@ impl Replayed {
                 cycles += row.cycles;
                 seconds += row.seconds;
                 let numbered = |name: &str| {
-                    // The number of a pass says where it is in its trace; phases are aligned by their labels.
+                    // The number of a pass says where it is in its frame; phases are aligned by their labels.
                     let mut words = name.splitn(3, ' ');
                     let (kind, second, label) = (words.next().unwrap_or(""), words.next(), words.next());
                     match second {

@@ -15,7 +15,7 @@ use crate::work::FUNNEL;
 pub enum Chosen {
     /// Phases by their name, with or without their label; `all` are all.
     Phase(String),
-    /// A draw, by its number in the trace.
+    /// A draw, by its number in the frame.
     Draw(u64),
 }
 

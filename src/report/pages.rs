@@ -46,7 +46,7 @@ fn file() -> Vec<Declaration> {
 
 const PHASE: &[Declaration] = &[
     one("kind", "", "`transfers` (uploads, copies and clears outside passes), `pass`, `dispatch` or `scan-out`."),
-    one("number", "", "Number of the pass or dispatch in the trace; 0 elsewhere."),
+    one("number", "", "Number of the pass or dispatch in its frame, from 0; 0 elsewhere."),
     one("label", "", "Label of the pass, or of the dispatch's pipeline."),
     one(
         "limit",
@@ -57,7 +57,7 @@ const PHASE: &[Declaration] = &[
 ];
 
 const DRAW: &[Declaration] = &[
-    one("number", "", "Number of the draw in the trace; null: the end of the pass, behind its last draw."),
+    one("number", "", "Number of the draw in its frame, from 0; null: the end of the pass, behind its last draw."),
     one("label", "", "Label of its pipeline."),
     one(
         "site",

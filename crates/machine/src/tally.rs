@@ -165,7 +165,7 @@ pub type CounterGroup = (&'static [&'static str], Option<&'static str>);
 /// A draw of a pass, or what follows the last of them.
 #[derive(Clone, Debug)]
 pub struct DrawReport {
-    /// Number of the draw in the trace; none: the end of the pass, after its last draw has retired (write-back, composition, resolves).
+    /// Number of the draw in its frame; none: the end of the pass, after its last draw has retired (write-back, composition, resolves).
     pub number: Option<u32>,
     /// Label of its pipeline, or empty.
     pub label: String,

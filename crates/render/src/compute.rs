@@ -146,8 +146,8 @@ impl ActiveCompute {
     ) -> Result<(), Fault> {
         let id = self.pipeline.ok_or(StateError::DispatchWithoutPipeline)?;
         let pipeline = renderer.res.compute_pipeline(id)?;
-        let number = renderer.dispatches;
-        renderer.dispatches += 1;
+        let number = renderer.numbers.dispatches;
+        renderer.numbers.dispatches += 1;
         let groups: u64 = count.iter().map(|&n| u64::from(n)).product();
         let interface = pipeline.program.interface();
         let invocations: u32 = interface.workgroup_size.iter().product();

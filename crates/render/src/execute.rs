@@ -217,6 +217,17 @@ enum Scope {
 /// Bytes and memory of images of a texture, by level and layer.
 type ImageClaims = NumberMap<(u32, u32), (u64, Claim)>;
 
+/// What has been begun in a frame so far. Names count anew in each frame, so that they do not depend on what was read of earlier frames.
+#[derive(Clone, Copy, Debug, Default)]
+pub(super) struct FrameNumbers {
+    /// Render passes.
+    pub passes: u32,
+    /// Draws, of indirect commands each.
+    pub draws: u32,
+    /// Dispatches.
+    pub dispatches: u32,
+}
+
 /// A trace in execution.
 pub(super) struct Renderer<'t, 's> {
     pub(super) trace: &'t Trace,
@@ -231,8 +242,10 @@ pub(super) struct Renderer<'t, 's> {
     pub(super) frame: u32,
     /// The trace had no present, so that its end was the end of frame 0.
     implicit_frame: bool,
+    /// Render passes begun in the trace.
     pub(super) passes: u32,
-    pub(super) draws: u32,
+    /// Passes, draws and dispatches begun in the current frame.
+    pub(super) numbers: FrameNumbers,
     /// The debug groups that are open.
     pub(super) groups: DebugGroups,
     /// Where the recorded program made the command that runs, if the trace says it.
@@ -241,7 +254,6 @@ pub(super) struct Renderer<'t, 's> {
     pub(super) overwritten: u64,
     /// Render pipelines created.
     pub(super) pipelines: u64,
-    pub(super) dispatches: u32,
     /// Commands that dispatch.
     pub(super) dispatching: u32,
     /// Commands that count as moments of time, for time stamps.
@@ -284,12 +296,11 @@ impl<'t, 's> Renderer<'t, 's> {
             frame: 0,
             implicit_frame: false,
             passes: 0,
-            draws: 0,
+            numbers: FrameNumbers::default(),
             groups: DebugGroups::default(),
             site: None,
             overwritten: 0,
             pipelines: 0,
-            dispatches: 0,
             dispatching: 0,
             moment: 0,
             copied: None,
@@ -420,6 +431,7 @@ impl<'t, 's> Renderer<'t, 's> {
     /// The next frame begins.
     pub(super) fn begin_frame(&mut self) {
         self.frame += 1;
+        self.numbers = FrameNumbers::default();
         if self.options.begins.as_ref().is_some_and(|frames| frames.contains(self.frame)) {
             self.res.holdings.forget_all();
         }

@@ -183,9 +183,10 @@ impl ActivePass {
             depth_attachment = Some(attachment);
         }
         let (width, height, samples) = extent.ok_or(StateError::NoAttachments)?;
-        let number = renderer.passes;
+        let need = renderer.options.needs.as_ref().map_or(Need::Colors, |needs| needs.pass(renderer.passes));
         renderer.passes += 1;
-        let need = renderer.options.needs.as_ref().map_or(Need::Colors, |needs| needs.pass(number));
+        let number = renderer.numbers.passes;
+        renderer.numbers.passes += 1;
         let info = Pass { number, label, width, height, samples, color: attachments, depth: depth_attachment };
         renderer.emit(Event::BeginPass(Arc::new(info)))?;
         let options = PassOptions {
@@ -345,8 +346,8 @@ impl ActivePass {
     fn draw(&mut self, renderer: &mut Renderer<'_, '_>, indexed: bool, range: DrawRange) -> Result<(), Fault> {
         let state = &self.state;
         let id = state.pipeline.ok_or(StateError::DrawWithoutPipeline)?;
-        let number = renderer.draws;
-        renderer.draws += 1;
+        let number = renderer.numbers.draws;
+        renderer.numbers.draws += 1;
         if range.count == 0 || range.instances == 0 || self.need == Need::Nothing {
             return Ok(());
         }

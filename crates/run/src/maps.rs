@@ -161,7 +161,7 @@ pub struct Surface {
     pub columns: u32,
     /// Rows of cells.
     pub rows: u32,
-    /// Passes that draw to it, by their numbers in the trace.
+    /// Passes that draw to it, by their numbers in the frame.
     pub passes: Vec<u32>,
     /// Maps, by [`MapKind::COUNTED`]; behind them those of [`MapKind::NOTED`], where a machine has drawn the frame.
     pub maps: Vec<Map>,
@@ -170,7 +170,7 @@ pub struct Surface {
 /// A draw of the frame.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Named {
-    /// Its number in the trace.
+    /// Its number in the frame.
     pub number: u32,
     /// Its label, or empty.
     pub label: String,

@@ -37,7 +37,7 @@ impl PhaseKind {
 pub struct Phase {
     /// The kind of work.
     pub kind: PhaseKind,
-    /// Number of the pass or dispatch in the trace; 0 elsewhere.
+    /// Number of the pass or dispatch in its frame; 0 elsewhere.
     pub number: u32,
     /// Label of the pass or of the dispatch's pipeline, or empty.
     pub label: String,

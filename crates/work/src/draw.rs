@@ -61,7 +61,7 @@ pub struct ShaderShape {
 /// A draw call, shared by its segments.
 #[derive(Clone, Debug)]
 pub struct Draw {
-    /// Number in the trace, from 0.
+    /// Number in its frame, from 0.
     pub number: u32,
     /// Where the command that draws was made.
     pub site: CallSite,

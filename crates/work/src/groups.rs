@@ -13,7 +13,7 @@ impl Groups {
 /// A compute dispatch.
 #[derive(Clone, Debug)]
 pub struct Dispatch {
-    /// Number in the trace, from 0.
+    /// Number in its frame, from 0.
     pub number: u32,
     /// Label of the pipeline, or empty.
     pub label: String,

@@ -95,7 +95,7 @@ impl Attachment {
 /// A render pass.
 #[derive(Clone, Debug)]
 pub struct Pass {
-    /// Number in the trace, from 0.
+    /// Number in its frame, from 0.
     pub number: u32,
     /// Label, or empty.
     pub label: String,

@@ -15,7 +15,7 @@ pub const CYCLES: Key = FRAME.counter(counter!(FrameCounts, cycles));
 /// A frame, a phase of a frame or a draw of a pass, as `stats.json` has it.
 #[derive(Clone, Debug, Default)]
 pub struct CountedSpan {
-    /// Its number in the trace. None at the end of a pass, behind its last draw.
+    /// Its number in the frame. None at the end of a pass, behind its last draw.
     pub number: Option<u64>,
     /// The kind of a phase.
     pub kind: String,

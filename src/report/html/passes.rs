@@ -182,7 +182,7 @@ fn phases(input: &Input<'_>) -> Option<Markup> {
     let more = columns(&phases.iter().collect::<Vec<_>>());
     let counted = phases.iter().any(CountedSpan::is_counted);
     let mut titles = vec![
-        Column("phase", false, "Passes and dispatches have their numbers in the trace."),
+        Column("phase", false, "Passes and dispatches have their numbers in the frame, from 0."),
         Column("order", true, "Its place in the frame."),
         Column("cycles", true, "From its beginning to that of the next."),
         Column("share", true, "Of the cycles of the frame."),
@@ -277,7 +277,7 @@ fn draw_table(input: &Input<'_>) -> Option<Markup> {
     let halves = draws.iter().any(|(.., draw)| HALVES.iter().any(|(key, ..)| key.sum(&draw.counts).is_some()));
     let passes = draws.iter().any(|(at, ..)| *at != draws[0].0);
     let mut titles = vec![
-        Column("draw", true, "Its number in the trace; what follows the last draw of a pass has none."),
+        Column("draw", true, "Its number in the frame, from 0; what follows the last draw of a pass has none."),
         Column("label", false, "Its pipeline, and the debug group around it."),
         Column(
             "made",

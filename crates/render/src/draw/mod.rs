@@ -192,7 +192,7 @@ impl<'a> BoundStage<'a> {
 pub struct DrawCall<'a> {
     /// The state that it is drawn with.
     pub state: &'a DrawState,
-    /// Number in the trace.
+    /// Number in its frame, from 0.
     pub number: u32,
     /// Where its command was made.
     pub site: CallSite,

@@ -75,7 +75,7 @@ pub const STATED_ERRORS: [u32; 2] = [11, 27];
 pub struct PhaseEstimate {
     /// The kind of the phase.
     pub kind: PhaseKind,
-    /// Number of the pass or dispatch in the trace.
+    /// Number of the pass or dispatch in its frame.
     pub number: u32,
     /// Label.
     pub label: String,

@@ -21,7 +21,7 @@ pub struct BlockNotes {
 /// Notes of the blocks of a pass.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct PassNotes {
-    /// Number of the pass in the trace.
+    /// Number of the pass in its frame.
     pub pass: u32,
     /// Blocks across.
     pub across: u32,

@@ -37,7 +37,7 @@ pub const BATCH: [usize; 2] = [32, 96];
 /// A draw, or a part of it.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct DrawProfile {
-    /// Number in the trace.
+    /// Number in its frame, from 0.
     pub number: u32,
     /// Number of its pipeline ([`Programs::pipeline`](super::Programs::pipeline)).
     pub pipeline: u64,
@@ -166,7 +166,7 @@ pub struct AttachmentProfile {
 pub enum PhaseProfile {
     /// A render pass.
     Pass {
-        /// Number in the trace.
+        /// Number in its frame, from 0.
         number: u32,
         /// Label.
         label: String,
@@ -193,7 +193,7 @@ pub enum PhaseProfile {
     },
     /// A compute dispatch.
     Dispatch {
-        /// Number in the trace.
+        /// Number in its frame, from 0.
         number: u32,
         /// Label.
         label: String,
