@@ -36,6 +36,7 @@ mod images;
 mod language;
 mod notebook;
 mod pages;
+mod pieces;
 mod pixel;
 mod plots;
 mod recorded_scenes;

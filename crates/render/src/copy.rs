@@ -141,6 +141,23 @@ impl Renderer<'_, '_> {
                 }
                 moved = Transfer { kind: TransferKind::Other, to: Some(address + to_offset), bytes: size, writes, ..moved };
             }
+            &Command::RestoreTexture { texture: id, level, layer, ref data } => {
+                let bytes = self.trace.data(data)?;
+                self.moves(bytes.len() as u64, 0)?;
+                self.res.flushed(id)?;
+                self.res.overwritten(id, level, layer)?;
+                let texture = self.res.textures.get(id.0)?;
+                texture.words.write(texture.image.offset(level, layer), &bytes);
+                return Ok(());
+            }
+            Command::RestoreQueries { set: id, data } => {
+                let bytes = self.trace.data(data)?;
+                self.moves(bytes.len() as u64, 0)?;
+                let (words, _) = bytes.as_chunks::<8>();
+                let values = &mut self.res.query_sets.get_mut(id.0)?.values;
+                values.iter_mut().zip(words).for_each(|(value, word)| *value = u64::from_le_bytes(*word));
+                return Ok(());
+            }
             &Command::SetSprite { index, view, x, y } => return Ok(self.sprites.set(index, view, [x, y])?),
             &Command::Present { texture } => {
                 self.end_frame(Some((texture, 0, 0)))?;

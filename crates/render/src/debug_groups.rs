@@ -39,6 +39,12 @@ impl DebugGroups {
         }
     }
 
+    /// The labels of the groups that are open, from the outermost on; empty where they are not kept.
+    pub fn open(&self) -> impl Iterator<Item = &str> {
+        let deeper = (0..self.deeper).map(|_| "");
+        self.open.iter().map(|label| &**label).chain(deeper)
+    }
+
     /// The labels of the groups that are open, the outermost first, as far as they are kept.
     pub fn path(&mut self) -> DebugPath {
         self.path.get_or_insert_with(|| self.open.as_slice().into()).clone()

@@ -236,6 +236,8 @@ pub(super) struct Renderer<'t, 's> {
     pub(super) addresses: AddressSpace,
     sink: &'s mut Sink<'s>,
     scope: Scope,
+    /// The setup of a trace that was cut out of a longer one is open: commands belong to no frame.
+    setup: bool,
     /// The bundle that is recorded.
     pub(super) bundle: Option<OpenBundle>,
     /// Number of the current frame.
@@ -292,6 +294,7 @@ impl<'t, 's> Renderer<'t, 's> {
             addresses: AddressSpace::new(),
             sink,
             scope: Scope::Outside,
+            setup: false,
             bundle: None,
             frame: 0,
             implicit_frame: false,
@@ -317,7 +320,7 @@ impl<'t, 's> Renderer<'t, 's> {
 
     /// Whether the current frame's events are handed on.
     pub(super) fn in_range(&self) -> bool {
-        self.options.frames.contains(self.frame)
+        self.options.frames.contains(self.frame) && !self.setup
     }
 
     /// Whether work is recorded now.
@@ -366,7 +369,7 @@ impl<'t, 's> Renderer<'t, 's> {
         Ok(())
     }
 
-    fn run(&mut self, command: &Command) -> Result<(), Fault> {
+    pub(super) fn run(&mut self, command: &Command) -> Result<(), Fault> {
         if self.objects(command)? {
             return Ok(());
         }
@@ -406,6 +409,8 @@ impl<'t, 's> Renderer<'t, 's> {
             Command::PushDebugGroup(_) | Command::PopDebugGroup => self.groups.note(command),
             Command::InsertDebugMarker(_) => {}
             Command::SetCallSite(site) => self.site = Some(*site),
+            Command::BeginSetup => self.setup = true,
+            &Command::EndSetup { moments } => (self.setup, self.moment) = (false, moments),
             command => self.transfer(command)?,
         }
         Ok(())

@@ -14,7 +14,7 @@ use super::compute::ComputeError;
 use super::draw::DrawError;
 use super::execute::Stop;
 use super::ledger::TooMuchAlive;
-use super::memory::NoAddresses;
+use super::memory::{NoAddresses, NoSkip};
 use super::pipeline::PipelineError;
 use super::resources::{NoObject, ObjectError};
 use super::state::StateError;
@@ -30,6 +30,7 @@ pub enum Reason {
     NoMemory(#[from] NoMemory),
     TooMuchAlive(#[from] TooMuchAlive),
     NoAddresses(#[from] NoAddresses),
+    NoSkip(#[from] NoSkip),
     NoObject(#[from] NoObject),
     Object(#[from] ObjectError),
     State(#[from] StateError),

@@ -9,7 +9,7 @@ const ADDRESSES: u64 = LINE * LINES as u64;
 
 /// Gives out addresses in order of creation. Nothing is given back: an address names one object for the whole trace, so that no
 /// cache of a machine can mistake one for another.
-#[derive(Debug)]
+#[derive(Clone, Debug)]
 pub struct AddressSpace {
     next: u64,
 }
@@ -33,6 +33,18 @@ pub struct NoAddresses {
     pub given: u64,
 }
 
+/// Addresses cannot be skipped.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+#[error(
+    "address {to} is not between {given}, the end of the addresses that are given out, and {ADDRESSES}, the last that a card has"
+)]
+pub struct NoSkip {
+    /// The address.
+    pub to: u64,
+    /// The end of the addresses that are given out.
+    pub given: u64,
+}
+
 impl AddressSpace {
     /// An empty space. Address 0 is left out, so that it can mean nothing.
     pub fn new() -> AddressSpace {
@@ -53,6 +65,23 @@ impl AddressSpace {
     /// If fewer bytes are left.
     pub fn texture(&mut self, bytes: u64) -> Result<u64, NoAddresses> {
         self.take(bytes, TEXTURE_ALIGN)
+    }
+
+    /// The address behind all that are given out.
+    pub fn end(&self) -> u64 {
+        self.next
+    }
+
+    /// Gives out no address before `to`.
+    ///
+    /// # Errors
+    /// If an address from `to` on is given out, or a card has no such address.
+    pub fn skip(&mut self, to: u64) -> Result<(), NoSkip> {
+        if !(self.next..=ADDRESSES).contains(&to) {
+            return Err(NoSkip { to, given: self.next });
+        }
+        self.next = to;
+        Ok(())
     }
 
     fn take(&mut self, bytes: u64, align: u64) -> Result<u64, NoAddresses> {
@@ -97,6 +126,20 @@ mod tests {
         assert!(a >= TEXTURE_ALIGN && a.is_multiple_of(BUFFER_ALIGN));
         assert!(b >= a + 10 && t >= b && t.is_multiple_of(TEXTURE_ALIGN));
         assert_eq!(u, t + 8192);
+    }
+
+    #[test]
+    fn addresses_are_skipped_forwards_only() {
+        let mut space = AddressSpace::new();
+        space.buffer(10).unwrap();
+        let end = space.end();
+        space.skip(end).unwrap();
+        assert_eq!(space.skip(end - 1), Err(NoSkip { to: end - 1, given: end }));
+        space.skip(3 * TEXTURE_ALIGN + 1).unwrap();
+        assert_eq!(space.texture(1), Ok(4 * TEXTURE_ALIGN));
+        assert!(space.skip(ADDRESSES + 1).is_err());
+        space.skip(ADDRESSES).unwrap();
+        assert!(space.buffer(1).is_err());
     }
 
     #[test]

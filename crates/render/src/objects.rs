@@ -256,6 +256,7 @@ impl Renderer<'_, '_> {
                 self.res.query_sets.add(id.0, set, claim)?;
             }
             Command::Destroy(object) => self.destroy(*object)?,
+            &Command::SkipAddresses { to } => self.addresses.skip(to)?,
             command => return Err(StateError::NoObject(command.name()).into()),
         }
         Ok(())
@@ -370,6 +371,7 @@ fn is_about_objects(command: &Command) -> bool {
             | Command::CreateComputePipeline { .. }
             | Command::GetBindGroupLayout { .. }
             | Command::CreateQuerySet { .. }
+            | Command::SkipAddresses { .. }
             | Command::Destroy(_)
     )
 }

@@ -398,10 +398,7 @@ pub struct QuerySet {
 impl QuerySet {
     /// Values a query.
     pub fn stride(&self) -> usize {
-        match self.kind {
-            QueryKind::Occlusion | QueryKind::Timestamp => 1,
-            QueryKind::PipelineStatistics(mask) => mask.count_ones() as usize,
-        }
+        self.kind.results() as usize
     }
 
     /// The values of a query, to write.

@@ -1,7 +1,7 @@
 //! The sprites of the display: their images go to it at the end of each frame.
 
 use num::{TextureId, ViewId};
-use trace::command::SPRITES;
+use trace::command::{Command, SPRITES};
 use work::{Event, Sprite, Transfer, TransferKind};
 
 use super::execute::Renderer;
@@ -30,6 +30,11 @@ impl Sprites {
         let sprite = self.0.get_mut(index as usize).ok_or(StateError::Sprite(index))?;
         *sprite = view.map(|view| Set { view, at });
         Ok(())
+    }
+
+    /// The commands that show the sprites that are shown.
+    pub fn commands(&self) -> impl Iterator<Item = Command> {
+        self.shown().map(|(index, Set { view, at: [x, y] })| Command::SetSprite { index: index.into(), view: Some(view), x, y })
     }
 
     /// The views that are shown.

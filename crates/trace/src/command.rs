@@ -348,6 +348,16 @@ pub enum QueryKind {
     PipelineStatistics(u8),
 }
 
+impl QueryKind {
+    /// Results of a query.
+    pub const fn results(self) -> u32 {
+        match self {
+            QueryKind::Occlusion | QueryKind::Timestamp => 1,
+            QueryKind::PipelineStatistics(mask) => mask.count_ones(),
+        }
+    }
+}
+
 /// Which pipeline an implicit layout is asked from.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub enum AnyPipeline {
@@ -452,6 +462,34 @@ pub enum Command {
     },
     /// The object is not used by any later command.
     Destroy(Object),
+
+    // The setup of a trace that was cut out of a longer one: the state that earlier frames have left.
+    /// The first command of such a trace. What follows up to `EndSetup` belongs to no frame and takes no time.
+    BeginSetup,
+    /// The first frame begins.
+    EndSetup {
+        /// The number of commands that count as moments of time before the first frame, from which time stamps go on.
+        moments: u64,
+    },
+    /// The next object lies at the address `to` of the card's memory or behind it.
+    SkipAddresses {
+        to: u64,
+    },
+    /// Sets an image of a texture: all its samples and aspects, as they are stored.
+    RestoreTexture {
+        texture: TextureId,
+        #[serde(default, skip_serializing_if = "is_default")]
+        level: u32,
+        /// A layer, or a slice of a 3D texture.
+        #[serde(default, skip_serializing_if = "is_default")]
+        layer: u32,
+        data: Data,
+    },
+    /// Sets all results of a query set, in 64 bits each.
+    RestoreQueries {
+        set: QuerySetId,
+        data: Data,
+    },
 
     // Between passes.
     CopyBufferToBuffer {
@@ -650,7 +688,7 @@ impl Command {
 }
 
 /// Any object that can be destroyed.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
 #[allow(missing_docs, reason = "each variant is the id it holds")]
 pub enum Object {
     Buffer(BufferId),

@@ -47,6 +47,7 @@ mod build;
 mod error;
 mod geometry;
 mod name;
+mod objects;
 mod origin;
 mod pieces;
 mod scanner;

@@ -52,11 +52,7 @@ impl Checker<'_> {
                 let (kind, all) = *self.query_sets.get(set.0)?;
                 let end = first.checked_add(*count);
                 ensure!(end.is_some_and(|end| end <= all), "queries {first} + {count} are not in the set's {all}");
-                let results = match kind {
-                    QueryKind::PipelineStatistics(mask) => mask.count_ones(),
-                    _ => 1,
-                };
-                let bytes = u64::from(*count) * u64::from(results) * 8;
+                let bytes = u64::from(*count) * u64::from(kind.results()) * 8;
                 range_fits(&to, *to_offset, bytes, *self.buffers.get(to.0)?)?;
             }
             &Command::SetSprite { index, view, .. } => {
@@ -101,7 +97,7 @@ impl Checker<'_> {
         Ok(())
     }
 
-    fn use_data(&mut self, data: &Data) -> CheckResult {
+    pub(super) fn use_data(&mut self, data: &Data) -> CheckResult {
         self.trace.data(data)?;
         self.use_blob(&data.blob);
         Ok(())

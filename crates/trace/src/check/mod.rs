@@ -10,6 +10,7 @@ mod draw;
 mod pass;
 mod pipeline;
 mod resource;
+mod setup;
 mod summary;
 mod table;
 
@@ -127,6 +128,8 @@ pub struct Checker<'a> {
     sprites: [Option<ViewId>; SPRITES as usize],
     /// The pass or bundle that is open.
     scope: Scope,
+    /// The setup of a trace that was cut out of a longer one is open.
+    setup: bool,
     debug_groups: u32,
     used_blobs: BTreeSet<String>,
     next: u64,
@@ -154,6 +157,7 @@ impl<'a> Checker<'a> {
             query_sets: Table::new("query set"),
             sprites: [None; SPRITES as usize],
             scope: Scope::Outside,
+            setup: false,
             debug_groups: 0,
             used_blobs: BTreeSet::new(),
             next: 0,
@@ -173,7 +177,8 @@ impl<'a> Checker<'a> {
 
     /// Checks what must hold at the end, and answers what the trace holds.
     pub fn finish(mut self) -> Result<Summary, TraceError> {
-        if let Some(open) = self.scope.name() {
+        let open = self.scope.name().or_else(|| self.setup.then_some("setup"));
+        if let Some(open) = open {
             let reason = format!("the trace ends inside a {open}");
             return Err(self.trace.error_at(self.next.saturating_sub(1), reason));
         }
@@ -193,6 +198,9 @@ impl<'a> Checker<'a> {
     #[inline]
     fn rule(&mut self, command: &Command) -> CheckResult {
         use Command::*;
+        if self.setup {
+            self.inside_setup(command)?;
+        }
         match command {
             // Creation and destruction are allowed everywhere: they are no part of a pass.
             CreateBuffer { id, size, .. } => self.create_buffer(*id, *size),
@@ -219,6 +227,9 @@ impl<'a> Checker<'a> {
                 Ok(())
             }
             InsertDebugMarker(_) | SetCallSite(_) => Ok(()),
+
+            BeginSetup => self.begin_setup(),
+            EndSetup { .. } | SkipAddresses { .. } | RestoreTexture { .. } | RestoreQueries { .. } => self.setup(command),
 
             WriteBuffer { .. }
             | WriteTexture { .. }

@@ -164,8 +164,8 @@ impl Recorder {
         self.site
     }
 
-    /// Keeps bytes as a blob called after `label`, or finds the blob that has these contents already.
-    fn keep(&mut self, label: &str, extension: &str, bytes: Cow<'_, [u8]>) -> String {
+    /// Keeps bytes as a blob called after `label`, or finds the blob that has these contents already. The answer is its name.
+    pub fn keep(&mut self, label: &str, extension: &str, bytes: Cow<'_, [u8]>) -> String {
         let sampled = (bytes.len(), sample(&bytes));
         let hash = self.hash(sampled, &bytes);
         if let Some(name) = hash.and_then(|hash| self.by_hash.get(&hash)) {
@@ -214,7 +214,8 @@ impl Recorder {
         Some(*blake3::hash(bytes).as_bytes())
     }
 
-    fn data<'a>(&mut self, label: &str, bytes: impl Into<Cow<'a, [u8]>>) -> Data {
+    /// As [`Recorder::keep`], as what commands write.
+    pub fn data<'a>(&mut self, label: &str, bytes: impl Into<Cow<'a, [u8]>>) -> Data {
         let bytes = bytes.into();
         let size = bytes.len() as u64;
         Data { blob: self.keep(label, "bin", bytes), offset: 0, size }

@@ -43,14 +43,18 @@ const READY: &str = "BeginRenderPass(color: [(view: 0)], depth: (view: 1), occlu
     SetIndexBuffer(buffer: 1, format: Uint16, offset: 4),";
 
 fn open(dir: &Path, commands: &str) -> Trace {
+    open_bare(dir, &format!("{PRELUDE}\n{commands}"))
+}
+
+/// A trace of these commands alone.
+fn open_bare(dir: &Path, commands: &str) -> Trace {
     let files = [("a.bin", [7u8; 256].as_slice()), ("a.wgsl", b"// nothing"), ("b.wgsl", b"\xff"), ("c.spv", b"12345")];
     let mut listing = String::new();
     for (name, bytes) in files {
         fs::write(dir.join(name), bytes).unwrap();
         listing += &format!("{name:?}: (size: {}, hash: \"{}\"),", bytes.len(), blake3::hash(bytes).to_hex());
     }
-    fs::write(dir.join("trace.ron"), format!("Trace(version: 1, files: {{{listing}}}, commands: [{PRELUDE}\n{commands}\n])"))
-        .unwrap();
+    fs::write(dir.join("trace.ron"), format!("Trace(version: 1, files: {{{listing}}}, commands: [{commands}\n])")).unwrap();
     Trace::open(dir).unwrap()
 }
 
@@ -318,6 +322,10 @@ fn every_broken_rule_is_named_with_its_command() {
         ),
         ("SetSprite(index: 1, view: 0, x: 0, y: 0), Destroy(View(0)), Present(texture: 0)", 2, "sprite 1: "),
         ("BeginComputePass(), SetSprite(index: 0, x: 0, y: 0)", 1, "not allowed inside a compute pass"),
+        // Setups.
+        ("BeginSetup", 0, "a setup begins a trace"),
+        ("EndSetup(moments: 3)", 0, "only allowed inside a setup"),
+        ("SkipAddresses(to: 4096)", 0, "only allowed inside a setup"),
         // Passes.
         ("EndRenderPass", 0, "no render pass is open"),
         ("BeginComputePass(), EndRenderPass", 1, "no render pass is open"),
@@ -411,5 +419,38 @@ fn every_broken_rule_is_named_with_its_command() {
         };
         let number = format!("command {}: ", prelude + number);
         assert!(message.contains(&number) && message.contains(reason), "{commands}:\n{message}\nwanted: {number}… {reason}");
+    }
+}
+
+#[test]
+fn a_setup_restores_what_frames_begin_with_and_draws_nothing() {
+    let objects = "BeginSetup, SkipAddresses(to: 12288), CreateBuffer(id: 0, size: 256), WriteBuffer(id: 0, data: (blob: \"a.bin\", size: 256)),
+        CreateTexture(id: 0, desc: (size: (4, 4, 1), samples: 4, format: Rgba8Unorm)),
+        CreateTexture(id: 1, desc: (size: (8, 8, 2), levels: 2, format: Bc1RgbaUnorm)),
+        CreateQuerySet(id: 0, kind: PipelineStatistics(3), count: 2), PushDebugGroup(\"scene\"),
+        RestoreTexture(texture: 0, data: (blob: \"a.bin\", size: 256)),
+        RestoreTexture(texture: 1, level: 1, layer: 1, data: (blob: \"a.bin\", offset: 8, size: 8)),
+        RestoreQueries(set: 0, data: (blob: \"a.bin\", size: 32)),";
+    let run = |more: &str| {
+        let dir = tempfile::tempdir().unwrap();
+        check(&open_bare(dir.path(), &format!("{objects} {more}")))
+    };
+    let summary = run("EndSetup(moments: 17), PopDebugGroup").unwrap();
+    assert_eq!((summary.commands_named("RestoreTexture"), summary.written_bytes), (2, 256 + 256 + 8));
+    let data = "data: (blob: \"a.bin\", size: 8)";
+    for (more, reason) in [
+        ("".to_owned(), "the trace ends inside a setup"),
+        ("ClearBuffer(buffer: 0, offset: 0)".to_owned(), "ClearBuffer: not allowed inside a setup"),
+        ("BeginComputePass()".to_owned(), "BeginComputePass: not allowed inside a setup"),
+        ("BeginSetup".to_owned(), "BeginSetup: not allowed inside a setup"),
+        ("BeginBundle(id: 0), SkipAddresses(to: 0)".to_owned(), "SkipAddresses: not allowed inside a bundle"),
+        (format!("RestoreTexture(texture: 0, {data})"), "8 bytes for an image of 256"),
+        (format!("RestoreTexture(texture: 1, level: 2, {data})"), "level 2 is not in the 2 of TextureId(1)"),
+        (format!("RestoreTexture(texture: 1, layer: 2, {data})"), "layer 2 is not in the 2 of level 0 of TextureId(1)"),
+        (format!("RestoreQueries(set: 0, {data})"), "8 bytes for 32 of results"),
+        ("EndSetup(moments: 0), SkipAddresses(to: 0)".to_owned(), "SkipAddresses: only allowed inside a setup"),
+    ] {
+        let error = run(&more).unwrap_err().to_string();
+        assert!(error.contains(reason), "{more}: {error}");
     }
 }
