@@ -2,7 +2,7 @@
 
 use std::num::NonZeroU32;
 use std::ops::Range;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::str::FromStr;
 use std::sync::Arc;
 use std::time::Duration;
@@ -15,6 +15,7 @@ use super::interrupt::keeps;
 use super::progress::ProgressLine;
 use super::report::{self, Gathering};
 use super::threads::MOST;
+use crate::machine::{Config, Watcher};
 use crate::render::Watch;
 use crate::report::compare::KnobDifference;
 use crate::report::files::About;
@@ -24,6 +25,7 @@ use crate::report::owned::check_replaceable;
 use crate::report::sections::{of_replay, shown_of_replay};
 use crate::report::terminal::{self, ReportedFrames};
 use crate::report::{html, timeline};
+use crate::run::pipeline::{self, PipelineLog, Scope};
 use crate::run::replay::{Fidelity, Frame, Options, frame_range, no_frames, replay_pictured, replay_to, replay_watched};
 use crate::run::sample::Sampling;
 use crate::run::timeline::Timeline;
@@ -70,7 +72,17 @@ pub struct Arguments {
     /// With --timeline: cycles between two readings of the machine [default: as few as 2,000 to 4,000 readings of the run allow]
     #[arg(help_heading = "Output", long, value_name = "CYCLES", requires = "timeline", value_parser = clap::value_parser!(u64).range(1..))]
     timeline_interval: Option<u64>,
-    /// Replace files in --out, --report and --timeline that fillrate has not written
+    /// Where to leave a log of vertices, primitives, triangles, quads and warps on their way through the units of a sort-middle card, for Konata
+    /// (https://github.com/shioyadan/Konata)
+    #[arg(help_heading = "Output", long, value_name = "FILE")]
+    pipeline: Option<PathBuf>,
+    /// With --pipeline: cycles of the run in which items begin that are logged, half-open, as in 1000..2000 [default: all]
+    #[arg(help_heading = "Output", long, value_name = "A..B", requires = "pipeline", value_parser = cycle_range)]
+    pipeline_cycles: Option<Range<u64>>,
+    /// With --pipeline: draws of a frame whose items are logged, by their numbers: one, as in 3, or half-open, as in 2..4 [default: all]
+    #[arg(help_heading = "Output", long, value_name = "A..B", requires = "pipeline", value_parser = frame_range)]
+    pipeline_draws: Option<Range<u32>>,
+    /// Replace files in --out, --report, --timeline and --pipeline that fillrate has not written
     #[arg(help_heading = "Output", long)]
     force: bool,
     /// Frames to replay: one, as in 3, or half-open, as in 2..4, 2.. or ..4
@@ -161,6 +173,17 @@ fn time(text: &str) -> Result<Duration, String> {
     }
 }
 
+/// Reads a half-open range of cycles, as in `1000..2000`, `1000..` or `..2000`.
+fn cycle_range(text: &str) -> Result<Range<u64>, String> {
+    let number = |text: &str, default: u64| match text {
+        "" => Ok(default),
+        text => text.parse().map_err(|_| format!("`{text}` is no number of a cycle")),
+    };
+    let (first, end) = text.split_once("..").ok_or("write it as A..B")?;
+    let range = number(first, 0)?..number(end, u64::MAX)?;
+    if range.is_empty() { Err("it holds no cycle".into()) } else { Ok(range) }
+}
+
 /// A half-open range of frames, or one frame.
 #[derive(Clone, Debug, PartialEq, Eq)]
 struct Frames(Range<u32>);
@@ -202,6 +225,12 @@ impl Arguments {
             time_limit: self.time_limit,
         }
     }
+
+    /// A pipeline log at a place.
+    fn log(&self, config: &Config, path: &Path) -> Result<PipelineLog> {
+        let scope = Scope { cycles: self.pipeline_cycles.clone().unwrap_or(0..u64::MAX), draws: self.pipeline_draws.clone() };
+        PipelineLog::new(config, scope, path)
+    }
 }
 
 /// An option that the fidelity would ignore is an error: a user who gives it expects an effect.
@@ -239,6 +268,15 @@ fn refuse_ignored(arguments: &Arguments) -> Result<()> {
         _ if arguments.timeline.is_some() && !matches!(arguments.fidelity, FidelityName::Cycle) => {
             bail!("--timeline applies to --fidelity cycle only: no other runs one machine through all frames")
         }
+        _ if arguments.pipeline.is_some() && !matches!(arguments.fidelity, FidelityName::Cycle) => {
+            bail!("--pipeline applies to --fidelity cycle only: no other runs one machine through all frames")
+        }
+        _ if arguments.pipeline.is_some() && arguments.timeline.is_some() => {
+            bail!("--pipeline and --timeline watch one machine each: give one of them at a time")
+        }
+        _ if arguments.pipeline.is_some() && matches!(arguments.frames_per_run, Some(FramesPerRun(Some(_)))) => {
+            bail!("--pipeline watches one machine that simulates all frames: use --frames-per-run all with it")
+        }
         _ if arguments.frames_per_run.is_some() && !matches!(arguments.fidelity, FidelityName::Cycle) => {
             bail!("--frames-per-run applies to --fidelity cycle only, and would be ignored here")
         }
@@ -254,7 +292,8 @@ fn refuse_ignored(arguments: &Arguments) -> Result<()> {
 
 pub fn run(arguments: &Arguments) -> Result<Verdict> {
     refuse_ignored(arguments)?;
-    for (file, mark) in [(&arguments.report, html::MARK), (&arguments.timeline, timeline::MARK)] {
+    let marks = [(&arguments.report, html::MARK), (&arguments.timeline, timeline::MARK), (&arguments.pipeline, pipeline::MARK)];
+    for (file, mark) in marks {
         file.as_ref().map_or(Ok(()), |file| check_replaceable(file, mark, arguments.force))?;
     }
     let config = arguments.machine.load()?;
@@ -304,7 +343,7 @@ pub fn run(arguments: &Arguments) -> Result<Verdict> {
     let trace = Arc::new(arguments.reading.open_frames(&arguments.trace, u64::from(frames.start)..end)?);
     let opened = trace.origin();
     let in_runs = || {
-        let timed = matches!(options.fidelity, Fidelity::Cycle) && arguments.timeline.is_none();
+        let timed = matches!(options.fidelity, Fidelity::Cycle) && arguments.timeline.is_none() && arguments.pipeline.is_none();
         timed && options.no_runs().is_none() && options.more_than(FRAMES_OF_ONE_RUN, &trace)
     };
     let frames_per_run = match arguments.frames_per_run {
@@ -330,6 +369,7 @@ pub fn run(arguments: &Arguments) -> Result<Verdict> {
     let mut timed = timeline::Frames::default();
     let mut recorder =
         arguments.timeline.is_some().then(|| Timeline::new(&options.config, arguments.timeline_interval)).transpose()?;
+    let mut log = arguments.pipeline.as_deref().map(|path| arguments.log(&options.config, path)).transpose()?;
     let mut gathering = arguments.report.is_some().then(Gathering::default);
     let mut taker = |frame: Frame| {
         seen.add(&frame);
@@ -344,10 +384,12 @@ pub fn run(arguments: &Arguments) -> Result<Verdict> {
     }
     let line = ProgressLine::begin(&watch, &trace, options.frames.clone());
     let progress = |ended| line.frame(ended);
-    let done = match (&mut recorder, &pictures) {
+    let timeline = recorder.as_mut().map(|timeline| timeline as &mut (dyn Watcher + Send));
+    let watcher = timeline.or_else(|| log.as_mut().map(|log| log as &mut (dyn Watcher + Send)));
+    let done = match (watcher, &pictures) {
         (None, None) => replay_to(&trace, &options, &progress, &mut taker),
         (None, Some(pictures)) => replay_pictured(&trace, &options, &progress, &mut taker, pictures),
-        (Some(recorder), _) => replay_watched(&trace, &options, &progress, &mut taker, recorder),
+        (Some(watcher), _) => replay_watched(&trace, &options, &progress, &mut taker, watcher),
     };
     drop(pictures);
     line.end();
@@ -399,6 +441,7 @@ pub fn run(arguments: &Arguments) -> Result<Verdict> {
         recorder.check().context("--timeline-interval")?;
         timeline::write(path, &timed, recorder, options.config.card.clock_mhz)?;
     }
+    let logged = log.map(PipelineLog::finish).transpose()?;
     if let (Some(path), Some(gathering)) = (&arguments.report, gathering) {
         let (statistics, picture) = gathering.end(&about, &done.total)?;
         let subject =
@@ -411,7 +454,7 @@ pub fn run(arguments: &Arguments) -> Result<Verdict> {
         super::say_json(&document)?;
     } else if arguments.show.is_empty() {
         tell!("{}", report.trim_end());
-        written(arguments, recorder.as_ref());
+        written(arguments, recorder.as_ref(), logged);
     } else {
         print!("{}", shown_of_replay(&told, &arguments.show).map_err(|reason| anyhow!("--show: {reason}"))?);
     }
@@ -423,7 +466,7 @@ pub fn run(arguments: &Arguments) -> Result<Verdict> {
 }
 
 /// Names the files that are left.
-fn written(arguments: &Arguments, recorder: Option<&Timeline>) {
+fn written(arguments: &Arguments, recorder: Option<&Timeline>, logged: Option<u64>) {
     if let Some(out) = &arguments.out {
         tell!("written to {}", out.display());
     }
@@ -436,6 +479,9 @@ fn written(arguments: &Arguments, recorder: Option<&Timeline>) {
             path.display(),
             recorder.interval()
         );
+    }
+    if let (Some(path), Some(items)) = (&arguments.pipeline, logged) {
+        tell!("the pipeline log: {}, {items} items; open it with Konata (https://github.com/shioyadan/Konata)", path.display());
     }
 }
 

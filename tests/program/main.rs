@@ -37,6 +37,7 @@ mod language;
 mod notebook;
 mod pages;
 mod pieces;
+mod pipeline;
 mod pixel;
 mod plots;
 mod recorded_scenes;

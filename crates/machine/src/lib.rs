@@ -307,7 +307,8 @@ impl Machine {
         mut watcher: Option<&mut dyn Watcher>,
     ) -> Result<(), MachineError> {
         // Without a watcher, one comparison in each cycle that is visited.
-        let mut due = watcher.as_ref().map_or(NEVER, |watcher| watcher.due());
+        let next = |watcher: &dyn Watcher| watcher.due().min(watcher.looks());
+        let mut due = watcher.as_deref().map_or(NEVER, next);
         let last = self.most.map_or(NEVER, |most| most.cycles.get());
         // When the steps are looked at next, and the limit once they have passed it.
         let (mut look, mut passed) = (self.most.map_or(NEVER, |_| self.circuit.wires().now() / LOOK * LOOK + LOOK), None);
@@ -348,8 +349,13 @@ impl Machine {
                 while circuit.wires().now() >= due
                     && let Some(watcher) = &mut watcher
                 {
-                    watcher.read(circuit.reading_at(due));
-                    due = watcher.due();
+                    if watcher.due() == due {
+                        watcher.read(circuit.reading_at(due));
+                    }
+                    if watcher.looks() == due {
+                        watcher.look(circuit.wires(), card, &|| circuit.tally().1);
+                    }
+                    due = next(&**watcher);
                 }
                 let now = circuit.wires().now();
                 if now >= look {
@@ -442,7 +448,7 @@ impl Machine {
                 reported = reported.saturating_add(report);
                 if let Some(watcher) = &mut watcher {
                     watcher.settled(self.circuit.reading());
-                    due = watcher.due();
+                    due = next(&**watcher);
                 }
                 each(frame);
             } else if self.card.closed && self.circuit.command.idle() {

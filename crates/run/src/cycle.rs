@@ -47,7 +47,8 @@ pub fn simulate<'r>(
     let run = move |work: Work| {
         let busy = Stopwatch::start();
         let (closed, mut failed) = (Cell::new(false), None);
-        let watcher = sink.timeline.take().map(|timeline| timeline as &mut dyn Watcher);
+        let mut watcher = sink.watcher.take();
+        let watcher = watcher.as_deref_mut().map(|watcher| watcher as &mut dyn Watcher);
         let each = |frame: FrameReport| {
             if failed.is_some() {
                 return;

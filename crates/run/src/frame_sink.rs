@@ -5,8 +5,7 @@ use std::sync::Arc;
 
 use anyhow::Result;
 
-use super::timeline::Timeline;
-use machine::{FrameReport, PhaseReport, Shown};
+use machine::{FrameReport, PhaseReport, Shown, Watcher};
 use stats::Tree;
 use work::{EndFrame, Surface};
 
@@ -91,7 +90,7 @@ pub struct FrameSink<'s> {
     /// Is given the pictures of all frames, where some are sampled.
     pub pictures: Option<&'s Pictures<'s>>,
     /// Reads the machine while it runs, under the cycle fidelity.
-    pub timeline: Option<&'s mut Timeline>,
+    pub watcher: Option<Box<dyn Watcher + Send + 's>>,
     /// Called for each frame.
     pub progress: &'s Progress<'s>,
     /// How many frames leave, if that is known.
@@ -107,7 +106,7 @@ impl<'s> FrameSink<'s> {
             per_draw: false,
             limits: false,
             pictures: None,
-            timeline: None,
+            watcher: None,
             progress: &|_| (),
             of: None,
         }

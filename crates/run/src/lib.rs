@@ -33,6 +33,7 @@ pub mod host;
 pub mod machines;
 pub mod maps;
 pub mod picture;
+pub mod pipeline;
 pub mod pixel;
 pub mod profiles;
 pub mod rendering;

@@ -16,8 +16,7 @@ use super::functional;
 use super::host::Stopwatch;
 use super::rendering::Rendering;
 use super::sample::{Sampled, Sampling, sampled};
-use super::timeline::Timeline;
-use machine::{Config, Machine, PhaseReport, Shown};
+use machine::{Config, Machine, PhaseReport, Shown, Watcher};
 use render::{self, FrameSet, Watch};
 use sim::Clock;
 use stats::Tree;
@@ -252,7 +251,7 @@ pub fn replay_pictured(
     leave(trace, options, FrameSink { progress, per_draw: options.per_draw, pictures, ..FrameSink::new(taker) })
 }
 
-/// As [`replay_to`], while a timeline is taken of the machine.
+/// As [`replay_to`], while the machine is watched.
 ///
 /// # Errors
 /// As [`replay_to`]; if the fidelity is not [`Fidelity::Cycle`], of which alone one machine draws all frames.
@@ -261,13 +260,13 @@ pub fn replay_watched(
     options: &Options,
     progress: &Progress<'_>,
     taker: &mut FrameConsumer<'_>,
-    timeline: &mut Timeline,
+    watcher: &mut (dyn Watcher + Send),
 ) -> Result<ReplayOutcome> {
     if options.fidelity != Fidelity::Cycle {
-        bail!("a timeline is taken with the fidelity cycle, not {}", options.fidelity.name());
+        bail!("a machine is watched with the fidelity cycle, not {}", options.fidelity.name());
     }
-    let timeline = Some(timeline);
-    leave(trace, options, FrameSink { progress, per_draw: options.per_draw, limits: true, timeline, ..FrameSink::new(taker) })
+    let watcher: Option<Box<dyn Watcher + Send + '_>> = Some(Box::new(watcher));
+    leave(trace, options, FrameSink { progress, per_draw: options.per_draw, limits: true, watcher, ..FrameSink::new(taker) })
 }
 
 fn leave(trace: &Trace, options: &Options, sink: FrameSink<'_>) -> Result<ReplayOutcome> {
@@ -299,8 +298,8 @@ fn leave(trace: &Trace, options: &Options, sink: FrameSink<'_>) -> Result<Replay
             let mut rendering = options.rendering(trace);
             let limits = sink.limits;
             let card = (config, options.clock);
-            // A timeline reads one machine.
-            let frames_per_run = if sink.timeline.is_some() { None } else { options.runs(trace)? };
+            // A watcher reads one machine.
+            let frames_per_run = if sink.watcher.is_some() { None } else { options.runs(trace)? };
             match frames_per_run {
                 None => simulate(&mut rendering, card, sink, &mut out)?,
                 Some(frames) => simulate_in_runs(&mut rendering, card, frames, sink, &mut out)?,

@@ -161,6 +161,16 @@ impl Channel {
         self.len
     }
 
+    /// Items pushed since the start.
+    pub fn pushed(&self) -> u64 {
+        self.pushed
+    }
+
+    /// The place of the item that was pushed last but `back`.
+    pub fn pushed_at(&self, back: u32) -> usize {
+        self.step(self.tail, 0_u32.wrapping_sub(back + 1)) as usize
+    }
+
     /// The place of the item at the head.
     #[inline(always)]
     pub fn head(&self) -> usize {

@@ -1,5 +1,6 @@
 //! All channels of a machine, the cycle it is in, and who wakes when.
 
+use std::any::TypeId;
 use std::marker::PhantomData;
 
 use super::agenda::Agenda;
@@ -90,6 +91,8 @@ pub struct Wires {
     pub(super) units: Vec<Label>,
     pub(super) labels: Vec<Label>,
     pub(super) show: Vec<fn(&[u64; 2]) -> String>,
+    /// The types of the items of all channels.
+    pub(super) types: Vec<TypeId>,
     pub(super) probes: Vec<StallProbeState>,
 }
 
@@ -406,6 +409,24 @@ impl Wires {
     /// Items in each channel, in the order of declaration.
     pub fn fills(&self) -> impl Iterator<Item = u32> {
         self.channels.iter().map(Channel::len)
+    }
+
+    /// Whether a channel, by its place in the order of declaration, carries items of this type.
+    pub fn carries<T: Token>(&self, channel: usize) -> bool {
+        self.types[channel] == TypeId::of::<T>()
+    }
+
+    /// Items that have been pushed into a channel since the start, and items inside of it.
+    pub fn carried(&self, channel: usize) -> (u64, u32) {
+        let channel = &self.channels[channel];
+        (channel.pushed(), channel.len())
+    }
+
+    /// The item inside of a channel that was pushed last but `back`. None if there are not that many, or they are of another type.
+    pub fn newest<T: Token>(&self, channel: usize, back: u32) -> Option<T> {
+        let of = &self.channels[channel];
+        let inside = self.carries::<T>(channel) && back < of.len();
+        inside.then(|| unpack(&self.slots[of.pushed_at(back)].data))
     }
 
     /// A line for each channel that holds something: fill, when its head can be popped, and the head.

@@ -1,5 +1,6 @@
 //! The declaration of a machine: its units, channels and probes before it runs.
 
+use std::any::TypeId;
 use std::marker::PhantomData;
 
 use super::agenda::Agenda;
@@ -16,6 +17,7 @@ pub struct Wiring {
     channels: Vec<Channel>,
     labels: Vec<Label>,
     show: Vec<fn(&[u64; 2]) -> String>,
+    types: Vec<TypeId>,
     probes: Vec<StallProbeState>,
     places: u32,
 }
@@ -58,6 +60,7 @@ impl Wiring {
         self.channels.push(Channel::new(link, self.places, from, to));
         self.labels.push(Label { name, index });
         self.show.push(|data| format!("{:?}", unpack::<T>(data)));
+        self.types.push(TypeId::of::<T>());
         self.places += Channel::places(link.capacity);
         (Out(number, PhantomData), In(number, PhantomData))
     }
@@ -94,6 +97,7 @@ impl Wiring {
             units: self.units,
             labels: self.labels,
             show: self.show,
+            types: self.types,
             probes: self.probes,
         }
     }

@@ -44,6 +44,8 @@ impl Item {
 /// A warp.
 #[derive(Clone, Debug, Default)]
 pub struct Warp {
+    /// Its number among the warps that its cluster has made, from 1.
+    pub serial: u64,
     /// The stage whose program it runs.
     pub stage: Stage,
     /// Slot of its segment or workgroups.
@@ -254,6 +256,7 @@ impl Warp {
 #[derive(Clone, Debug, Default)]
 pub struct Warps {
     execution: Execution,
+    made: u64,
     warps: Vec<Warp>,
     free: Vec<u32>,
 }
@@ -274,7 +277,8 @@ impl Warps {
         warp.items.clear();
         warp.groups.clear();
         warp.steps.clear();
-        (warp.stage, warp.slot, warp.registers) = (stage, slot, registers);
+        self.made += 1;
+        (warp.serial, warp.stage, warp.slot, warp.registers) = (self.made, stage, slot, registers);
         warp.execution = self.execution;
         (warp.step, warp.done, warp.number, warp.siblings, warp.shared_bytes) = (0, false, 0, 1, 0);
         index
@@ -283,6 +287,13 @@ impl Warps {
     /// Gives a warp up.
     pub fn remove(&mut self, index: u32) {
         self.free.push(index);
+    }
+
+    /// The warps held, by index.
+    pub fn held(&self) -> impl Iterator<Item = &Warp> {
+        let mut free = vec![false; self.warps.len()];
+        self.free.iter().for_each(|&index| free[index as usize] = true);
+        self.warps.iter().zip(free).filter_map(|(warp, free)| (!free).then_some(warp))
     }
 
     /// Warps held.

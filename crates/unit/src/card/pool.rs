@@ -40,6 +40,13 @@ impl<T: Copy + Default> Pool<T> {
         self.items.len() - self.free.len()
     }
 
+    /// The items held, by index.
+    pub fn held(&self) -> impl Iterator<Item = &T> {
+        let mut free = vec![false; self.items.len()];
+        self.free.iter().for_each(|&index| free[index as usize] = true);
+        self.items.iter().zip(free).filter_map(|(item, free)| (!free).then_some(item))
+    }
+
     /// Whether the pool holds no item.
     pub fn is_empty(&self) -> bool {
         self.len() == 0
