@@ -21,7 +21,7 @@ pub struct Arguments {
     trace: PathBuf,
     /// Take these frames only: one, as in 3, or half-open, as in 2..4, 2.. or ..4. The trace replays as they do in the whole, with the same
     /// pictures and cycles, and numbers them from 0
-    #[arg(long, value_name = "A..B", value_parser = frame_range)]
+    #[arg(help_heading = "Output", long, value_name = "A..B", value_parser = frame_range)]
     frames: Option<Range<u32>>,
     /// Where to write the native trace: a folder that does not exist or is empty, or a file ending in .zip
     #[arg(help_heading = "Output", long, value_name = "DIR")]

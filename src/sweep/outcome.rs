@@ -527,13 +527,15 @@ impl<'s> SweepResult<'s> {
         }
     }
 
-    /// The Pareto front of cycles and cost: what the cost is, and for each machine on the front its cycles, its cost, and how many other machines are
-    /// within the [tolerance](TOLERANCE) of both. None if there are fewer than two machines with a cost.
-    pub fn front(&self) -> Option<(String, Vec<(&MachineResult, f64, f64, usize)>)> {
+    /// The name of the cost, and the machines on the Pareto front of cycles and cost. None if there are fewer than two machines with a cost.
+    pub fn front(&self) -> Option<(String, Vec<FrontMachine<'_>>)> {
         let (name, costs) = self.costs()?;
         let machines: Vec<(&MachineResult, f64)> = self.timed().collect();
         let points: Vec<(f64, f64)> = machines.iter().map(|machine| machine.1).zip(costs).collect();
-        let of = |own: FrontPoint| (machines[own.at].0, points[own.at].0, points[own.at].1, own.alike);
+        let of = |FrontPoint { at, alike }| {
+            let (cycles, cost) = points[at];
+            FrontMachine { machine: machines[at].0, cycles, cost, alike }
+        };
         (points.len() > 1).then(|| (name, front(&points).into_iter().map(of).collect()))
     }
 
@@ -586,6 +588,19 @@ impl<'s> SweepResult<'s> {
 
 /// Machines that differ by at most this factor, in cycles and in cost, count as equal on the front.
 pub const TOLERANCE: f64 = 1.01;
+
+/// A machine on the Pareto front.
+#[derive(Clone, Copy, Debug)]
+pub struct FrontMachine<'s> {
+    /// The machine.
+    pub machine: &'s MachineResult,
+    /// Its cycles.
+    pub cycles: f64,
+    /// Its cost.
+    pub cost: f64,
+    /// Number of other machines whose cycles and cost differ from its own by at most the [tolerance](TOLERANCE).
+    pub alike: usize,
+}
 
 /// A point of the front.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

@@ -3,7 +3,7 @@
 use std::fmt::Write;
 
 use super::answer;
-use super::outcome::{MachineResult, SweepResult, Within, mean, plain, ratio};
+use super::outcome::{FrontMachine, MachineResult, SweepResult, Within, mean, plain, ratio};
 use super::plan::Plan;
 use super::search::Rung;
 use super::timing::Screening;
@@ -226,7 +226,7 @@ fn costs(out: &mut String, sweep: &SweepResult<'_>) {
         sweep.parameters.join(" | "),
         "---|".repeat(sweep.parameters.len())
     );
-    for (machine, cycles, cost, alike) in front.iter().take(LISTED) {
+    for FrontMachine { machine, cycles, cost, alike } in front.iter().take(LISTED) {
         let cells: Vec<String> = machine.settings.iter().map(plain).collect();
         let [cycles, cost] = [cycles, cost].map(|value| grouped(value.round() as u64));
         let _ = writeln!(out, "| {} | {} | {cycles} | {cost} | {alike} |", machine.number, cells.join(" | "));

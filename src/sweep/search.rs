@@ -116,13 +116,15 @@ pub fn halving(folder: &Path, sweep: &Sweep<'_>, machines: u32) -> Result<(Scree
         fastest(&mut order, half);
     }
     order.iter().for_each(|&(_, machine)| kept[machine as usize] = true);
-    let screened = |((machine, estimates), (kept, rungs)): ((usize, Result<Vec<Vec<f64>>, String>), (bool, u32))| Screened {
-        machine: machine as u32,
-        estimate: estimates.map(|traces| traces.iter().map(|frames| frames.iter().sum()).collect()),
-        kept,
-        rungs,
-    };
-    let machines = found.into_iter().enumerate().zip(kept.into_iter().zip(climbed)).map(screened).collect();
+    let mut machines = Vec::with_capacity(found.len());
+    for (machine, estimates) in found.into_iter().enumerate() {
+        machines.push(Screened {
+            machine: machine as u32,
+            estimate: estimates.map(|traces| traces.iter().map(|frames| frames.iter().sum()).collect()),
+            kept: kept[machine],
+            rungs: climbed[machine],
+        });
+    }
     Ok((Screening { machines, rungs, frames: frames.iter().sum() }, took))
 }
 

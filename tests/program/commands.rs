@@ -303,9 +303,7 @@ fn words_of_prose(page: &str) -> usize {
     for line in page.lines() {
         if line.starts_with("```") {
             code = !code;
-        } else if !code && !comment && line.starts_with("<!--") {
-            comment = !line.contains("-->");
-        } else if comment {
+        } else if comment || !code && line.starts_with("<!--") {
             comment = !line.contains("-->");
         } else if !code && !line.starts_with('|') {
             words += line.split_whitespace().count();

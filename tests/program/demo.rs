@@ -105,7 +105,7 @@ fn built_in_experiments_run_in_any_folder() {
     let (code, text, message) = run_in(home.path(), &["sweep", "@vertex-reuse", "--out", "reuse"]);
     assert_eq!(code, 0, "{message}");
     assert!(text.contains("How many vertices should the post-transform cache remember"), "{text}");
-    assert!(text.contains("torus-bands: from 1 at 0 to ") && !text.contains("`@torus-bands`"), "{text}");
+    assert!(text.contains("On torus-bands, it goes from 1 at 0 to ") && !text.contains("`@torus-bands`"), "{text}");
     // The folder says from which traces it is, and the same command goes on with it.
     let (code, text, message) = run_in(home.path(), &["sweep", "@vertex-reuse", "--out", "reuse"]);
     assert!(code == 0 && text.contains("had ended before"), "{message}{text}");

@@ -59,7 +59,7 @@ fn files(folder: &str, extension: &str) -> Vec<Vec<u8>> {
 static SHADERS: LazyLock<Vec<Vec<u8>>> = LazyLock::new(|| {
     let tagged = |tag: u8, files: Vec<Vec<u8>>| files.into_iter().map(move |bytes| [vec![tag], bytes].concat());
     let naga = files("crates/import/tests/import/culling", "ron").into_iter().filter(|text| text.starts_with(b"(")).collect();
-    let wgsl = files("crates/import/tests/import", "wgsl").into_iter().chain(files("examples", "wgsl")).collect();
+    let wgsl = files("crates/import/tests/import", "wgsl").into_iter().chain(files("crates/scenes/src", "wgsl")).collect();
     let spirv = files("crates/render/tests/programs", "spv")
         .into_iter()
         .chain(files("crates/import/tests/import/culling", "spv"))

@@ -199,8 +199,9 @@ pub(super) fn walk(
         Err(Fault::Trace(error)) => Err(error),
     };
     done.map_err(|mut error| {
-        // The commands of an imported trace have numbers that no tool of its recorder knows.
-        if let Some(site) = site.filter(|_| !error.unsupported) {
+        // The commands of an imported trace have numbers that no tool of its recorder knows. A line stands in front of the reason already.
+        let told = error.unsupported || error.place.is_some() && matches!(site, Some(CallSite::Line(_)));
+        if let Some(site) = site.filter(|_| !told) {
             error.reason.push_str(&format!(" ({site} of the recording)"));
         }
         error

@@ -166,10 +166,11 @@ pub fn rewrite(parts: &mut Parts, swizzles: &[Swizzle], biases: &[Bias]) -> Resu
                 out.0.push(inst);
                 continue;
             }
-            if sampled && let Some(&sampler) = origins.samplers.get(&inst.operand(2)) {
-                if let Some(asked) = origins.asked(sampler, &inst, &biases, &constants)? {
-                    add_bias(parts, &types, &values, &mut inst, &asked, &mut out)?;
-                }
+            if sampled
+                && let Some(&sampler) = origins.samplers.get(&inst.operand(2))
+                && let Some(asked) = origins.asked(sampler, &inst, &biases, &constants)?
+            {
+                add_bias(parts, &types, &values, &mut inst, &asked, &mut out)?;
             }
             match origins.asked(inst.operand(2), &inst, &swizzles, &constants)? {
                 Some(_) if inst.op == Op::ImageQueryLod => out.0.push(inst),

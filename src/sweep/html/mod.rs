@@ -3,7 +3,7 @@
 use maud::{Markup, PreEscaped, html};
 
 use super::answer;
-use super::outcome::{Effect, MachineResult, Reference, Response, SweepResult, Within, plain, ratio};
+use super::outcome::{Effect, FrontMachine, MachineResult, Reference, Response, SweepResult, Within, plain, ratio};
 use crate::knob::Setting;
 use crate::report::html::{Column, PageSection, bar, heads, page as whole, part, readable, sentence, share};
 use crate::report::plots::{Heat, Marks, Scale, Series, alone, chart, heat};
@@ -353,8 +353,8 @@ fn map(sweep: &SweepResult<'_>, effects: &[Effect]) -> Option<String> {
 fn pareto(sweep: &SweepResult<'_>) -> Option<(Markup, Markup)> {
     let (name, front) = sweep.front()?;
     let (_, costs) = sweep.costs()?;
-    let best: Vec<(f64, f64)> = front.iter().map(|(_, cycles, cost, _)| (*cost, *cycles)).collect();
-    let is_on = |machine: &MachineResult| front.iter().any(|own| own.0.number == machine.number);
+    let best: Vec<(f64, f64)> = front.iter().map(|own| (own.cost, own.cycles)).collect();
+    let is_on = |machine: &MachineResult| front.iter().any(|own| own.machine.number == machine.number);
     let others = sweep.timed().zip(&costs).filter(|((machine, _), _)| !is_on(machine));
     let others: Vec<(f64, f64)> = others.map(|((_, cycles), &cost)| (cost, cycles)).collect();
     let cycles: Vec<f64> = sweep.timed().map(|machine| machine.1).collect();
@@ -364,7 +364,7 @@ fn pareto(sweep: &SweepResult<'_>) -> Option<(Markup, Markup)> {
     let table = html! {
         div.scroll.tall { table.sortable id="front" {
             (heads(&[Column("machine", true, ""), Column("cycles", true, ""), Column(&name, true, ""), Column("machines alike", true, "Other machines with as many cycles and as much cost, within the tolerance."), Column("settings", false, "")]))
-            tbody { @for (machine, cycles, cost, alike) in &front { tr {
+            tbody { @for FrontMachine { machine, cycles, cost, alike } in &front { tr {
                 td.n data-value=(machine.number) { (machine.number) }
                 td.n data-value=(cycles) { (readable(cycles.round())) }
                 td.n data-value=(cost) { (readable(*cost)) }
