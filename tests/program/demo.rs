@@ -108,7 +108,7 @@ fn built_in_experiments_run_in_any_folder() {
     assert!(text.contains("On torus-bands, it goes from 1 at 0 to ") && !text.contains("`@torus-bands`"), "{text}");
     // The folder says from which traces it is, and the same command goes on with it.
     let (code, text, message) = run_in(home.path(), &["sweep", "@vertex-reuse", "--out", "reuse"]);
-    assert!(code == 0 && text.contains("had ended before"), "{message}{text}");
+    assert!(code == 0 && text.contains("nothing is left to simulate"), "{message}{text}");
     let inputs = fs::read_to_string(home.path().join("reuse/inputs.json")).expect("a file");
     let inputs: serde_json::Value = serde_json::from_str(&inputs).expect("JSON");
     let hashes = inputs["traces"].as_array().expect("hashes");
