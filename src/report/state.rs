@@ -601,7 +601,7 @@ mod tests {
             (
                 "Vertices",
                 "vertex buffer 0",
-                "20 bytes per vertex: location 0 float32x3 at 0, location 1 float32x2 at 12; buffer 0 \"vertices\" of 4.0 KiB from byte 0",
+                "20 bytes per vertex: location 0 float32x3 at 0, location 1 float32x2 at 12; buffer 0 \"vertices\" of 4.00 KiB from byte 0",
             ),
             ("Rasteriser", "culls", "back; front faces are counter-clockwise"),
             ("Rasteriser", "scissor", "3 x 4 from 1,2"),
