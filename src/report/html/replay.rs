@@ -328,7 +328,7 @@ pub fn replay(input: &Input<'_>) -> String {
         part("time", "Where the time goes", passes::time(input)),
         part("tables", "Passes and draws", passes::tables(input)),
         part("groups", "Debug groups", groups::tree(input)),
-        part("state", "State of the selected draw", state::section(input.states)),
+        part("state", "Selected draw", state::section(input.states)),
         part("shaders", "Shaders", shaders::section(input.shaders)),
         part("sorting", "What sorting cost", tables::sorting(input)),
         part("bins", "Bins", tables::bins(input)),
