@@ -8,6 +8,8 @@ use std::path::PathBuf;
 use anyhow::{Result, bail};
 
 use super::Verdict;
+#[cfg(feature = "vulkan")]
+use crate::import;
 use crate::import::Report;
 use crate::render::{Frames, Image, Inspection, inspect};
 use crate::report::summary::{bytes, grouped};
@@ -38,9 +40,7 @@ pub struct Arguments {
 
 pub fn run(arguments: &Arguments) -> Result<Verdict> {
     #[cfg(feature = "vulkan")]
-    if let Some(crate::import::FoundTrace { kind: crate::import::TraceKind::Gfxr, path }) =
-        crate::import::detect(&arguments.trace)
-    {
+    if let Some(import::FoundTrace { kind: import::TraceKind::Gfxr, path }) = import::detect(&arguments.trace) {
         return vulkan::run(arguments, &path);
     }
     let (trace, report) = arguments.reading.open_to_inspect(&arguments.trace)?;
