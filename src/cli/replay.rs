@@ -259,8 +259,13 @@ fn refuse_ignored(arguments: &Arguments) -> Result<()> {
         {
             bail!("--images simulated applies to --fidelity sampled and cycle only: no frame is simulated here")
         }
-        _ if arguments.per_draw && arguments.out.is_none() && arguments.report.is_none() && arguments.timeline.is_none() => {
-            bail!("--per-draw applies to --out, --report and --timeline only, and would be ignored here")
+        _ if arguments.per_draw
+            && arguments.out.is_none()
+            && arguments.report.is_none()
+            && arguments.timeline.is_none()
+            && !arguments.show.iter().any(|section| section == "draws") =>
+        {
+            bail!("--per-draw applies to --out, --report, --timeline and --show draws only, and would be ignored here")
         }
         _ if arguments.per_draw && matches!(arguments.fidelity, FidelityName::Functional | FidelityName::Bound) => {
             bail!("--per-draw applies to --fidelity cycle and sampled only, and would be ignored here")

@@ -145,6 +145,14 @@ fn draws_of_a_tiler_share_its_cycles_by_their_work() {
 }
 
 #[test]
+fn draws_are_shown_without_a_folder_and_are_not_ignored_in_silence() {
+    let (code, shown, message) = run(&["replay", "traces/cube", "--per-draw", "--show", "draws"]);
+    assert!(code == 0 && shown.contains("The draws that took most") && shown.contains("  draw 0 "), "{message}{shown}");
+    let message = refused(&["replay", "traces/cube", "--per-draw", "--show", "funnel"]);
+    assert!(message.contains("--per-draw applies to --out, --report, --timeline and --show draws only"), "{message}");
+}
+
+#[test]
 fn draws_are_refused_where_no_cycle_is_simulated() {
     let out = tempfile::tempdir().expect("a folder");
     let folder = out.path().display().to_string();
