@@ -428,7 +428,7 @@ impl<'d> Walk<'d> {
     }
 }
 
-/// A label in quotes behind a number; nothing for an empty one.
+/// A label in quotes with a space before it, to stand behind a number. An empty label gives an empty text.
 fn quoted(label: &str) -> String {
     if label.is_empty() { String::new() } else { format!(" {label:?}") }
 }
